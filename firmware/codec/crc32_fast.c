@@ -1,0 +1,48 @@
+#include "codec/crc32.h"
+
+#include <pthread.h>
+#include <string.h>
+
+/* Slicing by eight (Kounavis and Berry, 2005): tables[k][b] is byte b followed by k zero bytes. */
+static uint32_t tables[8][256];
+static pthread_once_t tables_once = PTHREAD_ONCE_INIT;
+
+static void fill_tables(void)
+{
+    for (uint32_t b = 0; b < 256; b++) {
+        uint32_t crc = b;
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc >> 1) ^ ((crc & 1u) ? 0xEDB88320u : 0u);
+        }
+        tables[0][b] = crc;
+    }
+    for (uint32_t b = 0; b < 256; b++) {
+        for (int k = 1; k < 8; k++) {
+            tables[k][b] = (tables[k - 1][b] >> 8) ^ tables[0][tables[k - 1][b] & 0xFFu];
+        }
+    }
+}
+
+static uint32_t little_endian_u32(const uint8_t *bytes)
+{
+    return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
+}
+
+uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
+{
+    pthread_once(&tables_once, fill_tables);
+    crc = ~crc;
+    while (size >= 8) {
+        const uint32_t low = little_endian_u32(bytes) ^ crc;
+        const uint32_t high = little_endian_u32(bytes + 4);
+        crc = tables[7][low & 0xFFu] ^ tables[6][(low >> 8) & 0xFFu] ^ tables[5][(low >> 16) & 0xFFu] ^
+              tables[4][low >> 24] ^ tables[3][high & 0xFFu] ^ tables[2][(high >> 8) & 0xFFu] ^
+              tables[1][(high >> 16) & 0xFFu] ^ tables[0][high >> 24];
+        bytes += 8;
+        size -= 8;
+    }
+    while (size--) {
+        crc = (crc >> 8) ^ tables[0][(crc ^ *bytes++) & 0xFFu];
+    }
+    return ~crc;
+}

@@ -1,0 +1,202 @@
+#include "codec/deframer.h"
+
+#include <stdbool.h>
+
+#include "codec/crc32.h"
+#include "codec/encoder.h"
+#include "generated/taxel_protocol.h"
+
+struct rule {
+    uint8_t type;
+    uint8_t has_address;
+    uint16_t minimum;
+    uint16_t maximum;
+};
+
+#define RULE(type, has_address, minimum, maximum) {type, has_address, minimum, maximum},
+static const struct rule rules[] = {TAXEL_FRAME_RULES(RULE)};
+#undef RULE
+
+void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config)
+{
+    deframer->config = *config;
+    deframer->fill = 0;
+    deframer->position = 0;
+    deframer->discarded_bytes = 0;
+    deframer->frames = 0;
+}
+
+static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t type)
+{
+    const uint8_t direction = type & 0x80u ? TAXEL_DIRECTION_TO_HUB : TAXEL_DIRECTION_TO_HOST;
+    if (!(deframer->config.directions & direction)) {
+        return NULL;
+    }
+    for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
+        if (rules[i].type == type) {
+            return &rules[i];
+        }
+    }
+    return NULL;
+}
+
+/* Whole length of the body that this header begins, or 0 if type and length do not go together. */
+static size_t expected_length(const struct taxel_deframer *deframer, const uint8_t *header)
+{
+    const struct rule *rule = rule_of(deframer, header[0]);
+    const uint16_t length = taxel_get_u16(header + 3);
+    if (!rule || length < rule->minimum || length > rule->maximum || length > deframer->config.payload_max) {
+        return 0;
+    }
+    return TAXEL_FRAME_HEADER_SIZE + (size_t)length + TAXEL_FRAME_CRC_SIZE;
+}
+
+static bool body_is_valid(const struct taxel_deframer *deframer, const uint8_t *body, size_t size)
+{
+    const uint8_t *payload = body + TAXEL_FRAME_HEADER_SIZE;
+    const size_t length = size - TAXEL_FRAME_HEADER_SIZE - TAXEL_FRAME_CRC_SIZE;
+    const struct rule *rule = rule_of(deframer, body[0]);
+    if (!rule) {
+        return false;
+    }
+    if (rule->has_address && (payload[0] < TAXEL_ADDRESS_MIN || payload[0] > TAXEL_ADDRESS_MAX)) {
+        return false;
+    }
+    if (body[0] == TAXEL_FRAME_TYPE_TAXELS &&
+        length != TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1]) {
+        return false;
+    }
+    return taxel_crc32(0, body, size - TAXEL_FRAME_CRC_SIZE) == taxel_get_u32(body + size - TAXEL_FRAME_CRC_SIZE);
+}
+
+static void deliver(struct taxel_deframer *deframer, size_t size)
+{
+    const uint8_t *body = deframer->config.body;
+    const struct taxel_frame frame = {
+        .payload = body + TAXEL_FRAME_HEADER_SIZE,
+        .length = (uint16_t)(size - TAXEL_FRAME_HEADER_SIZE - TAXEL_FRAME_CRC_SIZE),
+        .sequence = taxel_get_u16(body + 1),
+        .type = body[0],
+    };
+    deframer->frames++;
+    deframer->config.handler(deframer->config.context, &frame);
+}
+
+static uint8_t next_whitening(uint8_t whitening)
+{
+    return (uint8_t)(TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT);
+}
+
+/* Stuffed bytes that the frame at the start of `bytes` takes, after delivering it; 0 if no frame begins there. Its end is
+ * the end of the block where the unstuffed length is the one that the header claims: no delimiter is needed. */
+static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
+{
+    uint8_t *body = deframer->config.body;
+    const size_t capacity = TAXEL_FRAME_HEADER_SIZE + (size_t)deframer->config.payload_max + TAXEL_FRAME_CRC_SIZE;
+    uint8_t whitening = (uint8_t)TAXEL_WHITENING_SEED;
+    size_t length = 0;
+    size_t expected = 0;
+    size_t position = 0;
+    while (position < size) {
+        const uint8_t code = bytes[position];
+        const size_t end = position + code;
+        if (end > size || length + code - 1u > capacity) {
+            return 0;
+        }
+        for (position++; position < end; position++) {
+            body[length++] = bytes[position] ^ whitening;
+            whitening = next_whitening(whitening);
+        }
+        if (!expected && length >= TAXEL_FRAME_HEADER_SIZE) {
+            expected = expected_length(deframer, body);
+            if (!expected) {
+                return 0;
+            }
+        }
+        if (expected && length >= expected) {
+            if (length > expected || !body_is_valid(deframer, body, length)) {
+                return 0;
+            }
+            deliver(deframer, length);
+            return position;
+        }
+        if (code != 0xFFu) {
+            if (length == capacity) {
+                return 0;
+            }
+            body[length++] = whitening;
+            whitening = next_whitening(whitening);
+        }
+    }
+    return 0;
+}
+
+/* Try every byte before `until` as the start of a frame; returns where the search stopped. */
+static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size_t size, size_t until)
+{
+    size_t start = 0;
+    while (start < until) {
+        const size_t used = take_frame(deframer, chunk + start, size - start);
+        if (!used) {
+            deframer->discarded_bytes++;
+        }
+        start += used ? used : 1u;
+    }
+    return start;
+}
+
+/* The chunk buffer is full without a delimiter in sight: search all but the bytes that may begin an unfinished frame. */
+static void make_room(struct taxel_deframer *deframer)
+{
+    const size_t keep = taxel_encoded_size_max(deframer->config.payload_max);
+    const size_t used = search(deframer, deframer->config.chunk, deframer->fill, deframer->fill - keep);
+    deframer->fill -= used;
+    memmove(deframer->config.chunk, deframer->config.chunk + used, deframer->fill);
+}
+
+static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
+{
+    while (size) {
+        if (deframer->fill == deframer->config.chunk_capacity) {
+            make_room(deframer);
+        }
+        const size_t room = deframer->config.chunk_capacity - deframer->fill;
+        const size_t step = size < room ? size : room;
+        memcpy(deframer->config.chunk + deframer->fill, bytes, step);
+        deframer->fill += step;
+        bytes += step;
+        size -= step;
+    }
+}
+
+void taxel_deframer_finish(struct taxel_deframer *deframer)
+{
+    (void)search(deframer, deframer->config.chunk, deframer->fill, deframer->fill);
+    deframer->fill = 0;
+}
+
+size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
+{
+    const uint8_t *zero = memchr(bytes, 0, size);
+    const size_t length = zero ? (size_t)(zero - bytes) : size;
+    const size_t used = zero ? length + 1u : size;
+    deframer->position += used;
+    if (zero && !deframer->fill && length <= deframer->config.chunk_capacity) {
+        (void)search(deframer, bytes, length, length); /* the whole chunk is here: no copy */
+        return used;
+    }
+    append(deframer, bytes, length);
+    if (zero) {
+        taxel_deframer_finish(deframer);
+    }
+    return used;
+}
+
+void taxel_deframer_push(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
+{
+    while (size) {
+        const size_t used = taxel_deframer_push_chunk(deframer, bytes, size);
+        bytes += used;
+        size -= used;
+    }
+}

@@ -1,0 +1,56 @@
+/* One emulated sensor board: the real sensor firmware, a front end, a clock of its own, and a CPU that takes time.
+ *
+ * A board runs lazily: nothing happens in it until somebody needs its state at a time, and then board_advance() runs all its
+ * interrupts up to that time. That is exact, because boards meet only on the bus. */
+#ifndef EMULATOR_BOARD_NODE_H
+#define EMULATOR_BOARD_NODE_H
+
+#include <stdbool.h>
+
+#include "emulator/front_end.h"
+#include "emulator/stimulus.h"
+#include "emulator/vtime.h"
+#include "emulator/world_file.h"
+#include "sensor/sensor.h"
+
+struct board_node {
+    struct taxel_sensor sensor;
+    struct taxel_sensor_config config;
+    struct taxel_sensor_hal hal;
+    const struct board_description *description;
+    const struct stimulus *stimulus;
+    size_t first_taxel; /* of this board in the stimulus */
+    struct front_end front_end;
+    struct random_source random;
+    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
+    uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
+    double clock_rate;
+    vtime now; /* while firmware runs: the time it sees */
+    vtime boot_end;
+    vtime cpu_free;
+    vtime conversion_end;
+    uint16_t conversion_taxel;
+    bool powered;
+    bool restart_wanted;
+    uint64_t conversions;
+
+    /* faults */
+    vtime stretch;       /* of the next address byte */
+    unsigned hold_clocks; /* SDA is held low until the master has given that many clocks */
+    unsigned corrupt_bytes;
+    unsigned nacks;
+};
+
+int board_node_init(struct board_node *board, const struct board_description *description,
+                    const struct world_description *world, const struct stimulus *stimulus, size_t first_taxel);
+void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
+void board_advance(struct board_node *board, vtime until);
+
+/* What the bus asks of a board, at the end of the byte in question. Each returns when the board lets go of the clock. */
+vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge);
+vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
+vtime board_read(struct board_node *board, vtime now, uint8_t *byte);
+void board_stop(struct board_node *board, vtime now);
+bool board_answers(const struct board_node *board, vtime now, uint8_t address);
+
+#endif

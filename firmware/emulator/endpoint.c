@@ -1,0 +1,161 @@
+#define _GNU_SOURCE
+#include "emulator/endpoint.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <pty.h>
+#include <stdlib.h>
+#include <string.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define NS_PER_VTIME 1000ull /* picoseconds in a nanosecond */
+
+static int complain(const char *what, const char *why)
+{
+    fprintf(stderr, "endpoint %s: %s\n", what, why);
+    return -1;
+}
+
+static int set_nonblocking(int fd)
+{
+    const int flags = fcntl(fd, F_GETFL);
+    return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
+}
+
+/* The slave side is set raw before anybody opens it, or the first bytes would be echoed back; then it is closed here, so that
+ * a client's leaving is seen as POLLHUP. */
+static int open_pty(struct endpoint *endpoint)
+{
+    struct termios settings;
+    int slave;
+    if (openpty(&endpoint->fd, &slave, endpoint->pty_name, NULL, NULL)) {
+        return complain("pty", strerror(errno));
+    }
+    if (tcgetattr(slave, &settings)) {
+        return complain("pty", strerror(errno));
+    }
+    cfmakeraw(&settings);
+    tcsetattr(slave, TCSANOW, &settings);
+    close(slave);
+    return set_nonblocking(endpoint->fd);
+}
+
+static void put_le(uint8_t *bytes, uint64_t value, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] = (uint8_t)(value >> (8u * i));
+    }
+}
+
+/* The capture format is described in protocol/SPEC.md. */
+static int open_capture(struct endpoint *endpoint, const char *path)
+{
+    static const char header[] = "{\"source\": \"emulator\"}";
+    uint8_t start[16] = "TAXELCAP";
+    endpoint->capture = fopen(path, "wb");
+    if (!endpoint->capture) {
+        return complain(path, strerror(errno));
+    }
+    put_le(start + 8, 1, 2);
+    put_le(start + 12, sizeof header - 1u, 4);
+    fwrite(start, sizeof start, 1, endpoint->capture);
+    fwrite(header, sizeof header - 1u, 1, endpoint->capture);
+    return 0;
+}
+
+int endpoint_open(struct endpoint *endpoint, const char *what)
+{
+    memset(endpoint, 0, sizeof *endpoint);
+    endpoint->fd = -1;
+    if (strcmp(what, "none") == 0) {
+        return 0;
+    }
+    if (strcmp(what, "pty") == 0) {
+        endpoint->kind = ENDPOINT_PTY;
+        return open_pty(endpoint);
+    }
+    if (strncmp(what, "fd:", 3) == 0) {
+        endpoint->kind = ENDPOINT_FD;
+        endpoint->fd = atoi(what + 3);
+        return set_nonblocking(endpoint->fd) ? complain(what, strerror(errno)) : 0;
+    }
+    if (strncmp(what, "capture:", 8) == 0) {
+        endpoint->kind = ENDPOINT_CAPTURE;
+        return open_capture(endpoint, what + 8);
+    }
+    return complain(what, "expected none, pty, fd:N or capture:FILE");
+}
+
+void endpoint_close(struct endpoint *endpoint)
+{
+    if (endpoint->capture) {
+        fclose(endpoint->capture);
+    }
+    if (endpoint->fd >= 0) {
+        close(endpoint->fd);
+    }
+}
+
+static void capture(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
+{
+    uint8_t head[12];
+    put_le(head, now / NS_PER_VTIME, 8);
+    put_le(head + 8, size, 4);
+    fwrite(head, sizeof head, 1, endpoint->capture);
+    fwrite(bytes, size, 1, endpoint->capture);
+}
+
+static bool has_client(const struct endpoint *endpoint)
+{
+    struct pollfd state = {.fd = endpoint->fd, .events = POLLOUT};
+    return poll(&state, 1, 0) >= 0 && !(state.revents & POLLHUP);
+}
+
+static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
+{
+    size_t sent = 0;
+    while (sent < size) {
+        const ssize_t n = write(endpoint->fd, bytes + sent, size - sent);
+        if (n > 0) {
+            sent += (size_t)n;
+        } else if (n < 0 && errno == EINTR) {
+            continue;
+        } else if (n < 0 && errno == EAGAIN && endpoint->wait_for_reader) {
+            struct pollfd writable = {.fd = endpoint->fd, .events = POLLOUT};
+            (void)poll(&writable, 1, 1000);
+        } else {
+            endpoint->client_gone = endpoint->kind == ENDPOINT_FD && n < 0 && errno != EAGAIN;
+            break;
+        }
+    }
+    return sent;
+}
+
+size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
+{
+    size_t sent = size;
+    if (endpoint->muted || (endpoint->kind == ENDPOINT_PTY && !has_client(endpoint))) {
+        return 0;
+    }
+    if (endpoint->kind == ENDPOINT_CAPTURE) {
+        capture(endpoint, bytes, size, now);
+    } else if (endpoint->kind != ENDPOINT_NONE) {
+        sent = send_to_fd(endpoint, bytes, size);
+    }
+    endpoint->bytes_delivered += sent;
+    return sent;
+}
+
+size_t endpoint_receive(struct endpoint *endpoint, uint8_t *bytes, size_t size)
+{
+    if (endpoint->fd < 0 || !size) {
+        return 0;
+    }
+    const ssize_t n = read(endpoint->fd, bytes, size);
+    if (n == 0 && endpoint->kind == ENDPOINT_FD) {
+        endpoint->client_gone = true;
+    }
+    return n > 0 ? (size_t)n : 0;
+}

@@ -1,0 +1,55 @@
+#include "emulator/front_end.h"
+
+#include "emulator/costs.h"
+#include "emulator/layer.h"
+
+#include <math.h>
+
+#define TX_VOLT 3.3
+#define IDAC_AMPERE_PER_CODE 1.2e-6 /* PSoC 4200 IDAC, 8-bit range (not verified on hardware) */
+#define FIXED_CAPACITANCE_F 1.10e-12
+#define FRINGE_CAPACITANCE_F 0.40e-12
+#define CAPACITANCE_SPREAD 0.05 /* taxels differ at rest (thesis, section 2.5); relative standard deviation */
+
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random)
+{
+    front_end->taxel_count = taxel_count;
+    front_end->noise_counts = noise_counts;
+    front_end->random = random;
+    for (uint16_t i = 0; i < taxel_count; i++) {
+        front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_SPREAD * random_normal(random));
+        front_end->taxels[i].fringe_f = FRINGE_CAPACITANCE_F;
+    }
+}
+
+/* The modulator balances the charge 2 C V of each TX period with the IDAC's current: hardware count = largest count
+ * * 2 C V F_tx / I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
+void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate)
+{
+    const double modulator_hz = CPU_HZ / settings->modulator_clock_divider;
+    const double tx_hz = modulator_hz / settings->sense_clock_divider;
+    const double idac_ampere = IDAC_AMPERE_PER_CODE * settings->idac_code;
+    front_end->largest_count = (double)settings->sub_conversions * settings->sense_clock_divider;
+    front_end->counts_per_farad = front_end->largest_count * 2.0 * TX_VOLT * tx_hz / idac_ampere;
+    front_end->conversion_time = (vtime)(front_end->largest_count / modulator_hz / clock_rate * (double)VTIME_SECOND);
+    front_end->settle_time = (vtime)(settings->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
+    for (uint16_t i = 0; i < front_end->taxel_count; i++) {
+        struct front_end_taxel *taxel = &front_end->taxels[i];
+        taxel->rest_hardware_count = (taxel->fixed_f + taxel->fringe_f) * front_end->counts_per_farad;
+    }
+}
+
+uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double force_n)
+{
+    const struct front_end_taxel *cell = &front_end->taxels[taxel];
+    double hardware_count = cell->rest_hardware_count;
+    if (force_n > 0.0) {
+        hardware_count += cell->fringe_f * layer_permittivity_rise(force_n) * front_end->counts_per_farad;
+    }
+    if (front_end->noise_counts > 0.0) {
+        hardware_count += front_end->noise_counts * random_normal(front_end->random);
+    }
+    /* raw = largest - hardware count: contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
+    const double raw = front_end->largest_count - floor(hardware_count);
+    return raw <= 0.0 ? 0 : raw >= front_end->largest_count ? (uint16_t)front_end->largest_count : (uint16_t)raw;
+}

@@ -1,0 +1,32 @@
+/* The CSX front end of one board: mutual capacitance in, raw count out, in the time that the scan settings ask for. */
+#ifndef EMULATOR_FRONT_END_H
+#define EMULATOR_FRONT_END_H
+
+#include <stdint.h>
+
+#include "emulator/random.h"
+#include "emulator/vtime.h"
+#include "generated/taxel_protocol.h"
+
+struct front_end_taxel {
+    double fixed_f;   /* capacitance that the layer does not touch, farad */
+    double fringe_f;  /* capacitance through the layer at rest, farad */
+    double rest_hardware_count; /* of the present settings, before quantisation */
+};
+
+struct front_end {
+    struct front_end_taxel taxels[TAXEL_TAXELS_MAX];
+    uint16_t taxel_count;
+    double largest_count;
+    double counts_per_farad;
+    vtime conversion_time;
+    vtime settle_time;
+    double noise_counts;
+    struct random_source *random;
+};
+
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random);
+void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate);
+uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double force_n);
+
+#endif

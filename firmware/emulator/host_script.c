@@ -1,0 +1,67 @@
+#include "emulator/host_script.h"
+
+#include <errno.h>
+#include <string.h>
+
+static int complain(const struct host_script *script, const char *what)
+{
+    fprintf(stderr, "host input %s: %s\n", script->path, what);
+    return -1;
+}
+
+static uint64_t get_le(const uint8_t *bytes, size_t size)
+{
+    uint64_t value = 0;
+    for (size_t i = size; i-- > 0;) {
+        value = (value << 8) | bytes[i];
+    }
+    return value;
+}
+
+int host_script_open(struct host_script *script, const char *path)
+{
+    uint8_t start[16];
+    memset(script, 0, sizeof *script);
+    script->path = path;
+    script->next = VTIME_NEVER;
+    if (!path) {
+        return 0;
+    }
+    script->file = fopen(path, "rb");
+    if (!script->file) {
+        return complain(script, strerror(errno));
+    }
+    if (fread(start, sizeof start, 1, script->file) != 1 || memcmp(start, "TAXELCAP", 8) != 0) {
+        return complain(script, "this is not a capture (it does not begin with TAXELCAP)");
+    }
+    if (get_le(start + 8, 2) != 1u || fseek(script->file, (long)get_le(start + 12, 4), SEEK_CUR)) {
+        return complain(script, "its version is unknown or its header is damaged");
+    }
+    return host_script_advance(script);
+}
+
+int host_script_advance(struct host_script *script)
+{
+    uint8_t head[12];
+    script->next = VTIME_NEVER;
+    if (fread(head, sizeof head, 1, script->file) != 1) {
+        return feof(script->file) ? 0 : complain(script, "cannot be read");
+    }
+    const uint64_t size = get_le(head + 8, 4);
+    if (size > sizeof script->bytes) {
+        return complain(script, "a record is longer than 4096 bytes");
+    }
+    if (fread(script->bytes, 1, (size_t)size, script->file) != size) {
+        return complain(script, "ends inside a record");
+    }
+    script->size = (size_t)size;
+    script->next = get_le(head, 8) * 1000u;
+    return 0;
+}
+
+void host_script_close(struct host_script *script)
+{
+    if (script->file) {
+        fclose(script->file);
+    }
+}

@@ -1,0 +1,148 @@
+#include "emulator/hub_node.h"
+
+#include <string.h>
+
+#include "emulator/costs.h"
+
+static const uint8_t firmware_version[3] = {0, 1, 0};
+static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
+
+static vtime cycles(const struct hub_node *node, double count)
+{
+    return (vtime)(count / CPU_HZ / node->clock_rate * (double)VTIME_SECOND);
+}
+
+static void wake_not_after(struct hub_node *node, vtime time)
+{
+    node->wake = vtime_min(node->wake, time);
+}
+
+static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
+{
+    struct hub_node *node = context;
+    bus_start(node->bus, transfer, node->now);
+}
+
+static void on_i2c_abort(void *context)
+{
+    bus_abort(((struct hub_node *)context)->bus);
+}
+
+static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
+{
+    bus_drive(((struct hub_node *)context)->bus, scl_high, sda_high);
+}
+
+static bool on_i2c_scl(void *context)
+{
+    return ((struct hub_node *)context)->bus->scl_high;
+}
+
+static bool on_i2c_sda(void *context)
+{
+    return bus_sda(((struct hub_node *)context)->bus);
+}
+
+static void on_uart_kick(void *context)
+{
+    struct hub_node *node = context;
+    uart_kick(node->uart, node->now);
+}
+
+static uint64_t on_clock_us(void *context)
+{
+    const struct hub_node *node = context;
+    return (uint64_t)((double)(node->now - node->booted) * node->clock_rate / (double)VTIME_US);
+}
+
+static void on_delay_us(void *context, uint32_t microseconds)
+{
+    ((struct hub_node *)context)->now += microseconds * VTIME_US;
+}
+
+static void on_wake_at(void *context, uint64_t clock_us)
+{
+    struct hub_node *node = context;
+    const vtime time = node->booted + (vtime)((double)(clock_us + 1u) / node->clock_rate * (double)VTIME_US);
+    wake_not_after(node, vtime_max(time, node->now));
+}
+
+static void on_restart(void *context)
+{
+    ((struct hub_node *)context)->restart_wanted = true;
+}
+
+void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, double scl_hz, double clock_ppm)
+{
+    memset(node, 0, sizeof *node);
+    node->bus = bus;
+    node->uart = uart;
+    node->clock_rate = 1.0 + clock_ppm * 1e-6;
+    node->hal = (struct taxel_hub_hal){
+        .context = node,
+        .i2c_start = on_i2c_start,
+        .i2c_abort = on_i2c_abort,
+        .i2c_drive = on_i2c_drive,
+        .i2c_scl = on_i2c_scl,
+        .i2c_sda = on_i2c_sda,
+        .uart_kick = on_uart_kick,
+        .clock_us = on_clock_us,
+        .delay_us = on_delay_us,
+        .wake_at = on_wake_at,
+        .restart = on_restart,
+    };
+    node->config = (struct taxel_hub_config){
+        .hal = &node->hal,
+        .scl_hz = (uint32_t)scl_hz,
+        .slots = node->slots,
+        .slot_capacity = HUB_SLOTS,
+        .transfer_buffers = {node->transfer_buffers[0], node->transfer_buffers[1]},
+        .transfer_buffer_size = HUB_TRANSFER_BUFFER,
+        .transmit_ring = node->transmit_ring,
+        .transmit_ring_size = HUB_TRANSMIT_RING,
+    };
+    memcpy(node->config.firmware_version, firmware_version, sizeof firmware_version);
+    memcpy(node->config.unique_id, unique_id, sizeof unique_id);
+}
+
+void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
+{
+    bus_abort(node->bus);
+    node->booted = node->now = node->cpu_free = node->wake = now;
+    node->restart_wanted = false;
+    node->config.reset_cause = reset_cause;
+    taxel_hub_init(&node->hub, &node->config);
+}
+
+void hub_node_i2c_done(struct hub_node *node, vtime now)
+{
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_MASTER_DONE);
+    taxel_hub_on_i2c_done(&node->hub, node->bus->result);
+    wake_not_after(node, now + cycles(node, COST_MASTER_DONE));
+}
+
+void hub_node_uart_received(struct hub_node *node, vtime now)
+{
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT);
+    wake_not_after(node, node->cpu_free);
+}
+
+void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes)
+{
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
+}
+
+void hub_node_run(struct hub_node *node)
+{
+    const uint32_t sent = node->hub.outbox.bytes_sent;
+    const vtime start = vtime_max(node->wake, node->cpu_free);
+    node->wake = VTIME_NEVER;
+    node->now = start + cycles(node, COST_HUB_PASS);
+    taxel_hub_run(&node->hub);
+    /* Checking and framing come after the next transfer has been started, so they cost the CPU but not the bus. */
+    const double framed = node->hub.outbox.bytes_sent - sent;
+    node->cpu_free = node->now + cycles(node, framed * (COST_HUB_CHECK_BYTE + COST_HUB_ENCODE_BYTE));
+    if (node->restart_wanted) {
+        hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);
+    }
+}

@@ -1,0 +1,42 @@
+/* The emulated hub: the real hub firmware, its bus and UART, and a CPU that takes time. */
+#ifndef EMULATOR_HUB_NODE_H
+#define EMULATOR_HUB_NODE_H
+
+#include "emulator/bus.h"
+#include "emulator/uart.h"
+#include "emulator/vtime.h"
+#include "hub/hub.h"
+
+#define HUB_SLOTS 32u
+#define HUB_TRANSFER_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
+#define HUB_TRANSMIT_RING 1280u
+
+struct hub_node {
+    struct taxel_hub hub;
+    struct taxel_hub_config config;
+    struct taxel_hub_hal hal;
+    struct taxel_hub_slot slots[HUB_SLOTS];
+    uint8_t transfer_buffers[2][HUB_TRANSFER_BUFFER];
+    uint8_t transmit_ring[HUB_TRANSMIT_RING];
+    struct bus *bus;
+    struct uart *uart;
+    double clock_rate;
+    vtime booted;
+    vtime now; /* while firmware runs: the time it sees */
+    vtime cpu_free;
+    vtime wake; /* when the main loop next has something to do */
+    bool restart_wanted;
+};
+
+void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, double scl_hz, double clock_ppm);
+void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
+
+/* Interrupts, at the time they are raised. */
+void hub_node_i2c_done(struct hub_node *node, vtime now);
+void hub_node_uart_received(struct hub_node *node, vtime now);
+void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes);
+
+/* One pass of the main loop, at node->wake. */
+void hub_node_run(struct hub_node *node);
+
+#endif

@@ -1,0 +1,180 @@
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "emulator/layer.h"
+#include "emulator/world.h"
+
+#define REAL_TIME_STEP_MS 1
+#define FAST_STEP (2u * VTIME_MS) /* how often a fast world looks for bytes from the host */
+
+struct options {
+    const char *world;
+    const char *stimulus;
+    const char *uart;
+    const char *host_input;
+    const char *statistics;
+    double duration;
+    bool fast;
+    bool live;
+};
+
+static volatile sig_atomic_t stop_wanted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    stop_wanted = 1;
+}
+
+static int usage(const char *what)
+{
+    fprintf(stderr,
+            "taxel-emulator: %s\n"
+            "usage: taxel-emulator --world FILE [--stimulus FILE|fd:N] [--live] [--uart pty|fd:N|capture:FILE|none]\n"
+            "                      [--host-input CAPTURE] [--fast] [--duration SECONDS] [--stats FILE]\n",
+            what);
+    return -1;
+}
+
+static int parse(struct options *options, int argc, char **argv)
+{
+    *options = (struct options){.uart = "pty", .duration = 1e9};
+    for (int i = 1; i < argc; i++) {
+        const char *name = argv[i];
+        if (strcmp(name, "--fast") == 0) {
+            options->fast = true;
+            continue;
+        }
+        if (strcmp(name, "--live") == 0) {
+            options->live = true;
+            continue;
+        }
+        if (i + 1 == argc) {
+            return usage("an option is unknown or lacks its value");
+        }
+        const char *value = argv[++i];
+        if (strcmp(name, "--world") == 0) {
+            options->world = value;
+        } else if (strcmp(name, "--stimulus") == 0) {
+            options->stimulus = value;
+        } else if (strcmp(name, "--uart") == 0) {
+            options->uart = value;
+        } else if (strcmp(name, "--host-input") == 0) {
+            options->host_input = value;
+        } else if (strcmp(name, "--stats") == 0) {
+            options->statistics = value;
+        } else if (strcmp(name, "--duration") == 0) {
+            options->duration = strtod(value, NULL);
+        } else {
+            return usage("an option is unknown or lacks its value");
+        }
+    }
+    return options->world ? 0 : usage("--world is needed");
+}
+
+static int open_stimulus(struct stimulus *stimulus, const struct options *options, size_t taxels)
+{
+    int fd = -1;
+    if (options->stimulus && strncmp(options->stimulus, "fd:", 3) == 0) {
+        fd = atoi(options->stimulus + 3);
+    } else if (options->stimulus) {
+        fd = open(options->stimulus, O_RDONLY | O_CLOEXEC);
+        if (fd < 0) {
+            fprintf(stderr, "stimulus %s: %s\n", options->stimulus, strerror(errno));
+            return -1;
+        }
+    }
+    return stimulus_open(stimulus, fd, options->stimulus ? options->stimulus : "none", taxels, options->live);
+}
+
+static double seconds_now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+static void sleep_ms(int milliseconds)
+{
+    (void)poll(NULL, 0, milliseconds);
+}
+
+/* Fast only while the hub streams to somebody: with nothing to wait for, virtual time would run away from the host. */
+static bool may_hurry(const struct options *options, const struct world *world)
+{
+    const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;
+    return options->fast && (!interactive || world->hub.hub.streaming);
+}
+
+static int run(struct world *world, const struct options *options)
+{
+    const vtime end = (vtime)(options->duration * (double)VTIME_SECOND);
+    double last = seconds_now();
+    while (world->now < end && !stop_wanted && !world->endpoint->client_gone) {
+        vtime step = FAST_STEP;
+        if (world_poll(world)) {
+            return -1;
+        }
+        if (!may_hurry(options, world)) {
+            sleep_ms(REAL_TIME_STEP_MS);
+            step = (vtime)((seconds_now() - last) * (double)VTIME_SECOND);
+        }
+        last = seconds_now();
+        if (world_run(world, vtime_min(end, world->now + step))) {
+            return -1;
+        }
+    }
+    uart_flush_packet(&world->uart, world->now);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    static struct world_description description;
+    static struct world world;
+    static struct stimulus stimulus;
+    static struct endpoint endpoint;
+    static struct host_script script;
+    struct options options;
+    if (parse(&options, argc, argv)) {
+        return 2;
+    }
+    signal(SIGPIPE, SIG_IGN);
+    signal(SIGTERM, on_signal);
+    signal(SIGINT, on_signal);
+    layer_init();
+    if (world_file_read(&description, options.world) ||
+        open_stimulus(&stimulus, &options, world_taxels(&description)) || endpoint_open(&endpoint, options.uart) ||
+        host_script_open(&script, options.host_input)) {
+        return 1;
+    }
+    endpoint.wait_for_reader = options.fast;
+    if (world_init(&world, &description, &stimulus, &endpoint, &script)) {
+        return 1;
+    }
+    if (endpoint.kind == ENDPOINT_FD) {
+        (void)prctl(PR_SET_PDEATHSIG, SIGTERM); /* started by a host program: do not outlive it */
+    }
+    if (endpoint.kind == ENDPOINT_PTY) {
+        printf("%s\n", endpoint.pty_name);
+        fflush(stdout);
+    }
+    const double started = seconds_now();
+    int result = run(&world, &options);
+    if (options.statistics && world_write_statistics(&world, options.statistics, seconds_now() - started)) {
+        result = -1;
+    }
+    endpoint_close(&endpoint);
+    stimulus_close(&stimulus);
+    host_script_close(&script);
+    return result ? 1 : 0;
+}

@@ -1,0 +1,64 @@
+#include "emulator/random.h"
+
+#include <math.h>
+
+static uint64_t splitmix64(uint64_t *state)
+{
+    uint64_t z = (*state += 0x9E3779B97F4A7C15ull);
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+    return z ^ (z >> 31);
+}
+
+static uint64_t rotate_left(uint64_t value, int bits)
+{
+    return (value << bits) | (value >> (64 - bits));
+}
+
+void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
+{
+    uint64_t state = seed;
+    state = splitmix64(&state) ^ stream;
+    for (int i = 0; i < 4; i++) {
+        source->state[i] = splitmix64(&state);
+    }
+    source->has_spare = false;
+}
+
+uint64_t random_u64(struct random_source *source)
+{
+    uint64_t *s = source->state;
+    const uint64_t result = rotate_left(s[0] + s[3], 23) + s[0];
+    const uint64_t t = s[1] << 17;
+    s[2] ^= s[0];
+    s[3] ^= s[1];
+    s[1] ^= s[2];
+    s[0] ^= s[3];
+    s[2] ^= t;
+    s[3] = rotate_left(s[3], 45);
+    return result;
+}
+
+double random_uniform(struct random_source *source)
+{
+    return (double)(random_u64(source) >> 11) * 0x1.0p-53;
+}
+
+/* Marsaglia's polar method (1964): two normal numbers at a time. */
+double random_normal(struct random_source *source)
+{
+    if (source->has_spare) {
+        source->has_spare = false;
+        return source->spare;
+    }
+    double u, v, s;
+    do {
+        u = 2.0 * random_uniform(source) - 1.0;
+        v = 2.0 * random_uniform(source) - 1.0;
+        s = u * u + v * v;
+    } while (s >= 1.0 || s == 0.0);
+    const double factor = sqrt(-2.0 * log(s) / s);
+    source->spare = v * factor;
+    source->has_spare = true;
+    return u * factor;
+}

@@ -1,0 +1,89 @@
+#include "emulator/uart.h"
+
+#include <string.h>
+
+#define BITS_PER_BYTE 10.0 /* 8N1 */
+#define USB_OUT (1u * VTIME_MS)  /* host to adapter: one full-speed frame */
+
+void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms)
+{
+    memset(uart, 0, sizeof *uart);
+    uart->hub = hub;
+    uart->endpoint = endpoint;
+    uart->byte_time = (vtime)(BITS_PER_BYTE / baud * (double)VTIME_SECOND);
+    uart->usb_latency = (vtime)(usb_latency_ms * (double)VTIME_MS);
+    uart->transmit_next = uart->packet_deadline = uart->receive_next = VTIME_NEVER;
+}
+
+void uart_kick(struct uart *uart, vtime now)
+{
+    if (uart->transmit_next == VTIME_NEVER && !uart->held_back) {
+        uart->transmit_next = now;
+    }
+}
+
+void uart_flush_packet(struct uart *uart, vtime now)
+{
+    const size_t sent = endpoint_send(uart->endpoint, uart->packet, uart->packet_fill, now);
+    uart->packet_fill -= sent;
+    memmove(uart->packet, uart->packet + sent, uart->packet_fill);
+    uart->packet_deadline = uart->packet_fill ? now + VTIME_MS : VTIME_NEVER;
+    if (uart->held_back && uart->packet_fill + UART_FIFO <= USB_BUFFER) {
+        uart->held_back = false;
+        uart->transmit_next = now;
+    }
+}
+
+static void to_adapter(struct uart *uart, uint8_t byte, vtime arrival)
+{
+    if (uart->packet_fill == 0) {
+        uart->packet_deadline = arrival + uart->usb_latency;
+    }
+    uart->packet[uart->packet_fill++] = byte;
+    if (uart->packet_fill % USB_PACKET == 0) {
+        uart_flush_packet(uart, arrival);
+    }
+}
+
+size_t uart_transmit(struct uart *uart)
+{
+    uint8_t bytes[UART_FIFO];
+    const vtime now = uart->transmit_next;
+    if (uart->packet_fill + UART_FIFO > USB_BUFFER) {
+        uart->held_back = true;
+        uart->transmit_next = VTIME_NEVER;
+        return 0;
+    }
+    const size_t size = taxel_hub_uart_pull(uart->hub, bytes, sizeof bytes);
+    for (size_t i = 0; i < size; i++) {
+        to_adapter(uart, bytes[i], now + (i + 1u) * uart->byte_time);
+    }
+    uart->bytes_sent += size;
+    uart->transmit_next = size ? now + size * uart->byte_time : VTIME_NEVER;
+    return size;
+}
+
+size_t uart_host_room(const struct uart *uart)
+{
+    return UART_RECEIVE_BUFFER - (uart->receive_head - uart->receive_tail);
+}
+
+size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vtime now)
+{
+    size_t taken = 0;
+    while (taken < size && uart_host_room(uart)) {
+        uart->receive[uart->receive_head++ % UART_RECEIVE_BUFFER] = bytes[taken++];
+    }
+    if (taken && uart->receive_next == VTIME_NEVER) {
+        uart->receive_next = now + USB_OUT + uart->byte_time;
+    }
+    return taken;
+}
+
+void uart_receive(struct uart *uart)
+{
+    taxel_hub_on_uart_byte(uart->hub, uart->receive[uart->receive_tail++ % UART_RECEIVE_BUFFER]);
+    uart->bytes_received++;
+    uart->receive_next =
+        uart->receive_tail == uart->receive_head ? VTIME_NEVER : uart->receive_next + uart->byte_time;
+}

@@ -1,0 +1,51 @@
+/* The hub's UART and the USB adapter behind it, in virtual time: 10 bits a byte; the adapter sends a packet when 62 bytes are
+ * together or its latency timer has run out, and takes no more (CTS) while its buffer is full. */
+#ifndef EMULATOR_UART_H
+#define EMULATOR_UART_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "emulator/endpoint.h"
+#include "emulator/vtime.h"
+#include "hub/hub.h"
+
+#define UART_FIFO 8u
+#define USB_PACKET 62u /* payload of a 64-byte full-speed packet of the common adapters */
+#define USB_BUFFER 4096u
+#define UART_RECEIVE_BUFFER 8192u
+
+struct uart {
+    struct taxel_hub *hub;
+    struct endpoint *endpoint;
+    vtime byte_time;
+    vtime usb_latency;
+
+    vtime transmit_next; /* when the transmitter has room again; VTIME_NEVER: idle or held back */
+    bool held_back;      /* CTS */
+    uint8_t packet[USB_BUFFER];
+    size_t packet_fill;
+    vtime packet_deadline;
+
+    uint8_t receive[UART_RECEIVE_BUFFER];
+    size_t receive_head, receive_tail;
+    vtime receive_next;
+
+    uint64_t bytes_sent;     /* put onto the wire by the hub */
+    uint64_t bytes_received; /* by the hub */
+};
+
+void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms);
+void uart_kick(struct uart *uart, vtime now);
+
+/* One refill of the transmit FIFO; returns the bytes it took. */
+size_t uart_transmit(struct uart *uart);
+void uart_flush_packet(struct uart *uart, vtime now);
+
+/* Bytes from the host, on their way since `now`. Returns how many were taken. */
+size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vtime now);
+size_t uart_host_room(const struct uart *uart);
+void uart_receive(struct uart *uart);
+
+#endif

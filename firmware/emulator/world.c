@@ -1,0 +1,229 @@
+#include "emulator/world.h"
+
+#include <errno.h>
+#include <string.h>
+
+size_t world_taxels(const struct world_description *description)
+{
+    size_t taxels = 0;
+    for (size_t i = 0; i < description->board_count; i++) {
+        taxels += description->boards[i].taxel_count;
+    }
+    return taxels;
+}
+
+int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
+               struct endpoint *endpoint, struct host_script *script)
+{
+    size_t first_taxel = 0;
+    memset(world, 0, sizeof *world);
+    world->description = description;
+    world->stimulus = stimulus;
+    world->endpoint = endpoint;
+    world->script = script;
+    world->board_count = description->board_count;
+    for (size_t i = 0; i < world->board_count; i++) {
+        if (board_node_init(&world->boards[i], &description->boards[i], description, stimulus, first_taxel)) {
+            return -1;
+        }
+        first_taxel += description->boards[i].taxel_count;
+    }
+    bus_init(&world->bus, world->boards, world->board_count, description->scl_hz);
+    uart_init(&world->uart, &world->hub.hub, endpoint, description->baud, description->usb_latency_ms);
+    hub_node_init(&world->hub, &world->bus, &world->uart, description->scl_hz, description->hub_clock_ppm);
+    hub_node_boot(&world->hub, 0, TAXEL_RESET_CAUSE_POWER_ON);
+    return 0;
+}
+
+static void advance_boards(struct world *world, vtime until)
+{
+    for (size_t i = 0; i < world->board_count; i++) {
+        board_advance(&world->boards[i], until);
+    }
+}
+
+static vtime next_fault_time(const struct world *world)
+{
+    if (world->next_fault == world->description->fault_count) {
+        return VTIME_NEVER;
+    }
+    return (vtime)(world->description->faults[world->next_fault].time_s * (double)VTIME_SECOND);
+}
+
+static void inject(struct world *world, const struct fault_description *fault, vtime now)
+{
+    if (fault->kind == FAULT_MUTE) {
+        world->endpoint->muted = fault->value != 0.0;
+        return;
+    }
+    for (size_t i = 0; i < world->board_count; i++) {
+        struct board_node *board = &world->boards[i];
+        if (board->description->address != fault->address) {
+            continue;
+        }
+        board_advance(board, now);
+        switch (fault->kind) {
+        case FAULT_UNPLUG:
+            board_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
+            break;
+        case FAULT_PLUG:
+            board_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
+            break;
+        case FAULT_RESTART:
+            board_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+            break;
+        case FAULT_HOLD_SDA:
+            board->hold_clocks = (unsigned)fault->value;
+            world->bus.may_be_held = true;
+            break;
+        case FAULT_STRETCH:
+            board->stretch = (vtime)(fault->value * (double)VTIME_US);
+            break;
+        case FAULT_CORRUPT:
+            board->corrupt_bytes = (unsigned)fault->value;
+            break;
+        default:
+            board->nacks = (unsigned)fault->value;
+            break;
+        }
+    }
+}
+
+/* The kinds of event, in the order in which those of one instant happen. */
+enum event {
+    EVENT_STIMULUS,
+    EVENT_FAULT,
+    EVENT_SCRIPT,
+    EVENT_RECEIVE,
+    EVENT_BUS,
+    EVENT_TRANSMIT,
+    EVENT_PACKET,
+    EVENT_HUB,
+    EVENT_COUNT,
+};
+
+static enum event earliest(const struct world *world, vtime *time)
+{
+    const vtime times[EVENT_COUNT] = {
+        [EVENT_STIMULUS] = world->stimulus->until,
+        [EVENT_FAULT] = next_fault_time(world),
+        [EVENT_SCRIPT] = world->script->next,
+        [EVENT_RECEIVE] = world->uart.receive_next,
+        [EVENT_BUS] = world->bus.next,
+        [EVENT_TRANSMIT] = world->uart.transmit_next,
+        [EVENT_PACKET] = world->uart.packet_deadline,
+        [EVENT_HUB] = vtime_max(world->hub.wake, world->hub.cpu_free),
+    };
+    enum event first = EVENT_STIMULUS;
+    for (enum event event = EVENT_FAULT; event < EVENT_COUNT; event++) {
+        if (times[event] < times[first]) {
+            first = event;
+        }
+    }
+    *time = times[first];
+    return first;
+}
+
+/* The bus may run ahead of other events by a few bytes only if none of them could touch it: stimulus and faults. */
+static vtime bus_horizon(const struct world *world, vtime now, vtime until)
+{
+    const vtime others = vtime_min(vtime_min(world->stimulus->until, next_fault_time(world)), world->hub.wake);
+    return vtime_max(now, vtime_min(until, others));
+}
+
+static int handle(struct world *world, enum event event, vtime now, vtime until)
+{
+    switch (event) {
+    case EVENT_STIMULUS:
+        advance_boards(world, now);
+        return stimulus_advance(world->stimulus, now);
+    case EVENT_FAULT:
+        inject(world, &world->description->faults[world->next_fault++], now);
+        return 0;
+    case EVENT_SCRIPT:
+        (void)uart_host_sends(&world->uart, world->script->bytes, world->script->size, now);
+        return host_script_advance(world->script);
+    case EVENT_RECEIVE:
+        uart_receive(&world->uart);
+        hub_node_uart_received(&world->hub, now);
+        return 0;
+    case EVENT_BUS:
+        if (bus_run(&world->bus, bus_horizon(world, now, until))) {
+            const vtime end = world->bus.next;
+            world->bus.next = VTIME_NEVER;
+            hub_node_i2c_done(&world->hub, end);
+        }
+        return 0;
+    case EVENT_TRANSMIT:
+        hub_node_uart_sent(&world->hub, now, uart_transmit(&world->uart));
+        return 0;
+    case EVENT_PACKET:
+        uart_flush_packet(&world->uart, now);
+        return 0;
+    default:
+        hub_node_run(&world->hub);
+        return 0;
+    }
+}
+
+int world_run(struct world *world, vtime until)
+{
+    for (;;) {
+        vtime time;
+        const enum event event = earliest(world, &time);
+        if (time > until) {
+            break;
+        }
+        world->now = vtime_max(world->now, time);
+        world->events++;
+        if (handle(world, event, time, until)) {
+            return -1;
+        }
+    }
+    world->now = vtime_max(world->now, until);
+    return 0;
+}
+
+int world_poll(struct world *world)
+{
+    uint8_t bytes[512];
+    const size_t room = uart_host_room(&world->uart);
+    const size_t got = endpoint_receive(world->endpoint, bytes, room < sizeof bytes ? room : sizeof bytes);
+    (void)uart_host_sends(&world->uart, bytes, got, world->now);
+    while (stimulus_poll(world->stimulus)) {
+        advance_boards(world, world->now);
+        if (stimulus_take_live(world->stimulus, world->now)) {
+            return -1;
+        }
+    }
+    return 0;
+}
+
+int world_write_statistics(const struct world *world, const char *path, double wall_seconds)
+{
+    const double seconds = (double)world->now / (double)VTIME_SECOND;
+    const struct taxel_outbox *outbox = &world->hub.hub.outbox;
+    FILE *file = fopen(path, "w");
+    if (!file) {
+        fprintf(stderr, "statistics %s: %s\n", path, strerror(errno));
+        return -1;
+    }
+    fprintf(file, "{\n  \"virtual_seconds\": %.9f,\n  \"wall_seconds\": %.6f,\n", seconds, wall_seconds);
+    fprintf(file, "  \"events\": %llu,\n", (unsigned long long)world->events);
+    fprintf(file, "  \"uart_bytes_sent\": %llu,\n", (unsigned long long)world->uart.bytes_sent);
+    fprintf(file, "  \"bytes_delivered\": %llu,\n", (unsigned long long)world->endpoint->bytes_delivered);
+    fprintf(file, "  \"frames_sent\": %u,\n  \"frames_dropped\": %u,\n", outbox->frames_sent, outbox->frames_dropped);
+    fprintf(file, "  \"cycles\": %u,\n  \"cycle_time_us\": %u,\n", world->hub.hub.cycle.count,
+            world->hub.hub.cycle.last_length_us);
+    fprintf(file, "  \"bus_bytes\": %llu,\n  \"bus_busy\": %.6f,\n", (unsigned long long)world->bus.bytes,
+            seconds > 0.0 ? (double)world->bus.busy / (double)world->now : 0.0);
+    fprintf(file, "  \"bus_recoveries\": %u,\n  \"boards\": [", world->hub.hub.bus_recoveries);
+    for (size_t i = 0; i < world->board_count; i++) {
+        const struct board_node *board = &world->boards[i];
+        fprintf(file, "%s\n    {\"address\": %u, \"scans\": %u, \"conversions\": %llu, \"snapshot_reads\": %u}", i ? "," : "",
+                board->description->address, board->sensor.scan.scans, (unsigned long long)board->conversions,
+                board->sensor.slave.snapshot_reads);
+    }
+    fprintf(file, "\n  ]\n}\n");
+    return fclose(file) ? -1 : 0;
+}

@@ -1,0 +1,40 @@
+/* The emulated world: 1 hub, its boards, bus, UART, a host, and what acts on the skin, moved on by the earliest event. */
+#ifndef EMULATOR_WORLD_H
+#define EMULATOR_WORLD_H
+
+#include "emulator/board_node.h"
+#include "emulator/bus.h"
+#include "emulator/endpoint.h"
+#include "emulator/host_script.h"
+#include "emulator/hub_node.h"
+#include "emulator/stimulus.h"
+#include "emulator/uart.h"
+#include "emulator/world_file.h"
+
+struct world {
+    const struct world_description *description;
+    struct stimulus *stimulus;
+    struct endpoint *endpoint;
+    struct host_script *script;
+    struct board_node boards[WORLD_BOARDS_MAX];
+    size_t board_count;
+    struct bus bus;
+    struct uart uart;
+    struct hub_node hub;
+    size_t next_fault;
+    vtime now;
+    uint64_t events;
+};
+
+size_t world_taxels(const struct world_description *description);
+int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
+               struct endpoint *endpoint, struct host_script *script);
+
+/* Run every event up to and including `until`. Returns 0, or -1 if the stimulus was bad. */
+int world_run(struct world *world, vtime until);
+
+/* Take up what host and live stimulus have sent meanwhile. Returns 0 or -1 as above. */
+int world_poll(struct world *world);
+int world_write_statistics(const struct world *world, const char *path, double wall_seconds);
+
+#endif

@@ -1,0 +1,62 @@
+/* The description of the world that is emulated: one `word value...` a line, `#` begins a comment. README.md lists the words. */
+#ifndef EMULATOR_WORLD_FILE_H
+#define EMULATOR_WORLD_FILE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "generated/taxel_protocol.h"
+
+#define WORLD_BOARDS_MAX 64
+#define WORLD_FAULTS_MAX 4096
+
+enum fault_kind {
+    FAULT_UNPLUG,
+    FAULT_PLUG,
+    FAULT_RESTART,
+    FAULT_HOLD_SDA,
+    FAULT_STRETCH,
+    FAULT_CORRUPT,
+    FAULT_NACK,
+    FAULT_MUTE,
+};
+
+struct fault_description {
+    double time_s;
+    enum fault_kind kind;
+    uint8_t address;
+    double value;
+};
+
+struct board_description {
+    uint8_t address;
+    uint8_t kind;
+    uint8_t rows;
+    uint8_t columns;
+    uint16_t taxel_count;
+    uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
+    uint8_t unique_id[8];
+    uint8_t map_version_override; /* 0: the firmware's own; else what the identity claims */
+    double clock_ppm;
+    double boot_ms;
+};
+
+struct world_description {
+    uint64_t seed;
+    double scl_hz;
+    double baud;
+    double usb_latency_ms;
+    double hub_clock_ppm;
+    double noise_counts;
+    struct taxel_scan_settings scan;
+    struct board_description boards[WORLD_BOARDS_MAX];
+    size_t board_count;
+    struct fault_description faults[WORLD_FAULTS_MAX];
+    size_t fault_count;
+};
+
+/* Returns 0, or -1 after one line on stderr that names the file, the line and what is wrong with it. */
+int world_file_read(struct world_description *world, const char *path);
+
+#endif

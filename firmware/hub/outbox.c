@@ -1,0 +1,96 @@
+/* UART frames out. A frame goes into the ring whole or not at all; what finds no room is dropped whole, and counted. */
+#include "codec/encoder.h"
+#include "hub/internal.h"
+
+static size_t used_bytes(const struct taxel_hub *hub)
+{
+    const size_t size = hub->config->transmit_ring_size;
+    return (hub->outbox.head + size - hub->outbox.tail) % size;
+}
+
+size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
+{
+    return used_bytes(hub);
+}
+
+size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
+{
+    struct taxel_outbox *outbox = &hub->outbox;
+    size_t pulled = 0;
+    while (pulled < size && outbox->tail != outbox->head) {
+        bytes[pulled++] = hub->config->transmit_ring[outbox->tail];
+        outbox->tail = outbox->tail + 1u == hub->config->transmit_ring_size ? 0u : outbox->tail + 1u;
+    }
+    return pulled;
+}
+
+/* Room that only answers to the host may use, so that a full ring never costs an answer. */
+static size_t reserve_for(uint8_t type)
+{
+    return type == TAXEL_FRAME_TYPE_REPLY || type == TAXEL_FRAME_TYPE_HUB_HELLO ? 0 : TAXEL_HUB_REPLY_RESERVE;
+}
+
+bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
+{
+    return used_bytes(hub) + TAXEL_HUB_REPLY_RESERVE < hub->config->transmit_ring_size;
+}
+
+bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
+                        size_t tail_size)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    struct taxel_outbox *outbox = &hub->outbox;
+    struct taxel_encoder encoder;
+    const size_t length = head_size + tail_size;
+    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(type) >= hub->config->transmit_ring_size) {
+        return false;
+    }
+    taxel_encoder_begin(&encoder, hub->config->transmit_ring, hub->config->transmit_ring_size, outbox->head, type,
+                        outbox->sequence, (uint16_t)length);
+    taxel_encoder_put(&encoder, head, head_size);
+    taxel_encoder_put(&encoder, tail, tail_size);
+    outbox->bytes_sent += (uint32_t)taxel_encoder_end(&encoder);
+    outbox->frames_sent++;
+    outbox->sequence++;
+    outbox->head = encoder.position;
+    hal->uart_kick(hal->context);
+    return true;
+}
+
+bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
+                    size_t tail_size)
+{
+    if (taxel_hub_try_send(hub, type, head, head_size, tail, tail_size)) {
+        return true;
+    }
+    hub->outbox.frames_dropped++;
+    return false;
+}
+
+void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault)
+{
+    uint8_t bytes[TAXEL_BOARD_FAULT_REPORT_SIZE];
+    const struct taxel_board_fault_report report = {
+        .address = slot->address,
+        .fault = fault,
+        .cycle = hub->cycle.number,
+        .hub_time_us = (uint32_t)taxel_hub_clock(hub),
+        .consecutive = slot->consecutive_failures,
+    };
+    taxel_board_fault_report_pack(&report, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_FAULT, bytes, sizeof bytes, NULL, 0);
+}
+
+void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text)
+{
+    uint8_t bytes[TAXEL_LOG_HEADER_SIZE];
+    const size_t length = strlen(text);
+    const struct taxel_log_header header = {
+        .level = level,
+        .code = code,
+        .hub_time_us = (uint32_t)taxel_hub_clock(hub),
+    };
+    taxel_log_header_pack(&header, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text,
+                         length < TAXEL_LOG_TEXT_MAX ? length : TAXEL_LOG_TEXT_MAX);
+}

@@ -1,0 +1,30 @@
+/* A slave that lost count of the clocks may hold SDA low for ever. Nine clocks let it finish its byte and see a NACK; a stop
+ * condition then frees the bus (I2C specification UM10204, section 3.1.16). */
+#include "hub/internal.h"
+
+#define HALF_CLOCK_US 5u /* 100 kHz: slow enough for every device */
+#define CLOCKS 9u
+
+uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    hub->bus_recoveries++;
+    hal->i2c_drive(hal->context, true, true);
+    hal->delay_us(hal->context, HALF_CLOCK_US);
+    if (!hal->i2c_scl(hal->context)) {
+        return TAXEL_BOARD_FAULT_SCL_STUCK; /* no clock can be given: only time or power helps */
+    }
+    for (unsigned clock = 0; clock < CLOCKS && !hal->i2c_sda(hal->context); clock++) {
+        hal->i2c_drive(hal->context, false, true);
+        hal->delay_us(hal->context, HALF_CLOCK_US);
+        hal->i2c_drive(hal->context, true, true);
+        hal->delay_us(hal->context, HALF_CLOCK_US);
+    }
+    hal->i2c_drive(hal->context, false, false);
+    hal->delay_us(hal->context, HALF_CLOCK_US);
+    hal->i2c_drive(hal->context, true, false);
+    hal->delay_us(hal->context, HALF_CLOCK_US);
+    hal->i2c_drive(hal->context, true, true);
+    hal->delay_us(hal->context, HALF_CLOCK_US);
+    return hal->i2c_sda(hal->context) ? TAXEL_BOARD_FAULT_NONE : TAXEL_BOARD_FAULT_SDA_STUCK;
+}

@@ -1,0 +1,89 @@
+/* Status frames: once a second while streaming, and when the host asks. One frame a pass, when there is room for it. */
+#include "hub/internal.h"
+
+#define REPORT_PERIOD_US 1000000u
+
+static uint8_t boards_streaming(const struct taxel_hub *hub)
+{
+    uint8_t count = 0;
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        count = (uint8_t)(count + (hub->config->slots[i].state == TAXEL_BOARD_STATE_STREAMING));
+    }
+    return count;
+}
+
+static bool send_hub_status(struct taxel_hub *hub)
+{
+    uint8_t bytes[TAXEL_HUB_STATUS_SIZE];
+    const struct taxel_hub_status status = {
+        .uptime_us = taxel_hub_clock(hub),
+        .cycles = hub->cycle.count,
+        .cycle_time_us = hub->cycle.last_length_us,
+        .frames_sent = hub->outbox.frames_sent,
+        .bytes_sent = hub->outbox.bytes_sent,
+        .frames_dropped = hub->outbox.frames_dropped,
+        .commands = hub->inbox.commands,
+        .commands_rejected = hub->inbox.commands_rejected,
+        .bus_recoveries = hub->bus_recoveries,
+        .boards_streaming = boards_streaming(hub),
+        .streaming = hub->streaming,
+    };
+    taxel_hub_status_pack(&status, bytes);
+    return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_HUB_STATUS, bytes, sizeof bytes, NULL, 0);
+}
+
+static bool send_board_status(struct taxel_hub *hub, const struct taxel_hub_slot *slot)
+{
+    uint8_t bytes[TAXEL_BOARD_STATUS_SIZE];
+    const struct taxel_board_status status = {
+        .address = slot->address,
+        .state = slot->state,
+        .last_fault = slot->last_fault,
+        .polls = slot->polls,
+        .forwarded = slot->forwarded,
+        .repeated = slot->repeated,
+        .nacks = slot->nacks,
+        .timeouts = slot->timeouts,
+        .crc_errors = slot->crc_errors,
+        .bus_errors = slot->bus_errors,
+        .dropped = slot->dropped,
+        .retries = slot->retries,
+    };
+    taxel_board_status_pack(&status, bytes);
+    return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_BOARD_STATUS, bytes, sizeof bytes, NULL, 0);
+}
+
+void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
+{
+    hub->report.active = true;
+    hub->report.for_command = for_command;
+    hub->report.next = 0;
+}
+
+void taxel_hub_report_step(struct taxel_hub *hub)
+{
+    struct taxel_report *report = &hub->report;
+    const uint64_t now = taxel_hub_clock(hub);
+    if (!report->active && hub->streaming && now >= report->next_us) {
+        report->next_us = now + REPORT_PERIOD_US;
+        taxel_hub_start_report(hub, false);
+    }
+    if (!report->active) {
+        return;
+    }
+    const bool sent =
+        report->next == 0 ? send_hub_status(hub) : send_board_status(hub, &hub->config->slots[report->next - 1u]);
+    if (!sent) {
+        return;
+    }
+    report->next++;
+    if (report->next > hub->slot_count) {
+        report->active = false;
+        if (report->for_command) {
+            taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
+        }
+    } else {
+        const struct taxel_hub_hal *hal = hub->config->hal;
+        hal->wake_at(hal->context, now + 100u);
+    }
+}

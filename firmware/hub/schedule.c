@@ -1,0 +1,331 @@
+/* Which transfer comes next. One poll cycle: every known board once, then one board's clock, then a few probes for boards
+ * that nobody has told us about. When not streaming, the hub sweeps the bus instead. */
+#include "codec/crc32.h"
+#include "hub/internal.h"
+
+#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
+#define INCOMPATIBLE_RETRY_CYCLES 64u
+#define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
+#define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
+#define CLOCKS_PER_BYTE 9u
+#define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
+
+static struct taxel_hub_slot *slot_at(const struct taxel_hub *hub, uint8_t slot)
+{
+    return &hub->config->slots[slot];
+}
+
+static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    struct taxel_job *job = &hub->job;
+    const uint64_t bytes = (uint64_t)ADDRESS_BYTES + job->write_size + read_size;
+    job->kind = kind;
+    job->slot = slot;
+    job->address = address;
+    job->read_size = read_size;
+    job->buffer = hub->next_buffer;
+    hub->next_buffer ^= 1u;
+    hub->job_done = false;
+    job->started_us = taxel_hub_clock(hub);
+    job->deadline_us = job->started_us + TIMEOUT_BASE_US + 2u * bytes * CLOCKS_PER_BYTE * 1000000u / hub->config->scl_hz;
+    const bool pass_through = kind == TAXEL_JOB_PASS_THROUGH;
+    const struct taxel_i2c_transfer transfer = {
+        .address = address,
+        .write_bytes = pass_through ? hub->command.transfer_bytes : job->write_bytes,
+        .write_size = pass_through ? hub->command.transfer_size : job->write_size,
+        .read_bytes = hub->config->transfer_buffers[job->buffer],
+        .read_size = read_size,
+    };
+    hal->wake_at(hal->context, job->deadline_us);
+    hal->i2c_start(hal->context, &transfer);
+}
+
+static void launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size)
+{
+    hub->job.write_size = 1;
+    hub->job.write_bytes[0] = pointer;
+    slot_at(hub, slot)->pointer_is_snapshot = pointer == TAXEL_REGISTER_SNAPSHOT;
+    launch(hub, kind, slot, slot_at(hub, slot)->address, size);
+}
+
+static void launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address)
+{
+    hub->job.write_size = 0;
+    launch(hub, kind, slot, address, 0);
+}
+
+static void launch_poll(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    const size_t size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
+    if (board->pointer_is_snapshot) {
+        hub->job.write_size = 0;
+        launch(hub, TAXEL_JOB_POLL, slot, board->address, size);
+        return;
+    }
+    launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT, size);
+}
+
+static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    uint8_t *bytes = hub->job.write_bytes;
+    bytes[0] = TAXEL_REGISTER_SETTINGS;
+    taxel_scan_settings_pack(&board->settings, bytes + 1);
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
+    taxel_put_u32(bytes + 1 + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32, crc);
+    hub->job.write_size = (uint8_t)(1u + TAXEL_SETTINGS_REGISTER_SIZE);
+    board->pointer_is_snapshot = false;
+    launch(hub, TAXEL_JOB_WRITE_SETTINGS, slot, board->address, 0);
+}
+
+/* What a board needs before it can be polled; false if it needs nothing. */
+static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
+{
+    const struct taxel_hub_slot *board = slot_at(hub, slot);
+    if (board->state == TAXEL_BOARD_STATE_IDENTIFYING || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_wanted)) {
+        launch_read(hub, TAXEL_JOB_IDENTIFY, slot, TAXEL_REGISTER_IDENTITY, TAXEL_IDENTITY_SIZE);
+        return true;
+    }
+    if (board->state == TAXEL_BOARD_STATE_STREAMING && board->settings_dirty) {
+        launch_write_settings(hub, slot);
+        return true;
+    }
+    return false;
+}
+
+static bool launch_retry(struct taxel_hub *hub)
+{
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        if (slot_at(hub, i)->retry) {
+            slot_at(hub, i)->retry = false;
+            launch_poll(hub, i);
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool launch_from_polls(struct taxel_hub *hub)
+{
+    struct taxel_cycle *cycle = &hub->cycle;
+    while (cycle->position < hub->slot_count) {
+        const uint8_t slot = cycle->position;
+        struct taxel_hub_slot *board = slot_at(hub, slot);
+        if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE && cycle->number % INCOMPATIBLE_RETRY_CYCLES == 0) {
+            board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
+        }
+        if (launch_upkeep(hub, slot)) {
+            return true; /* and then this board's poll */
+        }
+        cycle->position++;
+        if (board->state == TAXEL_BOARD_STATE_STREAMING) {
+            board->polls++;
+            board->attempts = 0;
+            launch_poll(hub, slot);
+            return true;
+        }
+        if (board->state == TAXEL_BOARD_STATE_ABSENT) {
+            board->polls++;
+            launch_probe(hub, TAXEL_JOB_PROBE_SLOT, slot, board->address);
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool launch_clock(struct taxel_hub *hub)
+{
+    struct taxel_cycle *cycle = &hub->cycle;
+    for (uint8_t tried = 0; tried < hub->slot_count; tried++) {
+        cycle->clock_slot = (uint8_t)((cycle->clock_slot + 1u) % hub->slot_count);
+        if (slot_at(hub, cycle->clock_slot)->state == TAXEL_BOARD_STATE_STREAMING) {
+            launch_read(hub, TAXEL_JOB_CLOCK, cycle->clock_slot, TAXEL_REGISTER_CLOCK, sizeof(uint32_t));
+            return true;
+        }
+    }
+    return false;
+}
+
+static uint8_t next_address(uint8_t address)
+{
+    return address >= TAXEL_ADDRESS_MAX ? (uint8_t)TAXEL_ADDRESS_MIN : (uint8_t)(address + 1u);
+}
+
+static bool launch_unknown_probe(struct taxel_hub *hub)
+{
+    struct taxel_cycle *cycle = &hub->cycle;
+    while (cycle->probes_left) {
+        cycle->probes_left--;
+        cycle->probe_address = next_address(cycle->probe_address);
+        if (hub->slot_count < hub->config->slot_capacity &&
+            taxel_hub_slot_of(hub, cycle->probe_address) == TAXEL_NO_SLOT) {
+            launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, TAXEL_NO_SLOT, cycle->probe_address);
+            return true;
+        }
+    }
+    return false;
+}
+
+static void begin_cycle(struct taxel_hub *hub)
+{
+    struct taxel_cycle *cycle = &hub->cycle;
+    cycle->stage = TAXEL_STAGE_POLLS;
+    cycle->position = 0;
+    cycle->started_us = taxel_hub_clock(hub);
+}
+
+static void end_cycle(struct taxel_hub *hub)
+{
+    struct taxel_cycle *cycle = &hub->cycle;
+    cycle->last_length_us = (uint32_t)(taxel_hub_clock(hub) - cycle->started_us);
+    cycle->number++;
+    cycle->count++;
+    cycle->stage = TAXEL_STAGE_WAIT;
+}
+
+/* Go through the stages of the cycle until one has a transfer to make; false while waiting for the next cycle. */
+static bool launch_from_cycle(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    struct taxel_cycle *cycle = &hub->cycle;
+    for (;;) {
+        switch (cycle->stage) {
+        case TAXEL_STAGE_POLLS:
+            if (launch_from_polls(hub)) {
+                return true;
+            }
+            cycle->stage = TAXEL_STAGE_CLOCK;
+            break;
+        case TAXEL_STAGE_CLOCK:
+            cycle->stage = TAXEL_STAGE_PROBES;
+            cycle->probes_left = PROBES_PER_CYCLE;
+            if (launch_clock(hub)) {
+                return true;
+            }
+            break;
+        case TAXEL_STAGE_PROBES:
+            if (launch_unknown_probe(hub)) {
+                return true;
+            }
+            end_cycle(hub);
+            break;
+        default: {
+            const uint64_t next = cycle->started_us + (hub->slot_count ? cycle->period_us : SWEEP_PERIOD_US);
+            if (taxel_hub_clock(hub) < next) {
+                hal->wake_at(hal->context, next);
+                return false;
+            }
+            begin_cycle(hub);
+            break;
+        }
+        }
+    }
+}
+
+void taxel_hub_start_streaming(struct taxel_hub *hub)
+{
+    if (hub->streaming) {
+        return;
+    }
+    hub->streaming = true;
+    hub->cycle.number = 0;
+    hub->report.next_us = taxel_hub_clock(hub);
+    begin_cycle(hub);
+}
+
+void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command)
+{
+    hub->sweep.active = true;
+    hub->sweep.for_command = hub->sweep.for_command || for_command;
+    hub->sweep.address = (uint8_t)TAXEL_ADDRESS_MIN;
+    memset(hub->sweep.found, 0, sizeof hub->sweep.found);
+}
+
+static void end_sweep(struct taxel_hub *hub)
+{
+    struct taxel_sweep *sweep = &hub->sweep;
+    uint8_t found[TAXEL_ADDRESS_MAX + 1u];
+    size_t count = 0;
+    sweep->active = false;
+    sweep->next_us = taxel_hub_clock(hub) + SWEEP_PERIOD_US;
+    hub->swept_once = true;
+    if (!sweep->for_command) {
+        return;
+    }
+    sweep->for_command = false;
+    for (uint8_t address = (uint8_t)TAXEL_ADDRESS_MIN; address <= TAXEL_ADDRESS_MAX; address++) {
+        if (sweep->found[address >> 3] & (1u << (address & 7u))) {
+            found[count++] = address;
+        }
+    }
+    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, found, count);
+}
+
+static bool launch_from_sweep(struct taxel_hub *hub)
+{
+    struct taxel_sweep *sweep = &hub->sweep;
+    if (sweep->address <= TAXEL_ADDRESS_MAX) {
+        const uint8_t address = sweep->address++;
+        launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, taxel_hub_slot_of(hub, address), address);
+        return true;
+    }
+    end_sweep(hub);
+    return false;
+}
+
+static bool launch_from_idle(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        if (launch_upkeep(hub, i)) {
+            return true;
+        }
+    }
+    if (taxel_hub_clock(hub) < hub->sweep.next_us) {
+        hal->wake_at(hal->context, hub->sweep.next_us);
+        return false;
+    }
+    taxel_hub_start_sweep(hub, false);
+    return launch_from_sweep(hub);
+}
+
+static bool pass_through_is_wanted(const struct taxel_hub *hub)
+{
+    return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
+}
+
+void taxel_hub_start_next_job(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    if (taxel_hub_clock(hub) < hub->bus_down_until_us) {
+        hal->wake_at(hal->context, hub->bus_down_until_us);
+        return;
+    }
+    if (hub->settings_read_slot != TAXEL_NO_SLOT) {
+        const uint8_t slot = hub->settings_read_slot;
+        hub->settings_read_slot = TAXEL_NO_SLOT;
+        launch_read(hub, TAXEL_JOB_READ_SETTINGS, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
+        return;
+    }
+    if (launch_retry(hub)) {
+        return;
+    }
+    if (pass_through_is_wanted(hub)) {
+        const uint8_t slot = taxel_hub_slot_of(hub, hub->command.address);
+        if (slot != TAXEL_NO_SLOT) {
+            slot_at(hub, slot)->pointer_is_snapshot = false;
+        }
+        launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
+        return;
+    }
+    if (hub->sweep.active && launch_from_sweep(hub)) {
+        return;
+    }
+    if (hub->streaming) {
+        (void)launch_from_cycle(hub);
+        return;
+    }
+    (void)launch_from_idle(hub);
+}

@@ -1,0 +1,130 @@
+/* The scan sequencer: TX line after TX line, RX after RX, over the crossings that are taxels, and again. */
+#include "codec/crc32.h"
+#include "sensor/sensor.h"
+
+bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
+{
+    const uint32_t largest_count = (uint32_t)settings->sub_conversions * settings->sense_clock_divider;
+    return largest_count >= 1u && largest_count <= 0xFFFFu && settings->modulator_clock_divider >= 1u &&
+           settings->idac_code >= 1u;
+}
+
+static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
+{
+    return (sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
+}
+
+static void convert_next(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    while (!is_taxel(sensor, scan->crossing)) {
+        scan->crossing++; /* ends: the map has as many bits as the scan has taxels left */
+    }
+    const uint8_t tx = (uint8_t)(scan->crossing / sensor->config->columns);
+    const uint8_t rx = (uint8_t)(scan->crossing % sensor->config->columns);
+    scan->crossing++;
+    scan->converting = true;
+    hal->conversion_start(hal->context, tx, rx);
+}
+
+static void begin(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    if (scan->settings_pending) {
+        scan->settings_pending = false;
+        sensor->settings = sensor->next_settings;
+        sensor->settings_generation++;
+        hal->front_end_configure(hal->context, &sensor->settings);
+    }
+    scan->crossing = 0;
+    scan->taxel = 0;
+    scan->started_us = hal->clock_us(hal->context);
+    const struct taxel_snapshot_header header = {
+        .sequence = (uint16_t)scan->scans,
+        .timestamp_us = scan->started_us,
+    };
+    taxel_snapshot_header_pack(&header, scan->scanning);
+    scan->crc = taxel_crc32(0, &sensor->config->address, 1);
+    scan->crc = taxel_crc32(scan->crc, scan->scanning, TAXEL_SNAPSHOT_HEADER_SIZE);
+    convert_next(sensor);
+}
+
+static void complete(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    taxel_put_u32(scan->scanning + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * sensor->config->taxel_count, scan->crc);
+    scan->scan_time_us = hal->clock_us(hal->context) - scan->started_us;
+    scan->scans++;
+    const uint32_t interrupts = hal->interrupts_disable(hal->context);
+    uint8_t *const finished = scan->scanning;
+    scan->scanning = scan->newest;
+    scan->newest = finished;
+    scan->has_newest = true;
+    hal->interrupts_restore(hal->context, interrupts);
+}
+
+void taxel_scan_start(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    if (sensor->state == TAXEL_SENSOR_SCANNING) {
+        return;
+    }
+    sensor->state = TAXEL_SENSOR_SCANNING;
+    if (scan->converting) {
+        scan->begin_after_conversion = true; /* the last conversion before a stop is still running */
+        return;
+    }
+    begin(sensor);
+}
+
+void taxel_scan_stop(struct taxel_sensor *sensor)
+{
+    sensor->state = TAXEL_SENSOR_STOPPED;
+}
+
+void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const bool is_stale = scan->begin_after_conversion;
+    scan->converting = false;
+    scan->begin_after_conversion = false;
+    if (sensor->state != TAXEL_SENSOR_SCANNING) {
+        return; /* stopped in the middle of a scan: the half scan is never shown */
+    }
+    if (is_stale) {
+        begin(sensor);
+        return;
+    }
+    uint8_t *const bytes = scan->scanning + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * scan->taxel;
+    taxel_put_u16(bytes, raw_count);
+    scan->crc = taxel_crc32(scan->crc, bytes, 2);
+    if (raw_count == 0 && scan->saturated_conversions < 0xFFFFu) {
+        scan->saturated_conversions++;
+        sensor->error_flags |= TAXEL_BOARD_ERROR_FLAG_SATURATED;
+    }
+    scan->taxel++;
+    if (scan->taxel < sensor->config->taxel_count) {
+        convert_next(sensor);
+        return;
+    }
+    complete(sensor);
+    begin(sensor);
+}
+
+void taxel_scan_latch(struct taxel_sensor *sensor)
+{
+    struct taxel_scan *scan = &sensor->scan;
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    const uint32_t interrupts = hal->interrupts_disable(hal->context);
+    if (scan->has_newest) {
+        uint8_t *const free_buffer = scan->latched;
+        scan->latched = scan->newest;
+        scan->newest = free_buffer;
+        scan->has_newest = false;
+        scan->has_latched = true;
+    }
+    hal->interrupts_restore(hal->context, interrupts);
+}

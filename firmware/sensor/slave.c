@@ -1,0 +1,205 @@
+/* The I2C register machine. A write's first byte is the register pointer; what follows takes effect, whole or not at all,
+ * at the stop condition. A read begins at the last pointer written, so that a poll needs no write at all. */
+#include "codec/crc32.h"
+#include "sensor/sensor.h"
+
+static void count_u16(uint16_t *counter)
+{
+    if (*counter < 0xFFFFu) {
+        (*counter)++;
+    }
+}
+
+static void fill_status(struct taxel_sensor *sensor)
+{
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    const struct taxel_status status = {
+        .state = sensor->state,
+        .error_flags = sensor->error_flags,
+        .reset_cause = sensor->config->reset_cause,
+        .settings_generation = sensor->settings_generation,
+        .clock_us = hal->clock_us(hal->context),
+        .scans = sensor->scan.scans,
+        .scan_time_us = sensor->scan.scan_time_us,
+        .snapshot_reads = sensor->slave.snapshot_reads,
+        .bus_errors = sensor->slave.bus_errors,
+        .rejected_writes = sensor->slave.rejected_writes,
+        .saturated_conversions = sensor->scan.saturated_conversions,
+    };
+    taxel_status_pack(&status, sensor->slave.shadow);
+}
+
+static uint32_t settings_crc(const struct taxel_sensor *sensor, const uint8_t *bytes)
+{
+    return taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
+}
+
+static void fill_settings(struct taxel_sensor *sensor)
+{
+    const struct taxel_scan_settings *settings =
+        sensor->scan.settings_pending ? &sensor->next_settings : &sensor->settings;
+    taxel_scan_settings_pack(settings, sensor->slave.shadow);
+    taxel_put_u32(sensor->slave.shadow + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32,
+                  settings_crc(sensor, sensor->slave.shadow));
+}
+
+/* Point the reader at `size` bytes, of which the first `skip` have been passed over. */
+static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t size, size_t skip)
+{
+    slave->source = bytes;
+    slave->source_size = size;
+    slave->source_position = skip;
+}
+
+static bool begin_snapshot_read(struct taxel_sensor *sensor)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    const size_t block = (size_t)slave->pointer - TAXEL_REGISTER_SNAPSHOT;
+    if (block == 0) {
+        taxel_scan_latch(sensor);
+        slave->snapshot_reads++;
+    }
+    if (!sensor->scan.has_latched) {
+        return false; /* no scan has been completed: there is nothing true to say */
+    }
+    read_from(slave, sensor->scan.latched, TAXEL_SNAPSHOT_SIZE(sensor->config->taxel_count), TAXEL_SMBUS_BLOCK * block);
+    return true;
+}
+
+static bool begin_read(struct taxel_sensor *sensor)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    const size_t pointer = slave->pointer;
+    if (pointer >= TAXEL_REGISTER_SNAPSHOT && pointer <= TAXEL_REGISTER_SNAPSHOT_LAST) {
+        return begin_snapshot_read(sensor);
+    }
+    if (pointer >= TAXEL_REGISTER_SETTINGS && pointer < TAXEL_REGISTER_SETTINGS + TAXEL_SETTINGS_REGISTER_SIZE) {
+        fill_settings(sensor);
+        read_from(slave, slave->shadow, TAXEL_SETTINGS_REGISTER_SIZE, pointer - TAXEL_REGISTER_SETTINGS);
+    } else if (pointer >= TAXEL_REGISTER_STATUS && pointer < TAXEL_REGISTER_STATUS + TAXEL_STATUS_SIZE) {
+        fill_status(sensor);
+        read_from(slave, slave->shadow, TAXEL_STATUS_SIZE, pointer - TAXEL_REGISTER_STATUS);
+    } else if (pointer < TAXEL_IDENTITY_SIZE) {
+        read_from(slave, sensor->identity, TAXEL_IDENTITY_SIZE, pointer);
+    } else {
+        read_from(slave, sensor->identity, 0, 0);
+    }
+    return true;
+}
+
+static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
+{
+    count_u16(&sensor->slave.rejected_writes);
+    sensor->error_flags |= flag;
+}
+
+static void write_settings(struct taxel_sensor *sensor)
+{
+    const uint8_t *bytes = sensor->slave.write_bytes;
+    struct taxel_scan_settings settings;
+    taxel_scan_settings_unpack(&settings, bytes);
+    if (sensor->slave.written != TAXEL_SETTINGS_REGISTER_SIZE || !taxel_scan_settings_are_valid(&settings) ||
+        taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32) != settings_crc(sensor, bytes)) {
+        reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_SETTINGS_REJECTED);
+        return;
+    }
+    sensor->next_settings = settings;
+    sensor->scan.settings_pending = true;
+}
+
+static void clear_counters(struct taxel_sensor *sensor)
+{
+    sensor->error_flags = 0;
+    sensor->slave.bus_errors = 0;
+    sensor->slave.rejected_writes = 0;
+    sensor->slave.snapshot_reads = 0;
+    sensor->scan.saturated_conversions = 0;
+}
+
+static void write_command(struct taxel_sensor *sensor)
+{
+    const struct taxel_sensor_hal *hal = sensor->config->hal;
+    const uint8_t *bytes = sensor->slave.write_bytes;
+    const bool is_whole = sensor->slave.written == TAXEL_COMMAND_REGISTER_SIZE && (bytes[0] ^ bytes[1]) == 0xFF;
+    switch (is_whole ? bytes[0] : 0) {
+    case TAXEL_BOARD_COMMAND_START_SCAN:
+        taxel_scan_start(sensor);
+        break;
+    case TAXEL_BOARD_COMMAND_STOP_SCAN:
+        taxel_scan_stop(sensor);
+        break;
+    case TAXEL_BOARD_COMMAND_CLEAR_COUNTERS:
+        clear_counters(sensor);
+        break;
+    case TAXEL_BOARD_COMMAND_RESTART:
+        hal->restart(hal->context);
+        break;
+    case TAXEL_BOARD_COMMAND_ENTER_BOOTLOADER:
+        hal->enter_bootloader(hal->context);
+        break;
+    default:
+        reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_COMMAND_REJECTED);
+        break;
+    }
+}
+
+bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    slave->written = 0; /* a repeated start drops what a write had begun: only a stop makes it count */
+    if (reading) {
+        slave->pointer_next = false;
+        return begin_read(sensor);
+    }
+    slave->pointer_next = true;
+    return true;
+}
+
+bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    if (slave->pointer_next) {
+        slave->pointer_next = false;
+        slave->pointer = byte;
+        return true;
+    }
+    if (slave->written == sizeof slave->write_bytes) {
+        slave->written = 0;
+        reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE);
+        return false;
+    }
+    slave->write_bytes[slave->written++] = byte;
+    return true;
+}
+
+uint8_t taxel_sensor_on_read(struct taxel_sensor *sensor)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    if (slave->source_position >= slave->source_size) {
+        return 0xFF;
+    }
+    return slave->source[slave->source_position++];
+}
+
+void taxel_sensor_on_stop(struct taxel_sensor *sensor)
+{
+    struct taxel_slave *slave = &sensor->slave;
+    if (slave->written) {
+        if (slave->pointer == TAXEL_REGISTER_SETTINGS) {
+            write_settings(sensor);
+        } else if (slave->pointer == TAXEL_REGISTER_COMMAND) {
+            write_command(sensor);
+        } else {
+            reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE);
+        }
+    }
+    slave->written = 0;
+    slave->pointer_next = false;
+}
+
+void taxel_sensor_on_bus_error(struct taxel_sensor *sensor)
+{
+    count_u16(&sensor->slave.bus_errors);
+    sensor->slave.written = 0;
+    sensor->slave.pointer_next = false;
+}

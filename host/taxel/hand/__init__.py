@@ -1,0 +1,22 @@
+"""The hand: which boards it has, at which addresses, and which crossings of each are taxels.
+
+>>> hand = load_hand("allegro")
+>>> hand.n_taxels, len(hand.boards)
+(1073, 17)
+>>> hand.slice_of(0x21)
+slice(121, 239, None)
+"""
+
+from taxel.hand.description import Board, BoardKind, Hand, load_hand, packaged_hands
+from taxel.hand.errors import UnknownBoardError
+from taxel.hand.schema import HandDescriptionError
+
+__all__ = [
+    "Board",
+    "BoardKind",
+    "Hand",
+    "HandDescriptionError",
+    "UnknownBoardError",
+    "load_hand",
+    "packaged_hands",
+]

@@ -1,0 +1,94 @@
+"""The crossing map: the ASCII picture of a board's TX x RX matrix, and the array it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.errors import Field, shown
+
+TAXEL = "#"
+UNUSED = "."
+
+MAX_LINES = 16  # TX lines, and RX lines, of one board: the bitmap below holds 16 x 16 crossings
+MAX_CROSSINGS = MAX_LINES * MAX_LINES
+MAX_TAXELS = 240  # of one board
+BITMAP_BYTES = MAX_CROSSINGS // 8
+
+
+def crossing_array(text: str) -> NDArray[np.bool_]:
+    """Read a crossing map that check_crossings has passed.
+
+    Returns:
+        bool[tx, rx], true where a crossing carries a taxel.
+    """
+    return np.array([[character == TAXEL for character in row] for row in _rows(text)], dtype=np.bool_)
+
+
+def check_crossings(text: str, tx: int, rx: int, taxels: int, field: Field) -> None:
+    """Check a crossing map against the numbers declared beside it.
+
+    Args:
+        text: one row for each TX line, one column for each RX line; '#' a taxel, '.' none. Blanks round a row
+            and empty lines before the first and after the last row do not count.
+        tx: declared number of TX lines.
+        rx: declared number of RX lines.
+        taxels: declared number of taxels.
+        field: where the map stands, for the error.
+
+    Raises:
+        HandDescriptionError: wrong character, rows of unequal length, a size or a number of taxels other than
+            declared, or a line without a taxel.
+    """
+    rows = _rows(text)
+    _check_characters(rows, field)
+    _check_size(rows, tx, rx, field)
+    crossings = crossing_array(text)
+    if (found := int(crossings.sum())) != taxels:
+        field.fail(f"{taxels} '#' (taxels = {taxels})", str(found), "correct the map or the number of taxels")
+    for line, axis in (("TX", 1), ("RX", 0)):
+        empty = np.flatnonzero(~crossings.any(axis=axis))
+        if empty.size:
+            field.fail(
+                "a taxel on every line",
+                f"{line} line {empty[0]} has no taxel",
+                f"mark its taxels with '#' or remove the line and lower {line.lower()}",
+            )
+
+
+def _rows(text: str) -> list[str]:
+    # Not splitlines(): it would also split at characters that must be reported as wrong.
+    return [line.strip(" \t\r") for line in text.strip(" \t\r\n").split("\n")]
+
+
+def _check_characters(rows: list[str], field: Field) -> None:
+    for tx, row in enumerate(rows):
+        for rx, character in enumerate(row):
+            if character not in (TAXEL, UNUSED):
+                field.fail(
+                    "only '#' (taxel) and '.' (unused crossing)",
+                    f"{shown(character)} at TX {tx}, RX {rx}",
+                    "replace that character",
+                )
+
+
+def _check_size(rows: list[str], tx: int, rx: int, field: Field) -> None:
+    for line, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            field.fail(
+                f"rows of equal length ({len(rows[0])}, as row TX 0)",
+                f"{len(row)} characters in row TX {line}",
+                "fill the row with '.' or shorten it",
+            )
+    if len(rows) != tx:
+        field.fail(
+            f"{tx} rows, one for each TX line (tx = {tx})",
+            str(len(rows)),
+            "correct the map or tx; rows are TX lines",
+        )
+    if len(rows[0]) != rx:
+        field.fail(
+            f"{rx} columns, one for each RX line (rx = {rx})",
+            str(len(rows[0])),
+            "correct the map or rx; columns are RX lines",
+        )

@@ -1,0 +1,99 @@
+"""The errors of this room: each prints as one line and carries its data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+_MAX_SHOWN = 60  # characters of a found value that an error repeats; keeps the line readable
+
+
+class HandDescriptionError(ValueError):
+    """A hand description that cannot be used.
+
+    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
+
+    Attributes:
+        file: the file, or the name that was asked for.
+        field: path of the field, such as ``boards[3].address``, or ``file`` where the whole file is meant.
+        expected: what should stand there.
+        found: what stands there.
+        remedy: what to do about it.
+    """
+
+    def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
+        # All five are args, so that the error survives pickling between processes.
+        super().__init__(file, field, expected, found, remedy)
+        self.file = file
+        self.field = field
+        self.expected = expected
+        self.found = found
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+
+
+class UnknownBoardError(LookupError):
+    """A board that the hand does not have.
+
+    Attributes:
+        hand: name of the hand description.
+        board: the address or the name that was asked for, as text.
+    """
+
+    def __init__(self, hand: str, board: str, known: Sequence[str]) -> None:
+        super().__init__(hand, board, tuple(known))
+        self.hand = hand
+        self.board = board
+        self.known = tuple(known)
+
+    def __str__(self) -> str:
+        return f"hand {self.hand!r} has no board {self.board}; it has {', '.join(self.known)}"
+
+
+@dataclass(frozen=True)
+class Field:
+    """A place in a description file: where an error points."""
+
+    file: str
+    path: str = ""
+
+    def key(self, name: str) -> Field:
+        """The place of a key below this one."""
+        bare = name if name.isidentifier() and len(name) <= _MAX_SHOWN else shown(name)
+        return Field(self.file, f"{self.path}.{bare}" if self.path else bare)
+
+    def item(self, index: int) -> Field:
+        """The place of an element of the list that stands here."""
+        return Field(self.file, f"{self.path}[{index}]")
+
+    def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
+        """Raise HandDescriptionError for this place."""
+        raise HandDescriptionError(self.file, self.path or "file", expected, found, remedy)
+
+
+def shown(value: object) -> str:
+    """A value found in a file, as one short printable piece of text; files are not trusted to be either."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int) and value.bit_length() > 64:  # Python refuses to print integers of many digits
+        return f"an integer of {value.bit_length()} bits"
+    text = repr(value)
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
+
+
+def shown_path(path: object) -> str:
+    """A file name for an error: as it is, or quoted where it holds a character that would break the line."""
+    text = str(path)
+    return text if text.isprintable() and text else repr(text)
+
+
+def shown_address(address: int) -> str:
+    """An I2C address as people write it: 0x20. Anything that is no byte is shown plainly."""
+    return f"0x{address:02X}" if 0 <= address <= 0xFF else shown(address)

@@ -1,0 +1,253 @@
+"""The schema of a hand description file: every mistake in one is refused with one clear line.
+
+Keys are declared in tables (``_HAND``, ``_TAXEL``, ``_KIND``, ``_BOARD``); a new key is a new row there, and
+a check below where its type alone does not say enough. Nothing is repaired, and nothing unknown is ignored.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, TypedDict, cast
+
+from taxel.hand.crossings import MAX_LINES, MAX_TAXELS, check_crossings
+from taxel.hand.errors import Field, HandDescriptionError, shown, shown_address
+from taxel.hand.toml_text import parse_toml
+
+__all__ = ["FORMAT", "VERSION", "HandDescriptionError", "HandDocument", "check_hand", "parse_hand"]
+
+FORMAT = "taxel-hand"
+VERSION = 1
+# 7-bit I2C addresses that the bus specification (NXP UM10204) does not reserve.
+MIN_ADDRESS, MAX_ADDRESS = 0x08, 0x77
+MAX_CODE = 255  # a kind code is one byte; 0 means a blank board
+MAX_DESCRIPTION = 200  # characters
+MAX_LENGTH_M = 1.0  # no taxel pitch is a metre: a larger figure is a mistake of unit
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+
+_TYPES: Mapping[type, str] = {
+    str: "a string",
+    int: "an integer",
+    float: "a number",
+    dict: "a table",
+    list: "a list",
+}
+_HAND: Mapping[str, type] = {
+    "format": str,
+    "version": int,
+    "name": str,
+    "description": str,
+    "taxel": dict,
+    "kinds": dict,
+    "boards": list,
+}
+_TAXEL: Mapping[str, type] = {"pitch_m": float, "size_m": float}
+_KIND: Mapping[str, type] = {"code": int, "tx": int, "rx": int, "taxels": int, "crossings": str}
+_BOARD: Mapping[str, type] = {"name": str, "kind": str, "address": int}
+
+
+class TaxelTable(TypedDict):
+    """``[taxel]``: the same for every taxel of the hand; metres."""
+
+    pitch_m: float
+    size_m: float
+
+
+class KindTable(TypedDict):
+    """``[kinds.<name>]``: one design of a board."""
+
+    code: int
+    tx: int
+    rx: int
+    taxels: int
+    crossings: str
+
+
+class BoardTable(TypedDict):
+    """``[[boards]]``: one board on the bus."""
+
+    name: str
+    kind: str
+    address: int
+
+
+class HandDocument(TypedDict):
+    """A checked hand description, as it stands in the file."""
+
+    format: str
+    version: int
+    name: str
+    description: str
+    taxel: TaxelTable
+    kinds: dict[str, KindTable]
+    boards: list[BoardTable]
+
+
+def parse_hand(data: bytes, file: str) -> HandDocument:
+    """Parse and check the bytes of a description file.
+
+    Args:
+        data: the file's content, UTF-8 TOML.
+        file: its name, for errors.
+
+    Raises:
+        HandDescriptionError: too large, not UTF-8, not TOML, or any mistake that check_hand finds.
+    """
+    return check_hand(parse_toml(data, file), file)
+
+
+def check_hand(document: dict[str, Any], file: str) -> HandDocument:
+    """Check a parsed description against the schema.
+
+    Args:
+        document: what the TOML parser made of the file.
+        file: its name, for errors.
+
+    Returns:
+        The same document, with its type known.
+
+    Raises:
+        HandDescriptionError: the first mistake found.
+    """
+    top = Field(file)
+    _check_header(document, top)  # first: a file of another version may have other keys
+    _check_table(document, _HAND, top)
+    _check_identifier(document["name"], top.key("name"))
+    _check_description(document["description"], top.key("description"))
+    _check_taxel(document["taxel"], top.key("taxel"))
+    _check_kinds(document["kinds"], top.key("kinds"))
+    _check_boards(document["boards"], document["kinds"], top.key("boards"))
+    return cast(HandDocument, document)
+
+
+def _check_header(document: dict[str, Any], top: Field) -> None:
+    for key, expected in (("format", FORMAT), ("version", VERSION)):
+        if key not in document:
+            top.key(key).fail(
+                shown(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file"
+            )
+        # The type too: true == 1 and 1.0 == 1 in Python.
+        if type(document[key]) is not type(expected) or document[key] != expected:
+            top.key(key).fail(
+                shown(expected),
+                shown(document[key]),
+                "use a taxel release that reads that file, or convert the file",
+            )
+
+
+def _toml(value: str | int) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def _check_table(table: Any, keys: Mapping[str, type], field: Field) -> None:
+    """The table has exactly these keys, each of its type."""
+    _check_type(table, dict, field)
+    for key in table:
+        if key not in keys:
+            field.key(key).fail("a known key", "an unknown one", _suggestion(key, keys))
+    for key, kind in keys.items():
+        if key not in table:
+            field.key(key).fail(_TYPES[kind], "nothing", f"add {key}")
+        _check_type(table[key], kind, field.key(key))
+
+
+def _suggestion(name: str, known: Iterable[str]) -> str:
+    known = sorted(known)
+    # Cut: the comparison is quadratic and the name is the file's.
+    near = difflib.get_close_matches(name[:64], known, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def _check_type(value: Any, kind: type, field: Field) -> None:
+    allowed: tuple[type, ...] = (int, float) if kind is float else (kind,)
+    if isinstance(value, bool) or not isinstance(value, allowed):
+        remedy = "write [[boards]] before each board" if kind is list else "change its type"
+        if kind is dict:
+            remedy = "make it a table"
+        elif kind is int and isinstance(value, str):
+            remedy = "remove the quotes"
+        field.fail(_TYPES[kind], shown(value), remedy)
+
+
+def _check_identifier(name: str, field: Field) -> None:
+    if not _IDENTIFIER.fullmatch(name):
+        field.fail("a letter, then letters, digits and _ (64 at most)", shown(name), "rename it")
+
+
+def _check_description(text: str, field: Field) -> None:
+    if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # it is printed: no control characters
+        field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", shown(text), "shorten it")
+
+
+def _check_range(value: int, low: int, high: int, what: str, field: Field) -> None:
+    if not low <= value <= high:
+        field.fail(f"{what} from {low} to {high}", shown(value), "correct it")
+
+
+def _check_taxel(taxel: Any, field: Field) -> None:
+    _check_table(taxel, _TAXEL, field)
+    for key in _TAXEL:
+        if not 0 < taxel[key] < MAX_LENGTH_M:  # also refuses nan and inf
+            field.key(key).fail(
+                f"metres, above 0 and below {MAX_LENGTH_M:g}",
+                shown(taxel[key]),
+                "give the length in metres, as 0.005",
+            )
+    if taxel["size_m"] > taxel["pitch_m"]:
+        field.key("size_m").fail(
+            f"at most the pitch ({taxel['pitch_m']} m)",
+            shown(taxel["size_m"]),
+            "taxels would overlap; correct either",
+        )
+
+
+def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
+    names_by_code: dict[int, str] = {}
+    for name, kind in kinds.items():
+        here = field.key(name)
+        _check_identifier(name, here)
+        _check_table(kind, _KIND, here)
+        code = kind["code"]
+        _check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", here.key("code"))
+        if code in names_by_code:
+            here.key("code").fail(
+                "a code that no other kind has",
+                f"{code}, also {names_by_code[code]}'s",
+                "give it a free code",
+            )
+        names_by_code[code] = name
+        _check_range(kind["tx"], 1, MAX_LINES, "a number of TX lines", here.key("tx"))
+        _check_range(kind["rx"], 1, MAX_LINES, "a number of RX lines", here.key("rx"))
+        _check_range(kind["taxels"], 1, MAX_TAXELS, "a number of taxels", here.key("taxels"))
+        check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], here.key("crossings"))
+
+
+def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> None:
+    if not boards:
+        field.fail("at least one board", "none", "add a [[boards]] table")
+    owners: dict[str, dict[Any, str]] = {"name": {}, "address": {}}
+    for index, board in enumerate(boards):
+        here = field.item(index)
+        _check_table(board, _BOARD, here)
+        _check_identifier(board["name"], here.key("name"))
+        if board["kind"] not in kinds:
+            here.key("kind").fail(
+                "the name of a [kinds] table", shown(board["kind"]), _suggestion(board["kind"], kinds)
+            )
+        if not MIN_ADDRESS <= board["address"] <= MAX_ADDRESS:
+            here.key("address").fail(
+                f"a 7-bit I2C address from {shown_address(MIN_ADDRESS)} to {shown_address(MAX_ADDRESS)}",
+                shown_address(board["address"]),
+                "give the board a free address in that range (without the read/write bit)",
+            )
+        for key, owner in owners.items():
+            if board[key] in owner:
+                value = shown_address(board[key]) if key == "address" else shown(board[key])
+                here.key(key).fail(
+                    f"a board {key} used once",
+                    f"{value}, also in {owner[board[key]]}",
+                    f"give one of them a free {key}",
+                )
+            owner[board[key]] = here.path

@@ -1,0 +1,34 @@
+"""From raw counts to baseline, activation and noise. See README.md for what this room may import."""
+
+from taxel.signal.activation import ACTIVATION_THRESHOLD_COUNTS, Activation, ActivationFrame
+from taxel.signal.baseline import (
+    BASELINE_SAMPLES,
+    Baseline,
+    BaselineResult,
+    baseline_of,
+)
+from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, MEDIAN_WINDOW_SAMPLES, disturbed_taxels
+from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
+from taxel.signal.events import ActivationTracker, ContactEvent
+from taxel.signal.noise import NoiseReport, noise_report, snr, snr_db
+
+__all__ = [
+    "ACTIVATION_THRESHOLD_COUNTS",
+    "BASELINE_SAMPLES",
+    "DISTURBANCE_LIMIT_COUNTS",
+    "MEDIAN_WINDOW_SAMPLES",
+    "Activation",
+    "ActivationFrame",
+    "ActivationTracker",
+    "Baseline",
+    "BaselineResult",
+    "ContactEvent",
+    "DisturbedBaselineError",
+    "NoiseReport",
+    "TooFewSamplesError",
+    "baseline_of",
+    "disturbed_taxels",
+    "noise_report",
+    "snr",
+    "snr_db",
+]

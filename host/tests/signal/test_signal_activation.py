@@ -1,0 +1,143 @@
+"""Active means a drop of strictly more than the threshold; missing and saturated are said apart."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, Activation, baseline_of
+
+
+def test_a_drop_of_exactly_150_counts_is_not_active():
+    frame = Activation([1000.0, 1000.0, 1000.0])(np.array([851, 850, 849], np.uint16))
+    assert ACTIVATION_THRESHOLD_COUNTS == 150.0
+    assert frame.drop.tolist() == [149.0, 150.0, 151.0]
+    assert frame.active.tolist() == [False, False, True]
+
+
+def test_a_fraction_of_a_count_above_150_is_active():
+    frame = Activation([1000.0, 1000.01])(np.array([850, 850], np.uint16))
+    assert frame.active.tolist() == [False, True]
+
+
+def test_the_threshold_is_a_parameter():
+    frame = Activation([1000.0, 1000.0], threshold=20)([980, 979])
+    assert frame.active.tolist() == [False, True]
+
+
+def test_missing_is_not_inactive():
+    frame = Activation([1000.0] * 3)([500, 500, 1000], valid=[True, False, True])
+    assert frame.active.tolist() == [True, False, False]
+    assert frame.missing.tolist() == [False, True, False]
+    assert np.isnan(frame.drop).tolist() == [False, True, False]
+
+
+def test_a_missing_frame_raises_no_flag():
+    frame = Activation([1000.0] * 2)([0, 65_535], valid=False)
+    assert frame.missing.all()
+    assert not (frame.active | frame.saturated | frame.suspect_baseline).any()
+
+
+def test_not_a_number_is_missing():
+    frame = Activation([1000.0] * 2)(np.array([np.nan, 1000.0]))
+    assert frame.missing.tolist() == [True, False]
+
+
+def test_a_saturated_taxel_stays_active_and_is_flagged():
+    frame = Activation([1000.0, 1000.0, 65_500.0])([0, 1, 65_535])
+    assert frame.saturated.tolist() == [True, False, True]
+    assert frame.active.tolist() == [True, True, False]
+
+
+def test_the_saturation_floor_is_per_taxel():
+    activation = Activation([1000.0] * 3, saturation_floor_counts=[400, 300, 0])
+    frame = activation([400, 400, 400])
+    assert frame.saturated.tolist() == [True, False, False]
+    assert frame.active.all()
+
+
+def test_one_saturation_floor_serves_all_taxels():
+    assert Activation([1000.0] * 2, saturation_floor_counts=50)([50, 51]).saturated.tolist() == [True, False]
+
+
+def test_a_rise_of_more_than_the_threshold_makes_the_baseline_suspect():
+    frame = Activation([1000.0] * 3)([1150, 1151, 849])
+    assert frame.suspect_baseline.tolist() == [False, True, False]
+
+
+def test_a_touch_through_the_whole_baseline_shows_on_release():
+    touched = np.full((100, 2), 30_000, np.uint16)
+    touched[:, 1] -= 400
+    baseline = baseline_of(touched)
+    assert not baseline.disturbed.any()
+    released = Activation(baseline.mean)(np.full(2, 30_000, np.uint16))
+    assert released.suspect_baseline.tolist() == [False, True]
+
+
+@given(
+    hnp.arrays(np.uint16, (7, 3)),
+    hnp.arrays(np.bool_, (7, 3)),
+    hnp.arrays(np.float64, 3, elements=st.floats(0, 65_535)),
+)
+def test_a_block_of_frames_equals_its_frames_one_by_one(raw, valid, mean):
+    activation = Activation(mean)
+    block = activation(raw, valid)
+    for index in range(7):
+        frame = activation(raw[index], valid[index])
+        for field in ("drop", "active", "missing", "saturated", "suspect_baseline"):
+            assert getattr(block, field)[index].tobytes() == getattr(frame, field).tobytes()
+
+
+def test_a_mask_of_whole_frames_serves_a_block():
+    block = Activation([1000.0] * 2)(np.full((3, 2), 800), valid=np.array([True, False, True]))
+    assert block.missing.tolist() == [[False] * 2, [True] * 2, [False] * 2]
+
+
+def test_over_a_hold_the_mean_of_the_valid_frames_decides():
+    raw = np.array([[849, 849, 0], [851, 850, 0], [0, 0, 0]], np.uint16)
+    valid = np.array([[True, True, False], [True, True, False], [False, False, False]])
+    hold = Activation([1000.0] * 3).over_hold(raw, valid)
+    assert hold.drop[:2].tolist() == [150.0, 150.5]
+    assert hold.active.tolist() == [False, True, False]
+    assert hold.missing.tolist() == [False, False, True]
+
+
+def test_over_a_hold_one_saturated_frame_is_enough():
+    raw = np.array([[900, 900], [0, 0], [900, 900]], np.uint16)
+    valid = np.array([[True, True], [True, False], [True, True]])
+    assert Activation([1000.0] * 2).over_hold(raw, valid).saturated.tolist() == [True, False]
+
+
+def test_the_callers_baseline_is_copied():
+    mean = np.array([1000.0])
+    activation = Activation(mean)
+    mean[:] = 0.0
+    assert activation([800]).active.tolist() == [True]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Activation([1.0, np.nan]), "taxel 1 is nan"),
+        (lambda: Activation([np.inf]), "baseline_mean"),
+        (lambda: Activation([]), "baseline_mean"),
+        (lambda: Activation([[1.0]]), "baseline_mean"),
+        (lambda: Activation([1.0], threshold=0), "threshold"),
+        (lambda: Activation([1.0], threshold=-150), "threshold"),
+        (lambda: Activation([1.0], threshold=float("nan")), "threshold"),
+        (lambda: Activation([1.0], saturation_floor_counts=[1, 2]), "saturation_floor_counts"),
+        (lambda: Activation([1.0], saturation_floor_counts=-1), "saturation_floor_counts"),
+        (lambda: Activation([1.0])([1, 2]), "1 taxels"),
+        (lambda: Activation([1.0])(5), "raw_counts"),
+        (lambda: Activation([1.0])([-1]), "raw_counts"),
+        (lambda: Activation([1.0])([65_535.5]), "raw_counts"),
+        (lambda: Activation([1.0])([True]), "raw_counts"),
+        (lambda: Activation([1.0])([1], valid=[1]), "valid"),
+        (lambda: Activation([1.0]).over_hold([1]), "raw_counts"),
+    ],
+)
+def test_a_wrong_input_is_one_clear_line(call, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)

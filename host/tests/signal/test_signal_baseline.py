@@ -1,0 +1,200 @@
+"""The baseline is the plain mean of the first valid samples of each taxel, streamed or not."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from taxel.signal import (
+    BASELINE_SAMPLES,
+    Baseline,
+    DisturbedBaselineError,
+    TooFewSamplesError,
+    baseline_of,
+)
+
+
+@st.composite
+def recordings(draw):
+    frames, taxels = draw(st.integers(1, 40)), draw(st.integers(1, 5))
+    raw = draw(hnp.arrays(np.uint16, (frames, taxels)))
+    valid = draw(hnp.arrays(np.bool_, (frames, taxels)))
+    return raw, valid, draw(st.integers(2, 30))
+
+
+def streamed(raw, valid, samples):
+    baseline = Baseline(raw.shape[1], samples)
+    for frame, mask in zip(raw, valid, strict=True):
+        baseline.update(frame, mask)
+    return baseline
+
+
+@given(recordings())
+def test_streamed_equals_vectorised_to_the_last_bit(recording):
+    raw, valid, samples = recording
+    baseline = streamed(raw, valid, samples)
+    if not baseline.ready:
+        with pytest.raises(TooFewSamplesError) as caught:
+            baseline_of(raw, valid, samples)
+        assert (caught.value.needed, caught.value.found) == (samples, valid.sum(axis=0).min())
+        return
+    result = baseline_of(raw, valid, samples)
+    assert baseline.mean.tobytes() == result.mean.tobytes()
+    assert baseline.noise.tobytes() == result.noise.tobytes()
+    assert baseline.disturbed.tolist() == result.disturbed.tolist()
+    assert result.count.tolist() == [samples] * raw.shape[1]
+
+
+@given(recordings())
+def test_every_complete_taxel_has_the_mean_of_exact_arithmetic(recording):
+    raw, valid, samples = recording
+    baseline = streamed(raw, valid, samples)
+    for taxel in range(raw.shape[1]):
+        counts = raw[valid[:, taxel], taxel].tolist()[:samples]
+        if len(counts) < samples:
+            assert not baseline.ready_mask[taxel]
+            assert np.isnan(baseline.mean[taxel])
+            assert np.isnan(baseline.noise[taxel])
+            assert not baseline.disturbed[taxel]
+            continue
+        mean = Fraction(sum(counts), samples)
+        variance = sum((Fraction(count) - mean) ** 2 for count in counts) / (samples - 1)
+        assert baseline.ready_mask[taxel]
+        assert baseline.mean[taxel] == float(mean)
+        assert baseline.noise[taxel] == pytest.approx(float(variance) ** 0.5, rel=1e-14)
+
+
+def test_the_default_is_100_samples():
+    baseline = Baseline(2)
+    ready = [baseline.update(np.array([1000, 2000], np.uint16)) for _ in range(BASELINE_SAMPLES)]
+    assert BASELINE_SAMPLES == 100
+    assert ready == [False] * 99 + [True]
+    assert baseline.mean.tolist() == [1000.0, 2000.0]
+    assert baseline.noise.tolist() == [0.0, 0.0]
+
+
+def test_sums_stay_exact_at_the_top_of_the_range_and_the_longest_baseline():
+    raw = np.full((46_340, 1), 65_535, np.uint16)
+    raw[0] = 65_534
+    result = baseline_of(raw, samples=46_340)
+    assert result.mean[0] == float(65_535 - Fraction(1, 46_340))
+    assert result.noise[0] == pytest.approx(46_340**-0.5, rel=1e-12)
+
+
+def test_a_missing_frame_contributes_nothing():
+    baseline = Baseline(1, samples=2)
+    baseline.update([100])
+    baseline.update([60_000], valid=False)
+    assert baseline.progress == 0.5
+    assert baseline.update([104])
+    assert baseline.mean.tolist() == [102.0]
+
+
+def test_each_taxel_counts_its_own_samples():
+    baseline = Baseline(2, samples=2)
+    baseline.update([10, 20], valid=[True, False])
+    baseline.update([12, 22])
+    assert baseline.ready_mask.tolist() == [True, False]
+    assert baseline.count.tolist() == [2, 1]
+    assert baseline.progress == 0.75
+    assert baseline.update([9_000, 24])
+    assert baseline.mean.tolist() == [11.0, 23.0]
+
+
+def test_a_whole_frame_mask_is_the_same_as_one_per_taxel():
+    raw = np.arange(12, dtype=np.uint16).reshape(6, 2)
+    frames = np.array([True, False, True, True, False, True])
+    by_frame = baseline_of(raw, frames, samples=3)
+    by_taxel = baseline_of(raw, np.repeat(frames[:, None], 2, axis=1), samples=3)
+    assert by_frame.mean.tolist() == by_taxel.mean.tolist() == [10 / 3, 13 / 3]
+
+
+def test_frames_after_completion_change_nothing():
+    baseline = Baseline(1, samples=2)
+    for count in (10, 12, 5_000, 5_000):
+        baseline.update([count])
+    assert baseline.mean.tolist() == [11.0]
+    assert baseline.ready
+
+
+def test_reset_starts_again():
+    baseline = Baseline(1, samples=2)
+    baseline.update([10])
+    baseline.update([12])
+    baseline.reset()
+    assert (baseline.ready, baseline.progress) == (False, 0.0)
+    baseline.update([20])
+    baseline.update([22])
+    assert baseline.mean.tolist() == [21.0]
+
+
+def touched_recording():
+    raw = np.full((100, 8), 30_000, np.uint16)
+    raw[30:63, :7] -= 400
+    return raw
+
+
+def test_a_disturbed_baseline_keeps_the_plain_mean_and_is_refused_on_demand():
+    raw = touched_recording()
+    result = baseline_of(raw)
+    assert result.mean.tolist() == [29_868.0] * 7 + [30_000.0]
+    with pytest.raises(DisturbedBaselineError) as caught:
+        result.require_clean()
+    assert str(caught.value) == (
+        "baseline disturbed on 7 of 8 taxels (0, 1, 2, 3, 4, ...): "
+        "lift everything off the skin and take the baseline again"
+    )
+    assert caught.value.taxels == [0, 1, 2, 3, 4, 5, 6]
+
+
+def test_the_streamed_baseline_refuses_a_disturbed_taxel_too():
+    raw = touched_recording()
+    baseline = streamed(raw, np.ones(raw.shape, np.bool_), 100)
+    with pytest.raises(DisturbedBaselineError):
+        baseline.require_clean()
+
+
+def test_an_incomplete_baseline_is_not_called_clean():
+    baseline = Baseline(3)
+    baseline.update([1, 2, 3], valid=[True, False, True])
+    with pytest.raises(TooFewSamplesError, match=r"taxel 1 has 0 valid samples, needs 100") as caught:
+        baseline.require_clean()
+    assert (caught.value.taxel, caught.value.needed, caught.value.found) == (1, 100, 0)
+
+
+def test_a_result_does_not_change_with_the_baseline_it_came_from():
+    baseline = Baseline(1, samples=2)
+    baseline.update([10])
+    baseline.update([12])
+    result = baseline.result()
+    baseline.reset()
+    assert (result.mean.tolist(), result.count.tolist()) == ([11.0], [2])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Baseline(0), "n_taxels"),
+        (lambda: Baseline(3, samples=1), "samples"),
+        (lambda: Baseline(3, samples=46_341), "samples"),
+        (lambda: Baseline(3, max_disturbance_counts=0), "max_disturbance_counts"),
+        (lambda: Baseline(3, max_disturbance_counts=float("nan")), "max_disturbance_counts"),
+        (lambda: Baseline(3).update([1, 2]), "3 taxels"),
+        (lambda: Baseline(3).update([[1, 2, 3]]), "raw_counts"),
+        (lambda: Baseline(3).update([1.0, 2.0, 3.0]), "float64"),
+        (lambda: Baseline(3).update([1, 2, 65_536]), "65535"),
+        (lambda: Baseline(3).update([1, 2, -1]), "raw_counts"),
+        (lambda: Baseline(3).update([1, 2, 3], valid=[True]), "valid"),
+        (lambda: Baseline(3).update([1, 2, 3], valid=[1, 1, 0]), "valid"),
+        (lambda: baseline_of(np.zeros((5, 0), np.uint16)), "at least 1 taxel"),
+        (lambda: baseline_of(np.zeros(5, np.uint16)), "raw_counts"),
+        (lambda: baseline_of(np.zeros((5, 2), np.uint16), np.ones(2, np.bool_)), "valid"),
+    ],
+)
+def test_a_wrong_input_is_one_clear_line(call, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)

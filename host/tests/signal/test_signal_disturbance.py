@@ -1,0 +1,132 @@
+"""A touch during the baseline is found; noise, impulses and drift are not taken for one."""
+
+import numpy as np
+import pytest
+
+from taxel.signal import Baseline, baseline_of, disturbed_taxels
+
+SKIN_TAXELS = 1073
+SAMPLES = 100
+REST_COUNTS = 30_000
+WORST_SIGMA = 28.0  # counts
+SEEDS = [1, 20_260, 3_141_592]
+
+
+@pytest.fixture(params=SEEDS, ids=lambda seed: f"seed{seed}")
+def rng(request):
+    print(f"seed {request.param}")
+    return np.random.default_rng(request.param)
+
+
+def at_rest(rng, sigma=WORST_SIGMA, taxels=SKIN_TAXELS):
+    return REST_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
+
+
+def as_counts(values):
+    return np.rint(values).astype(np.uint16)
+
+
+def press(values, first, length, counts):
+    """A touch of one taxel each, starting at first[taxel]."""
+    frame = np.arange(SAMPLES)[:, None]
+    return values - counts * ((frame >= first) & (frame < first + length))
+
+
+def test_white_noise_of_28_counts_is_not_a_touch(rng):
+    assert not disturbed_taxels(as_counts(at_rest(rng, taxels=10 * SKIN_TAXELS))).any()
+
+
+def test_a_drift_of_a_few_counts_is_not_a_touch(rng):
+    drift = np.linspace(0, 5, SAMPLES)[:, None]
+    for sign in (-1, 1):
+        assert not disturbed_taxels(as_counts(at_rest(rng) + sign * drift)).any()
+
+
+def test_single_sample_impulses_of_256_counts_are_not_a_touch(rng):
+    values = at_rest(rng, sigma=10.0)
+    sign = rng.choice([-256, 256], values.shape)
+    assert not disturbed_taxels(as_counts(values + sign * (rng.random(values.shape) < 0.05))).any()
+
+
+def test_impulses_on_top_of_the_worst_noise_are_not_a_touch(rng):
+    values = at_rest(rng)
+    values[rng.integers(0, SAMPLES, 3)] -= 256
+    assert not disturbed_taxels(as_counts(values)).any()
+
+
+@pytest.mark.parametrize("length", [10, 11, 20, 33, 50, 67, 80, 90])
+def test_a_touch_of_150_counts_is_found_under_the_worst_noise(rng, length):
+    first = rng.integers(0, SAMPLES - length + 1, SKIN_TAXELS)
+    assert disturbed_taxels(as_counts(press(at_rest(rng), first, length, 150))).all()
+
+
+@pytest.mark.parametrize("length", range(10, 91))
+def test_a_touch_of_150_counts_is_found_without_noise_wherever_it_lies(length):
+    first = np.arange(SAMPLES - length + 1)
+    values = np.full((SAMPLES, first.size), float(REST_COUNTS))
+    assert disturbed_taxels(as_counts(press(values, first, length, 150))).all()
+
+
+def test_only_the_touched_taxels_are_named(rng):
+    raw = at_rest(rng)
+    touched = rng.random(SKIN_TAXELS) < 0.1
+    raw[40:73, touched] -= 400
+    assert disturbed_taxels(as_counts(raw)).tolist() == touched.tolist()
+
+
+def test_short_taps_in_a_third_of_the_samples_are_found(rng):
+    values = at_rest(rng)
+    values[::3] -= 400
+    assert disturbed_taxels(as_counts(values)).all()
+
+
+def test_a_touch_in_progress_and_lifted_midway_is_found():
+    values = np.full((SAMPLES, 1), REST_COUNTS)
+    values[:33] -= 400
+    assert disturbed_taxels(as_counts(values)).tolist() == [True]
+
+
+def test_missing_frames_do_not_hide_a_touch(rng):
+    raw = as_counts(press(at_rest(rng), np.full(SKIN_TAXELS, 20), 40, 300))
+    raw = np.concatenate([raw, as_counts(at_rest(rng))])
+    valid = rng.random(raw.shape) > 0.3
+    raw[~valid] = 0
+    baseline = Baseline(SKIN_TAXELS)
+    for frame, mask in zip(raw, valid, strict=True):
+        baseline.update(frame, mask)
+    assert baseline.disturbed.all()
+    assert baseline_of(raw, valid).disturbed.all()
+
+
+def test_missing_frames_are_not_a_touch(rng):
+    raw = as_counts(np.concatenate([at_rest(rng), at_rest(rng)]))
+    valid = rng.random(raw.shape) > 0.3
+    raw[~valid] = 0
+    assert not baseline_of(raw, valid).disturbed.any()
+
+
+def test_a_touch_through_all_samples_cannot_be_seen_here(rng):
+    assert not disturbed_taxels(as_counts(at_rest(rng) - 400)).any()
+
+
+def test_the_limit_is_a_parameter():
+    values = np.full((SAMPLES, 1), REST_COUNTS)
+    values[:40] -= 60
+    raw = as_counts(values)
+    assert not disturbed_taxels(raw).any()
+    assert disturbed_taxels(raw, max_disturbance_counts=50).all()
+    assert baseline_of(raw, max_disturbance_counts=50).disturbed.all()
+
+
+@pytest.mark.parametrize(
+    ("samples", "limit", "message"),
+    [
+        (np.zeros((0, 2), np.uint16), 90.0, "at least 1 sample"),
+        (np.zeros(4, np.uint16), 90.0, "shape"),
+        (np.zeros((4, 2), np.uint16), -1.0, "max_disturbance_counts"),
+    ],
+)
+def test_a_wrong_input_is_one_clear_line(samples, limit, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        disturbed_taxels(samples, limit)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,214 @@
+"""Frames on a wire: CRC-32, whitening, byte stuffing (COBS), and a reference decoder that never loses a whole frame.
+
+This is the readable definition; `firmware/codec` is the fast one. The tests hold them against each other and against the
+construct definition in `wire`.
+"""
+
+import zlib
+from collections.abc import Iterator
+
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.limits import (
+    ADDRESS_MAX,
+    ADDRESS_MIN,
+    BODY_MAX,
+    ENCODED_MAX,
+    FRAME_CRC_SIZE,
+    FRAME_HEADER_SIZE,
+    SNAPSHOT_OVERHEAD,
+    WHITENING_FACTOR,
+    WHITENING_INCREMENT,
+    WHITENING_SEED,
+)
+from taxel_protocol.names import FrameType
+
+
+def crc32(data: bytes, start: int = 0) -> int:
+    """CRC-32 of IEEE 802.3 (reflected polynomial 0xEDB88320, as zlib's); `start` continues an earlier CRC."""
+    return zlib.crc32(data, start)
+
+
+def _whitening(length: int) -> bytes:
+    sequence = bytearray(length)
+    state = WHITENING_SEED
+    for i in range(length):
+        sequence[i] = state
+        state = (WHITENING_FACTOR * state + WHITENING_INCREMENT) & 0xFF
+    return bytes(sequence)
+
+
+_WHITENING = _whitening(BODY_MAX)
+
+
+def whiten(body: bytes) -> bytes:
+    """XOR with the whitening sequence; its own inverse. Raises ValueError above BODY_MAX bytes."""
+    if len(body) > BODY_MAX:
+        raise ValueError(f"a frame has at most {BODY_MAX} bytes, got {len(body)}")
+    return bytes(a ^ b for a, b in zip(body, _WHITENING, strict=False))
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """Consistent overhead byte stuffing (Cheshire and Baker, 1999): the same data without zero bytes."""
+    out = bytearray()
+    for is_last, block in _zero_free_runs(data):
+        while len(block) > 254 or (len(block) == 254 and not is_last):
+            out.append(0xFF)
+            out += block[:254]
+            block = block[254:]
+        if len(block) == 254:
+            out.append(0xFF)
+            out += block
+        else:
+            out.append(len(block) + 1)
+            out += block
+    return bytes(out)
+
+
+def _zero_free_runs(data: bytes) -> Iterator[tuple[bool, bytes]]:
+    runs = data.split(b"\0")
+    for i, run in enumerate(runs):
+        yield i == len(runs) - 1, run
+
+
+def cobs_decode(data: bytes) -> bytes:
+    """Inverse of `cobs_encode`. Raises ValueError if `data` holds a zero or ends inside a block."""
+    if b"\0" in data:
+        raise ValueError("stuffed data holds a zero byte")
+    out = bytearray()
+    position = 0
+    while position < len(data):
+        code = data[position]
+        end = position + code
+        if end > len(data):
+            raise ValueError("stuffed data ends inside a block")
+        out += data[position + 1 : end]
+        position = end
+        if code < 0xFF and position < len(data):
+            out.append(0)
+    return bytes(out)
+
+
+def encode_body(body: bytes) -> bytes:
+    """Whiten and stuff a frame's body and set its two delimiters."""
+    return b"\0" + cobs_encode(whiten(body)) + b"\0"
+
+
+def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
+    """One frame as it goes onto the wire, delimiters included.
+
+    Raises ValueError for a payload that the frame type does not allow.
+    """
+    header = bytes([frame_type]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little")
+    body = header + payload
+    if not header_is_plausible(body):
+        raise ValueError(f"frame type 0x{frame_type:02X} does not allow a payload of {len(payload)} bytes")
+    return encode_body(body + crc32(body).to_bytes(4, "little"))
+
+
+def header_is_plausible(body: bytes) -> bool:
+    """Whether type and length go together (5 bytes given), and address and taxel count too (7 bytes given)."""
+    try:
+        spec = FRAMES[FrameType(body[0])]
+    except (ValueError, KeyError):
+        return False
+    length = int.from_bytes(body[3:5], "little")
+    if not spec.minimum <= length <= spec.maximum:
+        return False
+    if spec.has_address and len(body) > 5 and not ADDRESS_MIN <= body[5] <= ADDRESS_MAX:
+        return False
+    if body[0] == FrameType.TAXELS and len(body) > 6:
+        return length == 8 + SNAPSHOT_OVERHEAD + 2 * body[6]
+    return True
+
+
+def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
+    """(type, sequence, payload) of an unstuffed, unwhitened frame, or None if anything about it is wrong."""
+    if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not header_is_plausible(body):
+        return None
+    length = int.from_bytes(body[3:5], "little")
+    if len(body) != FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE:
+        return None
+    if crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+        return None
+    return body[0], int.from_bytes(body[1:3], "little"), body[5:-4]
+
+
+def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
+    """The frame at the start of `chunk`, which holds no zero, as (bytes used, frame); None if there is none.
+
+    A frame knows its own length, so its end is found without a delimiter: at the end of the block where the unstuffed
+    length is the one that the header claims.
+    """
+    out = bytearray()
+    position = 0
+    while position < len(chunk) and len(out) <= BODY_MAX:
+        code = chunk[position]
+        end = position + code
+        if end > len(chunk):
+            return None
+        out += chunk[position + 1 : end]
+        position = end
+        if len(out) >= FRAME_HEADER_SIZE:
+            head = whiten(bytes(out[:7]))
+            expected = FRAME_HEADER_SIZE + int.from_bytes(head[3:5], "little") + FRAME_CRC_SIZE
+            if not header_is_plausible(head) or len(out) > expected:
+                return None
+            if len(out) == expected:
+                frame = decode_body(whiten(bytes(out)))
+                return None if frame is None else (position, frame)
+        if code < 0xFF:
+            out.append(0)
+    return None
+
+
+class ReferenceDecoder:
+    """Bytes in, frames out, in plain Python: the oracle for the C decoder.
+
+    Between two zeros lies a chunk. If the chunk is not one whole frame, every byte of it is tried as the start of a frame,
+    so that frames which a lost delimiter glued together, or glued to rubbish, are all found.
+    """
+
+    def __init__(self) -> None:
+        self._chunk = bytearray()
+        self.discarded_bytes = 0
+
+    def push(self, data: bytes) -> list[tuple[int, int, bytes]]:
+        """Frames (type, sequence, payload) completed by `data`, in order."""
+        frames: list[tuple[int, int, bytes]] = []
+        first, *rest = data.split(b"\0")
+        self._chunk += first
+        for piece in rest:
+            frames += self._take_chunk(bytes(self._chunk))
+            self._chunk = bytearray(piece)
+        while len(self._chunk) > 2 * ENCODED_MAX:
+            frames += self._scan(bytes(self._chunk[:ENCODED_MAX]), bytes(self._chunk))
+        return frames
+
+    def finish(self) -> list[tuple[int, int, bytes]]:
+        """Frames in what is left when the stream ends without a delimiter."""
+        frames = self._take_chunk(bytes(self._chunk))
+        self._chunk.clear()
+        return frames
+
+    def _take_chunk(self, chunk: bytes) -> list[tuple[int, int, bytes]]:
+        if not chunk:
+            return []
+        return self._search(chunk, len(chunk))[1]
+
+    def _scan(self, head: bytes, chunk: bytes) -> list[tuple[int, int, bytes]]:
+        used, frames = self._search(chunk, len(head))
+        del self._chunk[:used]
+        return frames
+
+    def _search(self, chunk: bytes, until: int) -> tuple[int, list[tuple[int, int, bytes]]]:
+        frames = []
+        start = 0
+        while start < until:
+            found = decode_prefix(chunk[start : start + ENCODED_MAX])
+            if found is None:
+                start += 1
+                self.discarded_bytes += 1
+            else:
+                start += found[0]
+                frames.append(found[1])
+        return start, frames

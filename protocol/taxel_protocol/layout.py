@@ -1,0 +1,94 @@
+"""Fixed layouts read out of the construct definitions: for the C header and for fast packing in Python."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from construct import Bytes, Const, FormatField, Renamed, Struct
+
+_FORMATS = {"<B": "B", "<H": "H", "<L": "I", "<Q": "Q"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a fixed layout: `code` is its `struct` code, `size` its bytes, `offset` where it begins."""
+
+    name: str
+    code: str
+    offset: int
+    size: int
+    constant: int | None = None
+
+    @property
+    def is_bytes(self) -> bool:
+        """Whether the field is a byte string rather than a number."""
+        return self.code.endswith("s")
+
+
+def fields_of(definition: Struct) -> tuple[Field, ...]:
+    """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
+
+    Stops at the first part without a fixed size (a tail). Raises TypeError for a construct that a layout cannot express.
+    """
+    fields: list[Field] = []
+    offset = 0
+    for name, code, size, constant in _walk(definition, ""):
+        fields.append(Field(name, code, offset, size, constant))
+        offset += size
+    return tuple(fields)
+
+
+def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int | None]]:
+    for renamed in definition.subcons:
+        assert isinstance(renamed, Renamed)
+        inner: Any = renamed.subcon
+        name = prefix + renamed.name
+        constant = None
+        if isinstance(inner, Const):
+            constant = int(inner.value)
+            inner = inner.subcon
+        if isinstance(inner, Struct):
+            yield from _walk(inner, name + "_")
+        elif isinstance(inner, FormatField):
+            yield name, _FORMATS[inner.fmtstr], inner.length, constant
+        elif isinstance(inner, Bytes):
+            yield name, f"{inner.length}s", int(inner.length), None
+        else:
+            return
+
+
+@cache
+def packer_of(definition: Struct) -> struct.Struct:
+    """`struct.Struct` of the fixed fields of `definition`."""
+    return struct.Struct("<" + "".join(field.code for field in fields_of(definition)))
+
+
+@cache
+def _names_of(definition: Struct) -> tuple[str, ...]:
+    return tuple(field.name for field in fields_of(definition))
+
+
+def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> bytes:
+    """Bytes of the fixed fields (flat names), then `tail`. Raises struct.error for a value out of range."""
+    fields = fields_of(definition)
+    flat = [values[f.name] if f.constant is None else f.constant for f in fields]
+    return packer_of(definition).pack(*flat) + tail
+
+
+def unpack(definition: Struct, data: bytes) -> tuple[dict[str, Any], bytes]:
+    """(fixed fields by flat name, tail) of `data`. Raises struct.error if `data` is shorter than the fixed fields."""
+    packer = packer_of(definition)
+    return dict(zip(_names_of(definition), packer.unpack_from(data), strict=True)), data[packer.size :]
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested field values as flat names, `{"header": {"address": 1}}` to `{"header_address": 1}`."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{name}_")
+        else:
+            flat[prefix + name] = value
+    return flat

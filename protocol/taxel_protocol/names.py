@@ -1,0 +1,116 @@
+"""Codes with names: frame types, commands, states and faults. The generator makes C enums of them."""
+
+from enum import IntEnum
+
+
+class FrameType(IntEnum):
+    """First byte of a frame. Below 0x80: hub to host. From 0x80: host to hub."""
+
+    HUB_HELLO = 0x01
+    TAXELS = 0x02
+    COMPACT_FIRST = 0x03  # 0x03..0x07 are reserved for compact taxel frames
+    COMPACT_LAST = 0x07
+    HUB_STATUS = 0x08
+    BOARD_STATUS = 0x09
+    BOARD_INFO = 0x0A
+    BOARD_FAULT = 0x0B
+    TIME_SYNC = 0x0C
+    LOG = 0x0D
+    REPLY = 0x0E
+    HOST_HELLO = 0x81
+    COMMAND = 0x82
+
+
+class Command(IntEnum):
+    """What a host asks of the hub."""
+
+    START = 1
+    STOP = 2
+    SET_RATE = 3
+    SCAN_BUS = 4
+    I2C_TRANSFER = 5
+    SET_SCAN_SETTINGS = 6
+    REBOOT = 7
+    GET_STATUS = 8
+    GET_BOARD_INFO = 9
+    GET_TIME = 10
+
+
+class ReplyStatus(IntEnum):
+    """How a command ended."""
+
+    OK = 0
+    UNKNOWN_COMMAND = 1
+    BAD_ARGUMENTS = 2
+    BUSY = 3
+    NO_HELLO = 4
+    UNKNOWN_BOARD = 5
+    NACK = 6
+    TIMEOUT = 7
+    BUS_ERROR = 8
+    REJECTED_BY_BOARD = 9
+
+
+class BoardState(IntEnum):
+    """What the hub knows of a board."""
+
+    ABSENT = 0
+    IDENTIFYING = 1
+    STREAMING = 2
+    INCOMPATIBLE = 3
+
+
+class BoardFault(IntEnum):
+    """Why a board's frame is missing, or what happened to the board."""
+
+    NONE = 0
+    NACK = 1
+    TIMEOUT = 2
+    CRC = 3
+    SDA_STUCK = 4
+    SCL_STUCK = 5
+    ARBITRATION = 6
+    NOT_A_TAXEL_BOARD = 7
+    MAP_VERSION = 8
+    RESTARTED = 9
+    TOO_LARGE = 10
+    SETTINGS_REJECTED = 11
+    RECOVERED = 12
+
+
+class ResetCause(IntEnum):
+    """Why a processor last started."""
+
+    POWER_ON = 0
+    BROWN_OUT = 1
+    WATCHDOG = 2
+    COMMAND = 3
+
+
+class LogLevel(IntEnum):
+    """Severity of a log frame."""
+
+    DEBUG = 0
+    INFO = 1
+    WARNING = 2
+    ERROR = 3
+
+
+class BoardCommand(IntEnum):
+    """Written to a board's command register, followed by its bitwise complement."""
+
+    START_SCAN = 1
+    STOP_SCAN = 2
+    CLEAR_COUNTERS = 3
+    RESTART = 4
+    ENTER_BOOTLOADER = 5
+
+
+class BoardErrorFlag(IntEnum):
+    """Bits of a board's error flags, kept until CLEAR_COUNTERS."""
+
+    SETTINGS_REJECTED = 1
+    COMMAND_REJECTED = 2
+    CONVERSION_TIMEOUT = 4
+    SATURATED = 8
+    READ_ONLY_WRITE = 16

@@ -1,0 +1,86 @@
+"""The I2C register map of a sensor board. All numbers are little-endian.
+
+A register is addressed by one byte, as SMBus does; the pointer advances with every byte read or written. A snapshot of N
+taxels is 10 + 2 N bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
+"""
+
+from construct import Array, Bytes, Const, Int8ul, Int16ul, Int32ul, Struct, this
+
+from taxel_protocol.limits import CROSSING_MAP_SIZE, WHO_AM_I
+
+Identity = Struct(
+    "who_am_i" / Const(WHO_AM_I, Int8ul),
+    "map_version" / Int8ul,
+    "firmware_major" / Int8ul,
+    "firmware_minor" / Int8ul,
+    "firmware_patch" / Int8ul,
+    "kind" / Int8ul,
+    "address" / Int8ul,
+    "reserved" / Int8ul,
+    "unique_id" / Bytes(8),
+    "rows" / Int8ul,
+    "columns" / Int8ul,
+    "taxel_count" / Int16ul,
+    "snapshot_size" / Int16ul,
+    "crossing_map" / Bytes(CROSSING_MAP_SIZE),
+    "crc32" / Int32ul,
+)
+"""Registers 0x00..0x39, fixed from boot. rows: TX lines; columns: RX lines; crc32: of the 54 bytes before it."""
+
+Status = Struct(
+    "state" / Int8ul,
+    "error_flags" / Int8ul,
+    "reset_cause" / Int8ul,
+    "settings_generation" / Int8ul,
+    "clock_us" / Int32ul,
+    "scans" / Int32ul,
+    "scan_time_us" / Int32ul,
+    "snapshot_reads" / Int32ul,
+    "bus_errors" / Int16ul,
+    "rejected_writes" / Int16ul,
+    "conversion_timeouts" / Int16ul,
+    "saturated_conversions" / Int16ul,
+)
+"""Registers 0x40..0x5B, all of one instant: they are latched when a read begins."""
+
+ScanSettings = Struct(
+    "sub_conversions" / Int16ul,
+    "sense_clock_divider" / Int16ul,
+    "modulator_clock_divider" / Int8ul,
+    "idac_code" / Int8ul,
+    "settle_cycles" / Int16ul,
+)
+"""How one crossing is measured. A conversion takes sub_conversions * sense_clock_divider modulator clocks, each of
+modulator_clock_divider CPU clocks, after settle_cycles CPU clocks; its largest count is sub_conversions * sense_clock_divider."""
+
+SettingsRegister = Struct(
+    "settings" / ScanSettings,
+    "crc32" / Int32ul,
+)
+"""Registers 0x60..0x6B, read and write. crc32: of the board's address byte and the 8 bytes before it. A write takes effect at
+the stop condition, whole or not at all, from the next scan on."""
+
+CommandRegister = Struct(
+    "command" / Int8ul,
+    "complement" / Int8ul,
+)
+"""Registers 0x70..0x71, write only. complement: the command's bits inverted, so that no single damaged byte is a command."""
+
+SnapshotHeader = Struct(
+    "sequence" / Int16ul,
+    "timestamp_us" / Int32ul,
+)
+"""sequence: scans since boot, modulo 65536. timestamp_us: the board's clock when the scan began."""
+
+
+def snapshot(taxel_count: int | object = this._.taxel_count) -> Struct:
+    """Definition of a snapshot of `taxel_count` taxels (a number, or a construct expression that gives it).
+
+    crc32 covers the board's 7-bit address as one byte, then every byte of the snapshot before it, so that a snapshot
+    which another board sent (one flipped address bit) is refused.
+    """
+    return Struct(
+        "header" / SnapshotHeader,
+        "raw_counts" / Array(taxel_count, Int16ul),
+        "crc32" / Int32ul,
+    )

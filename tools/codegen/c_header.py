@@ -1,0 +1,203 @@
+"""Write firmware/generated/taxel_protocol.h from the construct definitions.
+
+    python tools/codegen/c_header.py            write it
+    python tools/codegen/c_header.py --check    exit status 1 if the file on disk is stale
+"""
+
+import sys
+from enum import IntEnum
+from pathlib import Path
+
+from construct import Struct
+from taxel_protocol import frames, limits, names, registers
+from taxel_protocol.layout import Field, fields_of
+
+HEADER = Path(__file__).resolve().parents[2] / "firmware" / "generated" / "taxel_protocol.h"
+
+STRUCTS: dict[str, Struct] = {
+    "identity": registers.Identity,
+    "status": registers.Status,
+    "scan_settings": registers.ScanSettings,
+    "settings_register": registers.SettingsRegister,
+    "command_register": registers.CommandRegister,
+    "snapshot_header": registers.SnapshotHeader,
+    "host_hello": frames.HostHello,
+    "hub_hello": frames.HubHello,
+    "taxel_header": frames.TaxelHeader,
+    "hub_status": frames.HubStatus,
+    "board_status": frames.BoardStatus,
+    "board_info": frames.BoardInfo,
+    "board_fault_report": frames.BoardFaultReport,
+    "time_sync": frames.TimeSync,
+    "log_header": frames.Log,
+    "reply_header": frames.Reply,
+    "command_header": frames.CommandPayload,
+    "set_rate_arguments": frames.SetRateArguments,
+    "transfer_arguments": frames.TransferArguments,
+    "set_scan_settings_arguments": frames.SetScanSettingsArguments,
+    "get_board_info_arguments": frames.GetBoardInfoArguments,
+    "get_time_reply": frames.GetTimeReply,
+}
+ENUMS: tuple[type[IntEnum], ...] = (
+    names.FrameType,
+    names.Command,
+    names.ReplyStatus,
+    names.BoardState,
+    names.BoardFault,
+    names.ResetCause,
+    names.LogLevel,
+    names.BoardCommand,
+    names.BoardErrorFlag,
+)
+C_TYPES = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t"}
+
+
+def snake(name: str) -> str:
+    """FrameType to frame_type."""
+    return "".join(("_" + c.lower()) if c.isupper() and i else c.lower() for i, c in enumerate(name))
+
+
+def constants() -> list[str]:
+    """The limits as #defines."""
+    lines = []
+    for name, value in vars(limits).items():
+        if name.isupper():
+            lines.append(f"#define TAXEL_{name} {value}u")
+    return lines
+
+
+def enumeration(enum: type[IntEnum]) -> list[str]:
+    """One C enum."""
+    prefix = f"TAXEL_{snake(enum.__name__).upper()}"
+    body = [f"    {prefix}_{member.name} = 0x{member.value:02X}," for member in enum]
+    return [f"enum taxel_{snake(enum.__name__)} {{", *body, "};", ""]
+
+
+def _member(field: Field) -> str:
+    if field.is_bytes:
+        return f"    uint8_t {field.name}[{field.size}];"
+    return f"    {C_TYPES[field.code]} {field.name};"
+
+
+def _pack_line(field: Field) -> str:
+    if field.is_bytes:
+        return f"    memcpy(bytes + {field.offset}, value->{field.name}, {field.size});"
+    return f"    taxel_put_u{8 * field.size}(bytes + {field.offset}, value->{field.name});"
+
+
+def _unpack_line(field: Field) -> str:
+    if field.is_bytes:
+        return f"    memcpy(value->{field.name}, bytes + {field.offset}, {field.size});"
+    return f"    value->{field.name} = taxel_get_u{8 * field.size}(bytes + {field.offset});"
+
+
+def structure(name: str, definition: Struct) -> list[str]:
+    """One C struct with its size, its offsets, and functions that pack and unpack it."""
+    fields = fields_of(definition)
+    size = sum(field.size for field in fields)
+    upper = name.upper()
+    offsets = [f"#define TAXEL_{upper}_OFFSET_{field.name.upper()} {field.offset}u" for field in fields]
+    return [
+        f"#define TAXEL_{upper}_SIZE {size}u",
+        *offsets,
+        f"struct taxel_{name} {{",
+        *[_member(field) for field in fields],
+        "};",
+        f"static inline void taxel_{name}_pack(const struct taxel_{name} *value, uint8_t *bytes)",
+        "{",
+        *[_pack_line(field) for field in fields],
+        "}",
+        f"static inline void taxel_{name}_unpack(struct taxel_{name} *value, const uint8_t *bytes)",
+        "{",
+        *[_unpack_line(field) for field in fields],
+        "}",
+        "",
+    ]
+
+
+def frame_rules() -> list[str]:
+    """The table that a decoder checks before it believes a CRC: rows of type, address flag, shortest, longest payload."""
+    rows = []
+    for frame_type, spec in frames.FRAMES.items():
+        rows.append(
+            f"    X(TAXEL_FRAME_TYPE_{frame_type.name}, {int(spec.has_address)}, {spec.minimum}u, {spec.maximum}u)"
+        )
+    return ["/* X(type, payload begins with an address, shortest payload, longest payload) */", "#define TAXEL_FRAME_RULES(X) \\", " \\\n".join(rows), ""]
+
+
+ACCESSORS = """\
+static inline void taxel_put_u8(uint8_t *bytes, uint8_t value)
+{
+    bytes[0] = value;
+}
+static inline void taxel_put_u16(uint8_t *bytes, uint16_t value)
+{
+    bytes[0] = (uint8_t)(value & 0xFFu);
+    bytes[1] = (uint8_t)(value >> 8);
+}
+static inline void taxel_put_u32(uint8_t *bytes, uint32_t value)
+{
+    taxel_put_u16(bytes, (uint16_t)(value & 0xFFFFu));
+    taxel_put_u16(bytes + 2, (uint16_t)(value >> 16));
+}
+static inline void taxel_put_u64(uint8_t *bytes, uint64_t value)
+{
+    taxel_put_u32(bytes, (uint32_t)(value & 0xFFFFFFFFu));
+    taxel_put_u32(bytes + 4, (uint32_t)(value >> 32));
+}
+static inline uint8_t taxel_get_u8(const uint8_t *bytes)
+{
+    return bytes[0];
+}
+static inline uint16_t taxel_get_u16(const uint8_t *bytes)
+{
+    return (uint16_t)(bytes[0] | (uint16_t)(bytes[1] << 8));
+}
+static inline uint32_t taxel_get_u32(const uint8_t *bytes)
+{
+    return (uint32_t)taxel_get_u16(bytes) | ((uint32_t)taxel_get_u16(bytes + 2) << 16);
+}
+static inline uint64_t taxel_get_u64(const uint8_t *bytes)
+{
+    return (uint64_t)taxel_get_u32(bytes) | ((uint64_t)taxel_get_u32(bytes + 4) << 32);
+}
+"""
+
+
+def text() -> str:
+    """The whole header."""
+    lines = [
+        "/* Generated from protocol/taxel_protocol by tools/codegen/c_header.py (make generate). Do not edit. */",
+        "#ifndef TAXEL_PROTOCOL_H",
+        "#define TAXEL_PROTOCOL_H",
+        "",
+        "#include <stdint.h>",
+        "#include <string.h>",
+        "",
+        *constants(),
+        "",
+    ]
+    for enum in ENUMS:
+        lines += enumeration(enum)
+    lines.append(ACCESSORS)
+    for name, definition in STRUCTS.items():
+        lines += structure(name, definition)
+    lines += frame_rules()
+    lines += ["#endif", ""]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Write or check the header."""
+    if "--check" in sys.argv[1:]:
+        if not HEADER.exists() or HEADER.read_text() != text():
+            print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)
+            return 1
+        return 0
+    HEADER.parent.mkdir(parents=True, exist_ok=True)
+    HEADER.write_text(text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
