@@ -230,7 +230,6 @@ void taxel_hub_start_streaming(struct taxel_hub *hub)
         return;
     }
     hub->streaming = true;
-    hub->cycle.number = 0;
     hub->report.next_us = taxel_hub_clock(hub);
     begin_cycle(hub);
 }

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
+from taxel.errors import TaxelError
+
 _MAX_SHOWN = 60  # characters of a found value that an error repeats; keeps the line readable
 
 
-class HandDescriptionError(ValueError):
+class HandDescriptionError(TaxelError, ValueError):
     """A hand description that cannot be used.
 
     Prints as ``file: field: expected ..., found ...; what to do`` on one line.
@@ -35,7 +37,7 @@ class HandDescriptionError(ValueError):
         return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
 
 
-class UnknownBoardError(LookupError):
+class UnknownBoardError(TaxelError, LookupError):
     """A board that the hand does not have.
 
     Attributes:

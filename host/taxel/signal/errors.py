@@ -1,9 +1,11 @@
 """What can be wrong with a baseline."""
 
+from taxel.errors import TaxelError
+
 TAXELS_NAMED = 5  # in an error message
 
 
-class TooFewSamplesError(ValueError):
+class TooFewSamplesError(TaxelError, ValueError):
     """A taxel has fewer valid samples than its baseline needs; carries `taxel`, `needed` and `found`."""
 
     def __init__(self, taxel: int, needed: int, found: int) -> None:
@@ -14,7 +16,7 @@ class TooFewSamplesError(ValueError):
         self.taxel, self.needed, self.found = taxel, needed, found
 
 
-class DisturbedBaselineError(ValueError):
+class DisturbedBaselineError(TaxelError, ValueError):
     """Taxels were touched while the baseline was taken; carries `taxels`, their indices."""
 
     def __init__(self, taxels: list[int], n_taxels: int) -> None:

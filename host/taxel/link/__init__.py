@@ -1,0 +1,25 @@
+"""Bytes in and out: serial ports, the emulator and captures behind one URL."""
+
+from taxel.link.base import Chunk, Link
+from taxel.link.capture import CaptureLink, CaptureWriter
+from taxel.link.emulator import EmulatorLink, run_emulator
+from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
+from taxel.link.serial_port import SerialLink
+from taxel.link.stimulus import write_stimulus
+from taxel.link.url import open_link
+
+__all__ = [
+    "CaptureError",
+    "CaptureLink",
+    "CaptureWriter",
+    "Chunk",
+    "EmulatorLink",
+    "Link",
+    "LinkError",
+    "PortMissingError",
+    "PortVanishedError",
+    "SerialLink",
+    "open_link",
+    "run_emulator",
+    "write_stimulus",
+]

@@ -1,0 +1,118 @@
+"""Captures: the hub's bytes as they arrived, with their arrival times. The format is in protocol/SPEC.md."""
+
+import json
+import os
+import struct
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from taxel.link.base import Chunk
+from taxel.link.errors import CaptureError
+
+MAGIC = b"TAXELCAP"
+VERSION = 1
+HEADER_MAX = 1 << 20
+RECORD_MAX = 1 << 24
+_START = struct.Struct("<8sHHI")
+_RECORD = struct.Struct("<QI")
+
+
+class CaptureWriter:
+    """Write a capture; each record is handed to the operating system at once, so that a killed program loses nothing before it.
+
+    `header` is any JSON object (hand, baud, note). Raises `CaptureError` if the file exists and `overwrite` is False, or
+    cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False) -> None:
+        self.path = Path(path)
+        text = json.dumps(header or {}).encode()
+        try:
+            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
+            self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
+        except FileExistsError:
+            raise CaptureError(str(path), "exists already; choose another name or ask for it to be overwritten") from None
+        except OSError as error:
+            raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
+
+    def write(self, data: bytes, time_ns: int) -> None:
+        """Append bytes that arrived at `time_ns` (nanoseconds, any origin, never going back)."""
+        try:
+            self._file.write(_RECORD.pack(time_ns, len(data)) + data)
+        except OSError as error:
+            raise CaptureError(str(self.path), f"cannot be written ({error.strerror}); what came before is kept") from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> "CaptureWriter":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+class CaptureLink:
+    """Read a capture as if its bytes came from a port, as fast as they are asked for.
+
+    Raises `CaptureError` if the file is not a capture, and, after everything before it was read, if the file is cut short.
+    """
+
+    is_real_time = False
+    is_recorded = True
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.name = str(path)
+        try:
+            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
+        except OSError as error:
+            raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
+        try:
+            self.header = self._read_header()
+        except CaptureError:
+            self._file.close()
+            raise
+        baud = self.header.get("baud", 1e6)
+        self.baud = float(baud) if isinstance(baud, int | float) and 1e3 <= baud <= 1e9 else 1e6
+
+    def _read_header(self) -> dict[str, object]:
+        start = self._file.read(_START.size)
+        if len(start) < _START.size or start[:8] != MAGIC:
+            raise CaptureError(self.name, "is not a taxel capture (it does not begin with TAXELCAP)")
+        _, version, _, size = _START.unpack(start)
+        if version != VERSION:
+            raise CaptureError(self.name, f"is a capture of version {version}; this program reads version {VERSION}")
+        if size > HEADER_MAX:
+            raise CaptureError(self.name, "has a damaged header (its length is impossible)")
+        try:
+            header = json.loads(self._file.read(size))
+        except ValueError:
+            raise CaptureError(self.name, "has a damaged header (it is not JSON)") from None
+        if not isinstance(header, dict):
+            raise CaptureError(self.name, "has a damaged header (it is not a JSON object)")
+        return header
+
+    def read(self, timeout_s: float = 0.0) -> Chunk:
+        """The next record. Raises EOFError at the end of a whole file."""
+        offset = self._file.tell()
+        head = self._file.read(_RECORD.size)
+        if not head:
+            raise EOFError
+        if len(head) == _RECORD.size:
+            time_ns, size = _RECORD.unpack(head)
+            if size > RECORD_MAX:
+                raise CaptureError(self.name, f"is damaged at byte {offset}; everything before it was read")
+            data = self._file.read(size)
+            if len(data) == size:
+                return Chunk(data, time_ns)
+        raise CaptureError(self.name, f"is cut short in a record at byte {offset}; everything before it was read")
+
+    def write(self, data: bytes) -> None:
+        """Refused: nobody answers in a capture."""
+        raise CaptureError(self.name, "is a recording; it takes no commands")
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

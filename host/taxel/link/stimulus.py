@@ -1,0 +1,45 @@
+"""The emulator's stimulus: what acts on each taxel over time (format: firmware/emulator/stimulus.h)."""
+
+import os
+import struct
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Kind = Literal["force", "counts"]
+_KINDS: dict[str, int] = {"force": 0, "counts": 1}
+HEADER = struct.Struct("<8sIIII")
+
+
+def stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
+    """First 24 bytes of a stimulus stream for a skin of `taxels` taxels."""
+    return HEADER.pack(b"TAXELSTM", 1, _KINDS[kind], taxels, 0)
+
+
+def stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
+    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds; a negative time means now (live only)."""
+    times = np.asarray(times_s, dtype="<f8")
+    table = np.asarray(values, dtype="<f4")
+    if times.ndim != 1 or table.ndim != 2 or len(times) != len(table):
+        raise ValueError(f"times [T] and values [T, n] do not fit: {times.shape} and {table.shape}")
+    records = np.zeros(len(times), dtype=[("time", "<f8"), ("values", "<f4", (table.shape[1],))])
+    records["time"] = times
+    records["values"] = table
+    return records.tobytes()
+
+
+def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: ArrayLike, kind: Kind = "force") -> None:
+    """Write a stimulus file: `values` [T, n] at `times_s` [T], n in the order of the hand's taxels.
+
+    Forces (newtons) are interpolated between records, counts are held. Raises ValueError for shapes that do not fit, values
+    that are negative or not finite, or times that go back.
+    """
+    times = np.asarray(times_s, dtype=float)
+    table = np.asarray(values, dtype=float)
+    if not np.all(np.isfinite(table)) or np.any(table < 0.0):
+        raise ValueError("a stimulus value is negative or not finite")
+    if times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0):
+        raise ValueError("stimulus times go back or are negative")
+    Path(path).write_bytes(stimulus_header(table.shape[1], kind) + stimulus_records(times, table))

@@ -1,0 +1,200 @@
+"""A skin as its users see it: open it, iterate over its frames."""
+
+import os
+import time
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.emulated import open_emulator
+from taxel.errors import TaxelError
+from taxel.hand import Hand, load_hand
+from taxel.link import Link, open_link
+from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
+from taxel.stream import HubClient, LossAccount, TaxelFrame
+
+CYCLES_IN_FLIGHT = 2
+"""Poll cycles that may be incomplete at one time: a scan is handed out when a frame of the next cycle but one arrives."""
+
+DISCOVERY_TIMEOUT_S = 1.0
+"""How long `open` waits for boards that the hub has not found yet: they may still be starting."""
+
+
+class BoardMismatchError(TaxelError):
+    """A board on the bus is not the one that the hand description has at its address."""
+
+
+class SkinFrame(NamedTuple):
+    """The whole skin in one poll cycle.
+
+    `raw_counts` u16[n] in the hand's taxel order, 0 where `valid` is False; `valid` bool[n]: the board's frame arrived;
+    `time_s`: when the first board's scan began, host clock; `cycle`: the hub's poll cycle.
+    """
+
+    cycle: int
+    time_s: float
+    raw_counts: NDArray[np.uint16]
+    valid: NDArray[np.bool_]
+
+
+class Skin:
+    """An open skin: an iterator over `TaxelFrame`s, one board's snapshot each, in the order in which they arrived.
+
+    Use it as a context manager. The iteration ends at the end of a recording; it raises a `TaxelError` of one line if the
+    port vanishes or a frame comes from a board that the hand does not have, after everything before it was delivered.
+    """
+
+    def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None) -> None:
+        self.hand = hand
+        self.hub = HubClient(link)
+        self._stream = self.hub.stream
+        self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
+        self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
+        try:
+            if not link.is_recorded:
+                self._begin(rate_hz)
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def _begin(self, rate_hz: float | None) -> None:
+        self.hub.greet()
+        self._discover()
+        for address, fields in sorted(self.hub.boards.items()):
+            self._check_board(address, fields)
+        self.hub.set_rate(rate_hz)
+        self.hub.start()
+
+    def _discover(self) -> None:
+        deadline = time.monotonic() + DISCOVERY_TIMEOUT_S
+        while True:
+            self.hub.read_boards()
+            if len(self.hub.boards) >= len(self.hand.boards) or time.monotonic() > deadline:
+                return
+            time.sleep(0.05)
+
+    def _check_board(self, address: int, fields: dict[str, Any]) -> None:
+        board = self.hand.board(address)  # raises UnknownBoardError
+        found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
+        wanted = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
+        if found != wanted or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
+            raise BoardMismatchError(
+                f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand '{self.hand.name}' "
+                f"has {board.name} ({board.kind.name}: {wanted[2]} on {wanted[0]} x {wanted[1]}) there; exchange the board or "
+                "use the hand description that fits"
+            )
+
+    @property
+    def missing_boards(self) -> list[str]:
+        """Boards of the hand that have not answered the hub (empty for a recording)."""
+        if self._stream.link.is_recorded:
+            return []
+        return [board.name for board in self.hand.boards if board.address not in self.hub.boards]
+
+    @property
+    def losses(self) -> LossAccount:
+        """Frames received, missing and lost, so far."""
+        return self._stream.losses
+
+    @property
+    def bytes_received(self) -> int:
+        """Bytes that have arrived so far."""
+        return self._stream.bytes_received
+
+    @property
+    def bytes_discarded(self) -> int:
+        """Bytes that were part of no frame."""
+        return self._stream.bytes_discarded
+
+    def is_synchronised(self, address: int) -> bool:
+        """Whether that board's times come from its own clock (see `taxel.stream.ClockMap`)."""
+        return self._stream.clock.is_synchronised(address)
+
+    def __iter__(self) -> Iterator[TaxelFrame]:
+        frames = self._stream.frames
+        while True:
+            while frames:
+                frame = frames.popleft()
+                if self._sizes.get(frame.address) != len(frame.raw_counts):
+                    self._refuse(frame)
+                yield frame
+            try:
+                self._stream.poll()
+            except EOFError:
+                return
+
+    def _refuse(self, frame: TaxelFrame) -> None:
+        board = self.hand.board(frame.address)  # raises UnknownBoardError
+        raise BoardMismatchError(
+            f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' has "
+            f"{board.name} with {board.kind.taxel_count} there; use the hand description that fits"
+        )
+
+    def scans(self) -> Iterator[SkinFrame]:
+        """The whole skin, cycle by cycle; a board whose frame is missing is not valid in that cycle."""
+        pending: dict[int, list[TaxelFrame]] = {}
+        for frame in self:
+            pending.setdefault(frame.cycle, []).append(frame)
+            if len(pending[frame.cycle]) == len(self.hand.boards):
+                for cycle in [c for c in pending if c == frame.cycle or (frame.cycle - c) % 65536 < 32768]:
+                    yield self._assemble(cycle, pending.pop(cycle))
+            elif len(pending) > CYCLES_IN_FLIGHT:
+                cycle = next(iter(pending))
+                yield self._assemble(cycle, pending.pop(cycle))
+        for cycle, frames in pending.items():
+            yield self._assemble(cycle, frames)
+
+    def _assemble(self, cycle: int, frames: list[TaxelFrame]) -> SkinFrame:
+        counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
+        valid = np.zeros(self.hand.n_taxels, dtype=bool)
+        for frame in frames:
+            where = self._slices[frame.address]
+            counts[where] = frame.raw_counts
+            valid[where] = True
+        return SkinFrame(cycle, min(frame.time_s for frame in frames), counts, valid)
+
+    def take_baseline(self, samples: int = BASELINE_SAMPLES) -> BaselineResult:
+        """Mean, noise and disturbed taxels over the next `samples` frames of every board that answers; nothing may touch the skin.
+
+        Taxels of boards that do not answer have NaN. Consumes the frames. Raises EOFError's place as `TaxelError` if a
+        recording ends before.
+        """
+        baseline = Baseline(self.hand.n_taxels, samples=samples)
+        seen = 0
+        for scan in self.scans():
+            seen += 1
+            baseline.update(scan.raw_counts, scan.valid)
+            if baseline.ready or (seen >= 2 * samples and baseline.ready_mask.any()):
+                return baseline.result()
+        raise TaxelError(f"{self._stream.link.name}: ended after {seen} scans, before a baseline of {samples} was complete")
+
+    def close(self) -> None:
+        """Stop the stream and close the link."""
+        link = self._stream.link
+        if not link.is_recorded:
+            try:
+                self.hub.send_stop()
+            except TaxelError:
+                pass  # the port is gone already: there is nothing left to stop
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def open_skin(url: str, hand: Hand | str | os.PathLike[str] = "allegro", rate_hz: float | None = None) -> Skin:
+    """Open the skin at `url` and start it.
+
+    `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, or any pyserial URL. `hand`: a
+    packaged description's name, a file, or a `Hand`. `rate_hz`: at most so many scans a second; None: all that the bus gives.
+    Raises `TaxelError` with one line: port missing, no hub, another protocol version, a board that the hand does not have.
+    """
+    description = hand if isinstance(hand, Hand) else load_hand(hand)
+    link = open_emulator(url, description) if url.startswith("emulator:") else open_link(url)
+    return Skin(link, description, rate_hz)

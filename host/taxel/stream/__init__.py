@@ -1,0 +1,28 @@
+"""From bytes to taxel frames, with every loss counted and every time on the host's clock."""
+
+from taxel.stream.accounting import BoardCount, LossAccount
+from taxel.stream.clock import ClockMap
+from taxel.stream.decoder import Batch, StreamDecoder
+from taxel.stream.frame_stream import FrameStream
+from taxel.stream.frames import HubMessage, TaxelFrame
+from taxel.stream.hub_client import HubClient, HubError, VersionError
+from taxel.stream.native import NativeLibraryError
+from taxel.stream.pump import Pump
+from taxel.stream.ring import RingBuffer
+
+__all__ = [
+    "Batch",
+    "BoardCount",
+    "ClockMap",
+    "FrameStream",
+    "HubClient",
+    "HubError",
+    "HubMessage",
+    "LossAccount",
+    "NativeLibraryError",
+    "Pump",
+    "RingBuffer",
+    "StreamDecoder",
+    "TaxelFrame",
+    "VersionError",
+]

@@ -1,0 +1,174 @@
+"""From a board's clock, up to 2 % off, to the host's.
+
+Two steps. Board to hub: the hub reads each board's clock about once a second (TIME_SYNC); a line through the last readings maps
+the board's microseconds to the hub's. Hub to host: bytes can only be late, never early, so a line under all (departure, arrival)
+points, touching the earliest ones, maps the hub's clock to the host's.
+"""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from taxel_protocol import FrameType
+
+from taxel.stream.frames import HubMessage
+
+SYNC_WINDOW = 32
+"""Clock readings of one board that a fit uses: about half a minute."""
+
+BIN_US = 50_000.0
+BINS = 400
+"""The hub-to-host line is drawn under the earliest arrival of each of the last 400 bins of 50 ms."""
+
+WIRE_OVERHEAD = 30
+"""Bytes of a taxel frame beside its counts: header, snapshot, CRCs, stuffing and delimiters."""
+
+_WRAP = 1 << 32
+
+
+def _signed_32(difference: NDArray[np.int64]) -> NDArray[np.int64]:
+    return (difference + (_WRAP >> 1)) % _WRAP - (_WRAP >> 1)
+
+
+class LowerEnvelope:
+    """The line under a cloud of points that touches it from below around the middle of its span."""
+
+    def __init__(self) -> None:
+        self._bins: deque[tuple[float, float, float]] = deque(maxlen=BINS)
+        self._fit: tuple[float, float, float] | None = None
+
+    def add(self, x: float, y: float) -> None:
+        """A point; x in microseconds, never going back by more than a bin, y in seconds."""
+        number = x // BIN_US
+        late = y - x * 1e-6
+        if self._bins and self._bins[-1][0] == number:
+            if late < self._bins[-1][2] - self._bins[-1][1] * 1e-6 + 0.0:
+                self._bins[-1] = (number, x, y)
+                self._fit = None
+            return
+        self._bins.append((number, x, y))
+        self._fit = None
+
+    @property
+    def line(self) -> tuple[float, float, float] | None:
+        """(x0, y0, slope): y = y0 + slope * (x - x0), slope in seconds a microsecond; None without a point."""
+        if self._fit is None and self._bins:
+            self._fit = self._touch(np.array([(x, y) for _, x, y in self._bins]))
+        return self._fit
+
+    @staticmethod
+    def _touch(points: NDArray[np.float64]) -> tuple[float, float, float]:
+        x0, y0 = points[0]
+        x, y = points[:, 0] - x0, points[:, 1] - y0
+        hull: list[int] = []
+        for i in range(len(points)):  # Andrew's monotone chain, lower half
+            while len(hull) >= 2:
+                a, b = hull[-2], hull[-1]
+                if (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a]) > 0.0:
+                    break
+                hull.pop()
+            hull.append(i)
+        middle = 0.5 * (x[0] + x[-1])
+        for a, b in zip(hull, hull[1:], strict=False):
+            if x[b] >= middle:
+                return x0 + x[a], y0 + y[a], float((y[b] - y[a]) / (x[b] - x[a]))
+        return float(x0), float(y0), 1e-6
+
+
+class ClockMap:
+    """Times of one stream on the host's clock.
+
+    `has_arrivals` False (bytes from a program that does not pace them): the hub's own clock is the time base.
+    """
+
+    def __init__(self, baud: float, has_arrivals: bool) -> None:
+        self._byte_us = 10e6 / baud
+        self._has_arrivals = has_arrivals
+        self._hub_us = 0  # latest hub time known, not wrapped
+        self._envelope = LowerEnvelope()
+        self._syncs: dict[int, deque[tuple[int, int]]] = {}
+        self._known = np.zeros(128, dtype=bool)
+        self._board_0 = np.zeros(128, dtype=np.int64)
+        self._hub_0 = np.zeros(128)
+        self._rate = np.ones(128)
+
+    def is_synchronised(self, address: int) -> bool:
+        """Whether the board's own timestamps are used: after its second clock reading, within two seconds of its first frame.
+
+        Until then a frame's time is that of the hub's read, late by the age of the snapshot (at most two scans).
+        """
+        return bool(self._known[address])
+
+    def take_message(self, message: HubMessage) -> None:
+        """Learn from a TIME_SYNC or HUB_STATUS frame."""
+        if message.type is FrameType.HUB_STATUS:
+            self._hub_us = max(self._hub_us, message.fields["uptime_us"])
+        elif message.type is FrameType.HUB_HELLO:
+            self._take_hello(message)
+        elif message.type is FrameType.TIME_SYNC:
+            self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
+
+    def _take_hello(self, message: HubMessage) -> None:
+        if message.fields["uptime_us"] < self._hub_us:  # the hub has started anew: so has its clock
+            self._envelope = LowerEnvelope()
+            self._syncs.clear()
+            self._known[:] = False
+        self._hub_us = message.fields["uptime_us"]
+
+    def _take_sync(self, address: int, board_us: int, hub_us: int) -> None:
+        self._hub_us = max(self._hub_us, hub_us)
+        syncs = self._syncs.setdefault(address, deque(maxlen=SYNC_WINDOW))
+        if syncs:
+            step = (board_us - syncs[-1][0]) % _WRAP
+            elapsed = hub_us - syncs[-1][1]
+            if abs(step - elapsed) > 0.1 * elapsed + 1000:  # no oscillator is off by a tenth: the board was restarted
+                syncs.clear()
+                self._known[address] = False
+            else:
+                board_us = syncs[-1][0] + step
+        syncs.append((board_us, hub_us))
+        if len(syncs) >= 2:
+            self._fit_board(address, np.array(syncs, dtype=np.int64))
+
+    def _fit_board(self, address: int, syncs: NDArray[np.int64]) -> None:
+        board = (syncs[:, 0] - syncs[-1, 0]).astype(float)
+        hub = (syncs[:, 1] - syncs[-1, 1]).astype(float)
+        slope, intercept = np.polyfit(board, hub, 1)
+        self._board_0[address] = syncs[-1, 0] % _WRAP
+        self._hub_0[address] = syncs[-1, 1] + intercept
+        self._rate[address] = slope
+        self._known[address] = True
+
+    def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
+        """When the scans of taxel frames (dtype `ROW`) began, on the hub's clock, microseconds since the hub's start."""
+        wrapped = rows["hub_time_us"].astype(np.int64)
+        read = self._hub_us + _signed_32(wrapped - self._hub_us % _WRAP)
+        if len(read):
+            self._hub_us = max(self._hub_us, int(read.max()))
+        address = rows["address"]
+        since = _signed_32(rows["board_time_us"].astype(np.int64) - self._board_0[address])
+        mapped = self._hub_0[address] + self._rate[address] * since
+        result: NDArray[np.float64] = np.where(self._known[address], mapped, read.astype(float))
+        return result
+
+    def take_arrivals(self, rows: NDArray[np.void], arrivals_s: NDArray[np.float64]) -> None:
+        """Learn from taxel frames, in order, and when the last byte of each arrived (seconds).
+
+        A frame goes onto the wire when the hub has read it, which is when it begins the next read of the same cycle.
+        """
+        if not self._has_arrivals or len(rows) < 2:
+            return
+        wrapped = rows["hub_time_us"].astype(np.int64)
+        begun = self._hub_us + _signed_32(wrapped - self._hub_us % _WRAP)
+        consecutive = (rows["cycle"][1:] == rows["cycle"][:-1]) & (np.diff(rows["sequence"].astype(np.int64)) % 65536 == 1)
+        departed = begun[1:] + (2.0 * rows["size"][:-1] + WIRE_OVERHEAD) * self._byte_us
+        for i in np.flatnonzero(consecutive).tolist():
+            self._envelope.add(float(departed[i]), float(arrivals_s[i]))
+
+    def host_times_s(self, hub_us: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The hub's microseconds on the host's clock, seconds."""
+        line = self._envelope.line if self._has_arrivals else None
+        if line is None:
+            return hub_us * 1e-6
+        x0, y0, slope = line
+        return y0 + slope * (hub_us - x0)

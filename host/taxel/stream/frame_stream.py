@@ -1,0 +1,134 @@
+"""A link's bytes as frames: decoded, counted, on the host's clock, and with the hub's messages set aside."""
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from taxel_protocol import FrameType
+
+from taxel.link import Chunk, Link
+from taxel.stream.accounting import LossAccount
+from taxel.stream.clock import ClockMap
+from taxel.stream.decoder import BOARD_CRC_BAD, Batch, StreamDecoder
+from taxel.stream.frames import HubMessage, TaxelFrame, messages_of, taxel_frames_of
+from taxel.stream.pump import Pump
+from taxel.stream.ring import RingBuffer
+
+RECORDED_BYTES_AT_ONCE = 1 << 17
+"""A recording is decoded in pieces of this size: large enough for speed, small enough for constant memory."""
+
+
+class FrameStream:
+    """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
+
+    A link in real time is read by a thread of its own into a ring buffer; a recording is read when it is asked for.
+    """
+
+    def __init__(self, link: Link, on_message: Callable[[HubMessage], None], ring_capacity: int = 1 << 22) -> None:
+        self.link = link
+        self.frames: deque[TaxelFrame] = deque()
+        self.losses = LossAccount()
+        self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded)
+        self.bytes_received = 0
+        self._on_message = on_message
+        self._decoder = StreamDecoder()
+        self._arrival_ends: list[int] = []
+        self._arrival_ns: list[int] = []
+        self._ring: RingBuffer | None = None
+        self._pump: Pump | None = None
+        self._end: BaseException | None = None
+        self._pending_end: Exception | None = None
+        if not link.is_recorded:
+            self._ring = RingBuffer(ring_capacity, drop_oldest=link.is_real_time)
+            self._pump = Pump(link, self._ring)
+
+    @property
+    def bytes_discarded(self) -> int:
+        """Bytes that were part of no frame, or that a slow reader let the ring buffer lose."""
+        return self._decoder.discarded_bytes + (self._ring.overrun_bytes if self._ring else 0)
+
+    def poll(self, timeout_s: float = 0.1) -> bool:
+        """Take in what has arrived, waiting at most `timeout_s`; True if anything had.
+
+        When the link has ended or failed, what had arrived is delivered first; then EOFError or the `LinkError` is raised.
+        """
+        if self._end is not None:
+            raise self._end
+        try:
+            chunks = self._read(timeout_s)
+        except Exception as end:
+            self._end = end
+            for batch in self._decoder.finish():
+                self._take(batch)
+            if self.frames:
+                return True
+            raise
+        if not chunks:
+            return False
+        for batch in self._decoder.push(self._note_arrivals(chunks)):
+            self._take(batch)
+        return True
+
+    def _read(self, timeout_s: float) -> list[Chunk]:
+        if self._ring is not None:
+            return self._ring.read(timeout_s)
+        if self._pending_end is not None:
+            raise self._pending_end
+        chunks: list[Chunk] = []
+        size = 0
+        while size < RECORDED_BYTES_AT_ONCE:
+            try:
+                chunk = self.link.read(timeout_s)
+            except Exception as end:
+                if not chunks:
+                    raise
+                self._pending_end = end  # first what stands before the end
+                break
+            if chunk is None:
+                break
+            chunks.append(chunk)
+            size += len(chunk.data)
+        return chunks
+
+    def _note_arrivals(self, chunks: list[Chunk]) -> bytes:
+        self._arrival_ends.clear()
+        self._arrival_ns.clear()
+        for chunk in chunks:
+            self.bytes_received += len(chunk.data)
+            self._arrival_ends.append(self.bytes_received)
+            self._arrival_ns.append(chunk.arrival_ns)
+        return b"".join(chunk.data for chunk in chunks)
+
+    def _take(self, batch: Batch) -> None:
+        rows = batch.rows
+        self.losses.update(rows)
+        for message in messages_of(batch):
+            self.clock.take_message(message)
+            self._on_message(message)
+        taxels = rows[rows["type"] == FrameType.TAXELS]
+        if not len(taxels):
+            return
+        self._learn_arrivals(taxels)
+        damaged = (taxels["flags"] & BOARD_CRC_BAD) != 0
+        if damaged.any():
+            self._count_damaged(taxels[damaged]["address"].tolist())
+            taxels = taxels[~damaged]
+        times = self.clock.host_times_s(self.clock.hub_times_us(taxels))
+        self.frames.extend(taxel_frames_of(batch, taxels, times))
+
+    def _learn_arrivals(self, taxels: np.ndarray) -> None:  # type: ignore[type-arg]
+        if self._arrival_ends:
+            index = np.searchsorted(self._arrival_ends, taxels["stream_position"], side="left")
+            index = np.minimum(index, len(self._arrival_ends) - 1)
+            self.clock.take_arrivals(taxels, np.asarray(self._arrival_ns)[index] * 1e-9)
+
+    def _count_damaged(self, addresses: list[int]) -> None:
+        for address in addresses:
+            self.losses.boards[address].damaged += 1
+            self.losses.boards[address].received -= 1
+
+    def close(self) -> None:
+        """Stop reading and close the link."""
+        if self._pump is not None:
+            self._pump.stop()
+        self.link.close()

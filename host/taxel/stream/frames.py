@@ -1,0 +1,61 @@
+"""What comes out of a stream: taxel frames, and the hub's messages as named fields."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from taxel_protocol import FrameType
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.layout import unpack
+
+from taxel.stream.decoder import Batch
+
+
+class TaxelFrame(NamedTuple):
+    """One board's snapshot.
+
+    `raw_counts` u16[n] in the board's taxel order (TX by TX, RX by RX); contact lowers a count. `time_s`: when the scan
+    began, on the host's clock (seconds; see `Skin.clock`). `cycle`: the hub's poll cycle; the frames of one cycle show the
+    skin at one time. `sequence`: the board's scan number. `board_time_us`, `hub_time_us`: as sent, modulo 2^32.
+    """
+
+    address: int
+    cycle: int
+    sequence: int
+    time_s: float
+    board_time_us: int
+    hub_time_us: int
+    raw_counts: NDArray[np.uint16]
+
+
+class HubMessage(NamedTuple):
+    """Any other frame: `fields` by flat name as in taxel_protocol.frames, and the bytes after them."""
+
+    type: FrameType
+    fields: dict[str, Any]
+    tail: bytes
+
+
+def messages_of(batch: Batch) -> list[HubMessage]:
+    """The hub's messages in a batch, in order."""
+    rows = batch.rows[batch.rows["type"] != FrameType.TAXELS]
+    messages = []
+    for code, offset, size in zip(rows["type"].tolist(), rows["offset"].tolist(), rows["size"].tolist(), strict=True):
+        kind = FrameType(code)
+        fields, tail = unpack(FRAMES[kind].payload, batch.payloads[offset : offset + size])
+        messages.append(HubMessage(kind, fields, tail))
+    return messages
+
+
+def taxel_frames_of(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
+    """Taxel frames of `rows` (rows of the batch with type TAXELS), which began at `times_s` [k] seconds."""
+    counts = batch.counts
+    starts = rows["offset"]
+    ends = starts + rows["size"]
+    return [
+        TaxelFrame(address, cycle, sequence, time_s, board_time, hub_time, counts[start:end])
+        for address, cycle, sequence, time_s, board_time, hub_time, start, end in zip(
+            rows["address"].tolist(), rows["cycle"].tolist(), rows["board_sequence"].tolist(), times_s.tolist(),
+            rows["board_time_us"].tolist(), rows["hub_time_us"].tolist(), starts.tolist(), ends.tolist(), strict=True,
+        )
+    ]  # fmt: skip

@@ -1,0 +1,161 @@
+"""Talking to the hub: hello, commands and their replies, over a stream that goes on meanwhile."""
+
+import time
+from collections import deque
+from typing import Any
+
+from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, ReplyStatus, encode_frame
+from taxel_protocol.frames import (
+    CommandPayload,
+    GetBoardInfoArguments,
+    HostHello,
+    SetRateArguments,
+    SetScanSettingsArguments,
+    TransferArguments,
+)
+from taxel_protocol.layout import pack
+
+from taxel.errors import TaxelError
+from taxel.link import Link
+from taxel.stream.frame_stream import FrameStream
+from taxel.stream.frames import HubMessage
+
+REPLY_TIMEOUT_S = 1.0
+ATTEMPTS = 4
+KEPT_MESSAGES = 1024
+
+
+class HubError(TaxelError):
+    """The hub did not answer, or answered that it cannot."""
+
+
+class VersionError(HubError):
+    """Hub and host have no protocol version in common."""
+
+
+class HubClient:
+    """Commands to a hub, and everything that it tells.
+
+    `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS; `status` is
+    the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self.stream = FrameStream(link, self._take)
+        self.hello: dict[str, Any] | None = None
+        self.status: dict[str, Any] | None = None
+        self.boards: dict[int, dict[str, Any]] = {}
+        self.board_status: dict[int, dict[str, Any]] = {}
+        self.faults: deque[dict[str, Any]] = deque(maxlen=KEPT_MESSAGES)
+        self.logs: deque[str] = deque(maxlen=KEPT_MESSAGES)
+        self._replies: dict[int, HubMessage] = {}
+        self._sequence = 0
+        self._tag = 0
+
+    def _take(self, message: HubMessage) -> None:
+        fields = message.fields
+        if message.type is FrameType.HUB_HELLO:
+            self.hello = fields
+            self._replies[-fields["tag"]] = message
+        elif message.type is FrameType.REPLY:
+            self._replies[fields["tag"]] = message
+        elif message.type is FrameType.BOARD_INFO:
+            self.boards[fields["identity_address"]] = fields
+        elif message.type is FrameType.HUB_STATUS:
+            self.status = fields
+        elif message.type is FrameType.BOARD_STATUS:
+            self.board_status[fields["address"]] = fields
+        elif message.type is FrameType.BOARD_FAULT:
+            self.faults.append(fields)
+        elif message.type is FrameType.LOG:
+            self.logs.append(message.tail.decode("ascii", errors="replace"))
+
+    def _send(self, frame_type: FrameType, payload: bytes) -> None:
+        self._link.write(encode_frame(frame_type, self._sequence, payload))
+        self._sequence = (self._sequence + 1) % 65536
+
+    def _next_tag(self) -> int:
+        self._tag = self._tag % 255 + 1
+        return self._tag
+
+    def _ask(self, frame_type: FrameType, payload: bytes, key: int) -> HubMessage:
+        self._replies.pop(key, None)
+        for _ in range(ATTEMPTS):
+            self._send(frame_type, payload)
+            deadline = time.monotonic() + REPLY_TIMEOUT_S
+            while time.monotonic() < deadline:
+                self.stream.poll(0.02)
+                if key in self._replies:
+                    return self._replies.pop(key)
+        raise HubError(
+            f"{self._link.name}: no answer from a hub after {ATTEMPTS} attempts; is this the hub's port, and its baud rate "
+            f"{self._link.baud:.0f}?"
+        )
+
+    def greet(self) -> int:
+        """Agree on a protocol version; returns it. Raises `VersionError` if there is none in common."""
+        tag = self._next_tag()
+        payload = pack(HostHello, {"tag": tag, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION})
+        fields = self._ask(FrameType.HOST_HELLO, payload, -tag).fields
+        if fields["version_chosen"] == 0:
+            raise VersionError(
+                f"{self._link.name}: the hub speaks protocol {fields['version_min']} to {fields['version_max']}, this program "
+                f"{PROTOCOL_VERSION_MIN} to {PROTOCOL_VERSION}; update the older of the two"
+            )
+        return int(fields["version_chosen"])
+
+    def command(self, command: Command, arguments: bytes = b"") -> bytes:
+        """Send a command and wait for its reply; returns the reply's data. Raises `HubError` with the hub's reason."""
+        tag = self._next_tag()
+        payload = pack(CommandPayload, {"tag": tag, "command": int(command)}, arguments)
+        reply = self._ask(FrameType.COMMAND, payload, tag)
+        status = reply.fields["status"]
+        if status != ReplyStatus.OK:
+            name = ReplyStatus(status).name if status in ReplyStatus._value2member_map_ else str(status)
+            raise HubError(f"{self._link.name}: the hub refused {command.name}: {name.lower().replace('_', ' ')}")
+        return reply.tail
+
+    def start(self) -> None:
+        """Begin to stream."""
+        self.command(Command.START)
+
+    def stop(self) -> None:
+        """End the stream after the frame under way."""
+        self.command(Command.STOP)
+
+    def send_stop(self) -> None:
+        """Ask for the end of the stream without waiting for the answer."""
+        self._send(FrameType.COMMAND, pack(CommandPayload, {"tag": self._next_tag(), "command": int(Command.STOP)}))
+
+    def set_rate(self, rate_hz: float | None) -> None:
+        """At most `rate_hz` poll cycles a second; None: as many as the bus allows."""
+        period = 0 if rate_hz is None else round(1e6 / rate_hz)
+        self.command(Command.SET_RATE, pack(SetRateArguments, {"period_us": period}))
+
+    def scan_bus(self) -> list[int]:
+        """Every I2C address that acknowledges."""
+        return list(self.command(Command.SCAN_BUS))
+
+    def read_boards(self) -> None:
+        """Read the identity of every board anew, into `boards`."""
+        self.boards.clear()
+        self.command(Command.GET_BOARD_INFO, pack(GetBoardInfoArguments, {"address": 0}))
+
+    def read_status(self) -> None:
+        """Fetch the hub's and every board's counters, into `status` and `board_status`."""
+        self.command(Command.GET_STATUS)
+
+    def transfer(self, address: int, write: bytes = b"", read_length: int = 0) -> bytes:
+        """One I2C transfer by the hub: write, then read after a repeated start. Raises `HubError` on NACK or bus error."""
+        fields = {"address": address, "read_length": read_length}
+        return self.command(Command.I2C_TRANSFER, pack(TransferArguments, fields, write))
+
+    def set_scan_settings(self, settings: dict[str, int], address: int = 0) -> None:
+        """Scan settings (fields of taxel_protocol.registers.ScanSettings) of one board, or of all with address 0."""
+        fields = {"address": address} | {f"settings_{name}": value for name, value in settings.items()}
+        self.command(Command.SET_SCAN_SETTINGS, pack(SetScanSettingsArguments, fields))
+
+    def reboot(self) -> None:
+        """Restart the hub; it must be greeted again."""
+        self.command(Command.REBOOT)

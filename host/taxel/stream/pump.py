@@ -1,0 +1,34 @@
+"""A thread that moves bytes from a link into a ring buffer, so that a slow reader does not lose what a port brings."""
+
+import threading
+
+from taxel.link import Link
+from taxel.stream.ring import RingBuffer
+
+_READ_TIMEOUT_S = 0.1
+
+
+class Pump:
+    """Reads `link` until it ends or `stop()` is called. A failure of the link reaches the reader through the ring."""
+
+    def __init__(self, link: Link, ring: RingBuffer) -> None:
+        self._link = link
+        self._ring = ring
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"pump {link.name}", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                chunk = self._link.read(_READ_TIMEOUT_S)
+                if chunk is not None:
+                    self._ring.write(chunk)
+        except BaseException as failure:
+            self._ring.fail(failure)
+
+    def stop(self) -> None:
+        """End the thread and wait for it."""
+        self._stopping.set()
+        self._ring.close()
+        self._thread.join()
