@@ -18,6 +18,7 @@ size_t taxel_batch_row_size(void)
 
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
+    struct taxel_batch_output *output = batch->output;
     struct taxel_taxel_header header;
     struct taxel_snapshot_header snapshot;
     const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
@@ -29,33 +30,62 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     row->hub_time_us = header.hub_time_us;
     row->board_sequence = snapshot.sequence;
     row->board_time_us = snapshot.timestamp_us;
-    row->offset = (uint32_t)batch->count_count;
+    row->offset = (uint32_t)output->count_count;
     row->size = header.taxel_count;
     for (size_t i = 0; i < header.taxel_count; i++) {
-        batch->counts[batch->count_count++] = taxel_get_u16(bytes + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * i);
+        output->counts[output->count_count++] = taxel_get_u16(bytes + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * i);
     }
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &header.address, 1), bytes, snapshot_size - 4u);
     if (crc != taxel_get_u32(bytes + snapshot_size - 4u)) {
         row->flags |= TAXEL_BATCH_BOARD_CRC_BAD;
+        batch->totals.damaged[header.address]++;
+    } else {
+        batch->totals.received[header.address]++;
     }
+    if (batch->has_cycle[header.address]) {
+        const uint16_t step = (uint16_t)(header.cycle - batch->last_cycle[header.address]);
+        row->missing_before = step ? (uint16_t)(step - 1u) : 0;
+        batch->totals.missing[header.address] += row->missing_before;
+    }
+    batch->has_cycle[header.address] = true;
+    batch->last_cycle[header.address] = header.cycle;
+}
+
+static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row)
+{
+    if (row->type == TAXEL_FRAME_TYPE_HUB_HELLO && row->sequence == 0) {
+        memset(batch->has_cycle, 0, sizeof batch->has_cycle);
+        row->flags |= batch->has_sequence ? TAXEL_BATCH_HUB_RESTARTED : 0;
+        batch->totals.restarts += batch->has_sequence;
+    } else if (batch->has_sequence) {
+        row->lost_before = (uint16_t)(row->sequence - batch->next_sequence);
+    }
+    batch->totals.frames++;
+    batch->totals.lost += row->lost_before;
+    batch->has_sequence = true;
+    batch->next_sequence = (uint16_t)(row->sequence + 1u);
 }
 
 static void store(void *context, const struct taxel_frame *frame)
 {
     struct taxel_batch *batch = context;
-    struct taxel_batch_row *row = &batch->rows[batch->row_count++];
+    struct taxel_batch_output *output = batch->output;
+    const bool is_taxels = frame->type == TAXEL_FRAME_TYPE_TAXELS;
+    struct taxel_batch_row *row =
+        is_taxels ? &output->taxels[output->taxel_count++] : &output->others[output->other_count++];
     memset(row, 0, sizeof *row);
     row->stream_position = batch->deframer.position;
     row->type = frame->type;
     row->sequence = frame->sequence;
-    if (frame->type == TAXEL_FRAME_TYPE_TAXELS) {
+    count_sequence(batch, row);
+    if (is_taxels) {
         store_taxels(batch, row, frame);
         return;
     }
-    row->offset = (uint32_t)batch->payload_count;
+    row->offset = (uint32_t)output->payload_count;
     row->size = frame->length;
-    memcpy(batch->payloads + batch->payload_count, frame->payload, frame->length);
-    batch->payload_count += frame->length;
+    memcpy(output->payloads + output->payload_count, frame->payload, frame->length);
+    output->payload_count += frame->length;
 }
 
 void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
@@ -73,49 +103,45 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
     taxel_deframer_init(&batch->deframer, &config);
 }
 
-static void set_output(struct taxel_batch *batch, struct taxel_batch_row *rows, size_t row_capacity, uint16_t *counts,
-                       size_t count_capacity, uint8_t *payloads, size_t payload_capacity)
+static void set_output(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
-    batch->rows = rows;
-    batch->counts = counts;
-    batch->payloads = payloads;
-    batch->row_capacity = row_capacity;
-    batch->count_capacity = count_capacity;
-    batch->payload_capacity = payload_capacity;
-    batch->row_count = batch->count_count = batch->payload_count = 0;
+    batch->output = output;
+    output->taxel_count = output->other_count = output->count_count = output->payload_count = 0;
 }
 
 /* A chunk of `length` stuffed bytes decodes to fewer than `length` bytes of payload, and half as many counts. */
-static int has_room(const struct taxel_batch *batch)
+static bool has_room(const struct taxel_batch *batch)
 {
-    return batch->row_capacity - batch->row_count > FRAMES_PER_CHUNK &&
-           batch->count_capacity - batch->count_count > sizeof batch->chunk / 2u &&
-           batch->payload_capacity - batch->payload_count > sizeof batch->chunk;
+    const struct taxel_batch_output *output = batch->output;
+    return output->row_capacity - output->taxel_count > FRAMES_PER_CHUNK &&
+           output->row_capacity - output->other_count > FRAMES_PER_CHUNK &&
+           output->count_capacity - output->count_count > sizeof batch->chunk / 2u &&
+           output->payload_capacity - output->payload_count > sizeof batch->chunk;
 }
 
-size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_row *rows,
-                          size_t row_capacity, uint16_t *counts, size_t count_capacity, uint8_t *payloads,
-                          size_t payload_capacity, size_t *row_count)
+size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output)
 {
+    const size_t step = sizeof batch->chunk / 2u; /* a stream without delimiters must not outrun the room promised */
     size_t taken = 0;
-    set_output(batch, rows, row_capacity, counts, count_capacity, payloads, payload_capacity);
+    set_output(batch, output);
     while (taken < size && has_room(batch)) {
-        /* Bounded steps: a stream without delimiters must not outrun the room that has_room() has promised. */
         const size_t left = size - taken;
-        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < sizeof batch->chunk / 2u ? left : sizeof batch->chunk / 2u);
+        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < step ? left : step);
     }
-    *row_count = batch->row_count;
     return taken;
 }
 
-void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_row *rows, size_t row_capacity, uint16_t *counts,
-                        size_t count_capacity, uint8_t *payloads, size_t payload_capacity, size_t *row_count)
+void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
-    set_output(batch, rows, row_capacity, counts, count_capacity, payloads, payload_capacity);
+    set_output(batch, output);
     if (has_room(batch)) {
         taxel_deframer_finish(&batch->deframer);
     }
-    *row_count = batch->row_count;
+}
+
+const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch)
+{
+    return &batch->totals;
 }
 
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)

@@ -3,11 +3,14 @@
 #ifndef TAXEL_BATCH_H
 #define TAXEL_BATCH_H
 
+#include <stdbool.h>
+
 #include "codec/deframer.h"
 #include "generated/taxel_protocol.h"
 
 enum taxel_batch_flag {
     TAXEL_BATCH_BOARD_CRC_BAD = 1, /* hub and wire were right, the board's own CRC-32 is not */
+    TAXEL_BATCH_HUB_RESTARTED = 2, /* a greeting with sequence 0: the hub counts anew from here */
 };
 
 /* One frame. For a taxel frame `offset` and `size` are an index and a number of counts; for others, of payload bytes. */
@@ -20,19 +23,44 @@ struct taxel_batch_row {
     uint16_t sequence;
     uint16_t cycle;
     uint16_t board_sequence;
+    uint16_t lost_before;    /* frames that the hub sent between the last one that arrived and this one */
+    uint16_t missing_before; /* poll cycles without a frame of this board since its last one */
     uint8_t type;
     uint8_t address;
     uint8_t flags;
     uint8_t reserved;
 };
 
-struct taxel_batch {
-    struct taxel_deframer deframer;
-    struct taxel_batch_row *rows;
+/* Where a call puts what it decodes, and how much that was: the arrays are the caller's. */
+struct taxel_batch_output {
+    struct taxel_batch_row *taxels; /* taxel frames */
+    struct taxel_batch_row *others; /* all other frames */
     uint16_t *counts;
     uint8_t *payloads;
-    size_t row_capacity, count_capacity, payload_capacity;
-    size_t row_count, count_count, payload_count;
+    size_t row_capacity, count_capacity, payload_capacity; /* row_capacity: of each of the first two */
+    size_t taxel_count, other_count, count_count, payload_count;
+};
+
+#define TAXEL_BATCH_ADDRESSES 128u
+
+/* Totals of a stream. Only 64-bit members: the Python host reads it as one array. */
+struct taxel_batch_totals {
+    uint64_t frames;
+    uint64_t lost;     /* frames that the hub sent and that never arrived whole: gaps in their sequence */
+    uint64_t restarts; /* of the hub */
+    uint64_t received[TAXEL_BATCH_ADDRESSES]; /* taxel frames of each board */
+    uint64_t missing[TAXEL_BATCH_ADDRESSES];  /* poll cycles without a frame between two that brought one */
+    uint64_t damaged[TAXEL_BATCH_ADDRESSES];  /* the board's own CRC was wrong */
+};
+
+struct taxel_batch {
+    struct taxel_batch_totals totals;
+    struct taxel_deframer deframer;
+    struct taxel_batch_output *output;
+    bool has_sequence;
+    uint16_t next_sequence;
+    bool has_cycle[TAXEL_BATCH_ADDRESSES];
+    uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
     uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)];
     uint8_t body[TAXEL_BODY_MAX];
 };
@@ -41,13 +69,11 @@ size_t taxel_batch_struct_size(void);
 size_t taxel_batch_row_size(void);
 void taxel_batch_init(struct taxel_batch *batch, uint8_t directions);
 
-/* Decode into the three caller-owned arrays from their start. Returns the bytes taken: less than `size` when an array is
- * nearly full. *row_count frames were found; totals are in the deframer. */
-size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_row *rows,
-                          size_t row_capacity, uint16_t *counts, size_t count_capacity, uint8_t *payloads,
-                          size_t payload_capacity, size_t *row_count);
-void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_row *rows, size_t row_capacity, uint16_t *counts,
-                        size_t count_capacity, uint8_t *payloads, size_t payload_capacity, size_t *row_count);
+/* Decode from the start of the output's arrays. Returns the bytes taken: less than `size` when an array is nearly full. */
+size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output);
+/* The stream has ended: decode what is left. */
+void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
+const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);
 
 /* Encode one frame into `out`; returns its bytes on the wire, or 0 if `capacity` is too small. */

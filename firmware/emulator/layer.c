@@ -6,7 +6,7 @@
 #define SHEAR_MODULUS_PA 23000.0          /* Ecoflex 00-30: modulus 69 kPa (maker's data sheet) over 3, incompressible */
 #define PILLAR_FRACTION 0.35              /* of the area; the thesis gives pillars of 0.8 mm but not their pitch */
 #define SILICONE_PERMITTIVITY 2.8         /* platinum-cured silicone at some 100 kHz */
-#define BULK_STIFFNESS_PA 60000.0         /* sets in as the pillars' flanks meet; puts saturation near 50 N */
+#define BULK_STIFFNESS_PA 40000.0         /* sets in as the pillars' flanks meet; puts saturation near 50 N */
 
 #define TABLE_SIZE 2048
 #define FORCE_MIN_N 1e-4

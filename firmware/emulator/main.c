@@ -14,6 +14,7 @@
 #include "emulator/world.h"
 
 #define REAL_TIME_STEP_MS 1
+#define DURATION_MAX_S 1e7 /* virtual time holds 213 days of picoseconds */
 #define FAST_STEP (2u * VTIME_MS) /* how often a fast world looks for bytes from the host */
 
 struct options {
@@ -47,7 +48,7 @@ static int usage(const char *what)
 
 static int parse(struct options *options, int argc, char **argv)
 {
-    *options = (struct options){.uart = "pty", .duration = 1e9};
+    *options = (struct options){.uart = "pty", .duration = DURATION_MAX_S};
     for (int i = 1; i < argc; i++) {
         const char *name = argv[i];
         if (strcmp(name, "--fast") == 0) {
@@ -77,6 +78,9 @@ static int parse(struct options *options, int argc, char **argv)
         } else {
             return usage("an option is unknown or lacks its value");
         }
+    }
+    if (!(options->duration > 0.0 && options->duration <= DURATION_MAX_S)) {
+        return usage("--duration must be a number of seconds up to 1e7");
     }
     return options->world ? 0 : usage("--world is needed");
 }

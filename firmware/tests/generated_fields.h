@@ -1,4 +1,4 @@
-/* Generated from protocol/taxel_protocol by tools/codegen/vectors.py (make generate). Do not edit. */
+/* Generated from protocol/taxel_protocol by tools/codegen/field_tables.py (make generate). Do not edit. */
 #ifndef TAXEL_GENERATED_FIELDS_H
 #define TAXEL_GENERATED_FIELDS_H
 
@@ -24,7 +24,7 @@ struct layout {
     void (*unpack)(void *value, const uint8_t *bytes);
 };
 
-/* The structs at the front of a frame type's payload, in order; `prefix` begins the names of their fields in a vector. */
+/* The structs at the front of a type's payload, in order; `prefix` begins their fields' names in a vector. */
 struct payload_part {
     uint8_t type;
     const char *layout;

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -52,6 +52,7 @@ class Skin:
         self.hub = HubClient(link)
         self._stream = self.hub.stream
         self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
+        self._pending: dict[int, list[TaxelFrame]] = {}
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         try:
             if not link.is_recorded:
@@ -135,17 +136,17 @@ class Skin:
 
     def scans(self) -> Iterator[SkinFrame]:
         """The whole skin, cycle by cycle; a board whose frame is missing is not valid in that cycle."""
-        pending: dict[int, list[TaxelFrame]] = {}
+        pending = self._pending  # kept between calls: a cycle half read by one is finished by the next
         for frame in self:
             pending.setdefault(frame.cycle, []).append(frame)
-            if len(pending[frame.cycle]) == len(self.hand.boards):
-                for cycle in [c for c in pending if c == frame.cycle or (frame.cycle - c) % 65536 < 32768]:
-                    yield self._assemble(cycle, pending.pop(cycle))
-            elif len(pending) > CYCLES_IN_FLIGHT:
+            complete = len(pending[frame.cycle]) == len(self.hand.boards)
+            while pending and (complete or len(pending) > CYCLES_IN_FLIGHT):
                 cycle = next(iter(pending))
                 yield self._assemble(cycle, pending.pop(cycle))
-        for cycle, frames in pending.items():
-            yield self._assemble(cycle, frames)
+                complete = complete and cycle != frame.cycle
+        while pending:
+            cycle = next(iter(pending))
+            yield self._assemble(cycle, pending.pop(cycle))
 
     def _assemble(self, cycle: int, frames: list[TaxelFrame]) -> SkinFrame:
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
@@ -156,7 +157,9 @@ class Skin:
             valid[where] = True
         return SkinFrame(cycle, min(frame.time_s for frame in frames), counts, valid)
 
-    def take_baseline(self, samples: int = BASELINE_SAMPLES) -> BaselineResult:
+    def take_baseline(
+        self, samples: int = BASELINE_SAMPLES, progress: Callable[[float], None] | None = None
+    ) -> BaselineResult:
         """Mean, noise and disturbed taxels over the next `samples` frames of every board that answers; nothing may touch the skin.
 
         Taxels of boards that do not answer have NaN. Consumes the frames. Raises EOFError's place as `TaxelError` if a
@@ -167,6 +170,8 @@ class Skin:
         for scan in self.scans():
             seen += 1
             baseline.update(scan.raw_counts, scan.valid)
+            if progress is not None:
+                progress(baseline.progress)
             if baseline.ready or (seen >= 2 * samples and baseline.ready_mask.any()):
                 return baseline.result()
         raise TaxelError(f"{self._stream.link.name}: ended after {seen} scans, before a baseline of {samples} was complete")

@@ -27,6 +27,7 @@ class CaptureWriter:
 
     def __init__(self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False) -> None:
         self.path = Path(path)
+        self.records = 0
         text = json.dumps(header or {}).encode()
         try:
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
@@ -40,6 +41,7 @@ class CaptureWriter:
         """Append bytes that arrived at `time_ns` (nanoseconds, any origin, never going back)."""
         try:
             self._file.write(_RECORD.pack(time_ns, len(data)) + data)
+            self.records += 1
         except OSError as error:
             raise CaptureError(str(self.path), f"cannot be written ({error.strerror}); what came before is kept") from error
 

@@ -83,7 +83,7 @@ class EmulatorLink:
     def _complaint(self, status: int) -> str:
         assert self._process.stderr is not None
         lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"the emulator ended with status {status}"
+        return lines[-1] if lines else "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
 
     def write(self, data: bytes) -> None:
         """Send bytes to the hub."""

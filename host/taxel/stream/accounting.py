@@ -1,76 +1,62 @@
 """What was lost, where, and how that is known."""
 
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from taxel_protocol import FrameType
 
-_MODULUS = 1 << 16
-
-
-@dataclass
-class BoardCount:
-    """One board's frames: `received`, and `missing` from poll cycles that brought frames before and after."""
-
-    received: int = 0
-    missing: int = 0
-    damaged: int = 0
-    last_cycle: int | None = None
+from taxel.stream.decoder import ADDRESSES, StreamDecoder
 
 
-@dataclass
+class BoardCount(NamedTuple):
+    """One board's frames.
+
+    `received`: whole ones; `missing`: poll cycles without one between two that brought one; `damaged`: the board's own CRC
+    was wrong, so that they were not used.
+    """
+
+    received: int
+    missing: int
+    damaged: int
+
+
 class LossAccount:
-    """Frames and bytes of one stream.
+    """What a decoder has counted so far; always up to date.
 
     Every frame that the hub puts onto the wire carries the next of 65,536 sequence numbers, so `lost_on_wire` is exact for
     losses shorter than that; a board's frame also carries its poll cycle, so `boards[address].missing` counts every frame
-    that did not arrive, whatever the reason. sent = `received` + `lost_on_wire`.
+    that did not arrive, whatever the reason.
     """
 
-    received: int = 0
-    lost_on_wire: int = 0
-    restarts: int = 0
-    boards: dict[int, BoardCount] = field(default_factory=dict)
-    _next_sequence: int | None = None
+    def __init__(self, decoder: StreamDecoder) -> None:
+        self._decoder = decoder
 
-    def update(self, rows: NDArray[np.void]) -> None:
-        """Count a batch of frames (dtype `ROW`), in order."""
-        if not len(rows):
-            return
-        self.received += len(rows)
-        self._count_sequences(rows)
-        taxels = rows[rows["type"] == FrameType.TAXELS]
-        for address in np.unique(taxels["address"]).tolist():
-            board = self.boards.setdefault(address, BoardCount())
-            self._count_cycles(board, taxels[taxels["address"] == address])
+    @property
+    def received(self) -> int:
+        """Frames of any type that arrived whole."""
+        return int(self._decoder.totals[0])
 
-    def _count_sequences(self, rows: NDArray[np.void]) -> None:
-        sequences = rows["sequence"].astype(np.int64)
-        # A hub that has just started begins again at 0 with a greeting: that is a restart, not a loss.
-        restarted = (rows["type"] == FrameType.HUB_HELLO) & (sequences == 0)
-        first = sequences[0] if self._next_sequence is None else self._next_sequence
-        expected = np.concatenate([[first], (sequences[:-1] + 1) % _MODULUS])
-        gaps = (sequences - expected) % _MODULUS
-        gaps[restarted] = 0
-        if self._next_sequence is not None or self.received > len(rows):
-            self.restarts += int(restarted.sum())
-        self.lost_on_wire += int(gaps.sum())
-        self._next_sequence = int((sequences[-1] + 1) % _MODULUS)
-        if restarted.any():
-            for board in self.boards.values():
-                board.last_cycle = None
+    @property
+    def lost_on_wire(self) -> int:
+        """Frames that the hub sent and that did not arrive whole."""
+        return int(self._decoder.totals[1])
 
-    @staticmethod
-    def _count_cycles(board: BoardCount, rows: NDArray[np.void]) -> None:
-        cycles = rows["cycle"].astype(np.int64)
-        previous = cycles[0] - 1 if board.last_cycle is None else board.last_cycle
-        steps = np.diff(cycles, prepend=previous) % _MODULUS
-        board.received += len(rows)
-        board.missing += int(np.maximum(steps - 1, 0).sum())
-        board.last_cycle = int(cycles[-1])
+    @property
+    def restarts(self) -> int:
+        """Times that the hub began anew."""
+        return int(self._decoder.totals[2])
 
     @property
     def frames_sent(self) -> int:
-        """Frames that the hub has put onto the wire since the first one that arrived."""
+        """Frames that the hub has put onto the wire since the first one that arrived: received and lost."""
         return self.received + self.lost_on_wire
+
+    @property
+    def boards(self) -> dict[int, BoardCount]:
+        """Counts of every board that has sent a frame, by address."""
+        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(3, ADDRESSES)
+        seen = np.flatnonzero(table[0] + table[2])
+        return {int(a): BoardCount(*(int(count) for count in table[:, a])) for a in seen.tolist()}
+
+    def __repr__(self) -> str:
+        return f"LossAccount(received={self.received}, lost_on_wire={self.lost_on_wire}, restarts={self.restarts})"

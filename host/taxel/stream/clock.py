@@ -26,10 +26,6 @@ WIRE_OVERHEAD = 30
 _WRAP = 1 << 32
 
 
-def _signed_32(difference: NDArray[np.int64]) -> NDArray[np.int64]:
-    return (difference + (_WRAP >> 1)) % _WRAP - (_WRAP >> 1)
-
-
 class LowerEnvelope:
     """The line under a cloud of points that touches it from below around the middle of its span."""
 
@@ -88,7 +84,7 @@ class ClockMap:
         self._envelope = LowerEnvelope()
         self._syncs: dict[int, deque[tuple[int, int]]] = {}
         self._known = np.zeros(128, dtype=bool)
-        self._board_0 = np.zeros(128, dtype=np.int64)
+        self._board_0 = np.zeros(128, dtype=np.uint32)
         self._hub_0 = np.zeros(128)
         self._rate = np.ones(128)
 
@@ -141,15 +137,22 @@ class ClockMap:
 
     def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
         """When the scans of taxel frames (dtype `ROW`) began, on the hub's clock, microseconds since the hub's start."""
-        wrapped = rows["hub_time_us"].astype(np.int64)
-        read = self._hub_us + _signed_32(wrapped - self._hub_us % _WRAP)
-        if len(read):
-            self._hub_us = max(self._hub_us, int(read.max()))
+        if not len(rows):
+            return np.zeros(0)
         address = rows["address"]
-        since = _signed_32(rows["board_time_us"].astype(np.int64) - self._board_0[address])
-        mapped = self._hub_0[address] + self._rate[address] * since
-        result: NDArray[np.float64] = np.where(self._known[address], mapped, read.astype(float))
-        return result
+        since = (rows["board_time_us"] - self._board_0[address]).view(np.int32)
+        mapped: NDArray[np.float64] = self._hub_0[address] + self._rate[address] * since
+        latest = self._unwrap(rows["hub_time_us"][-1:])
+        self._hub_us = max(self._hub_us, int(latest[0]))
+        known = self._known[address]
+        if known.all():
+            return mapped
+        return np.where(known, mapped, self._unwrap(rows["hub_time_us"]).astype(float))
+
+    def _unwrap(self, hub_time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
+        """Whole hub times near the latest one known, from times modulo 2^32."""
+        near = np.uint32(self._hub_us % _WRAP)
+        return self._hub_us + (hub_time_us - near).view(np.int32).astype(np.int64)
 
     def take_arrivals(self, rows: NDArray[np.void], arrivals_s: NDArray[np.float64]) -> None:
         """Learn from taxel frames, in order, and when the last byte of each arrived (seconds).
@@ -158,8 +161,7 @@ class ClockMap:
         """
         if not self._has_arrivals or len(rows) < 2:
             return
-        wrapped = rows["hub_time_us"].astype(np.int64)
-        begun = self._hub_us + _signed_32(wrapped - self._hub_us % _WRAP)
+        begun = self._unwrap(rows["hub_time_us"])
         consecutive = (rows["cycle"][1:] == rows["cycle"][:-1]) & (np.diff(rows["sequence"].astype(np.int64)) % 65536 == 1)
         departed = begun[1:] + (2.0 * rows["size"][:-1] + WIRE_OVERHEAD) * self._byte_us
         for i in np.flatnonzero(consecutive).tolist():

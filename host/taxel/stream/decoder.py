@@ -5,9 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from taxel_protocol import FrameType
-
-from taxel.stream.native import ROW_SIZE, codec_library
+from taxel.stream.native import ROW_SIZE, BatchOutput, codec_library
 
 ROW = np.dtype(
     [
@@ -19,6 +17,8 @@ ROW = np.dtype(
         ("sequence", "<u2"),
         ("cycle", "<u2"),
         ("board_sequence", "<u2"),
+        ("lost_before", "<u2"),
+        ("missing_before", "<u2"),
         ("type", "u1"),
         ("address", "u1"),
         ("flags", "u1"),
@@ -31,19 +31,27 @@ ROW = np.dtype(
 BOARD_CRC_BAD = 1
 """Row flag: hub and wire were right, but the board's own CRC-32 is not."""
 
+ADDRESSES = 128
+TOTALS = 3 + 3 * ADDRESSES
+
 _ROWS = 4096
 _COUNTS = 1 << 18
 _PAYLOADS = 1 << 16
 
 
-class Batch(NamedTuple):
-    """Frames in the order in which they ended.
+HUB_RESTARTED = 2
+"""Row flag: the hub has started anew and counts from 0 again."""
 
-    `rows` [k] has dtype `ROW`. `counts` holds the raw counts of all taxel frames one after the other, `payloads` the payload
+
+class Batch(NamedTuple):
+    """Frames in the order in which they ended: taxel frames in `taxels`, all others in `others`, both with dtype `ROW`.
+
+    `counts` holds the raw counts of all taxel frames one after the other, `payloads` the payload
     bytes of all other frames; a row's `offset` and `size` say where its part lies.
     """
 
-    rows: NDArray[np.void]
+    taxels: NDArray[np.void]
+    others: NDArray[np.void]
     counts: NDArray[np.uint16]
     payloads: bytes
 
@@ -58,15 +66,22 @@ class StreamDecoder:
         self._library = codec_library()
         assert ROW.itemsize == ROW_SIZE
         self._state = ctypes.create_string_buffer(self._library.taxel_batch_struct_size())
-        self._rows = np.zeros(_ROWS, dtype=ROW)
+        self._taxels = np.zeros(_ROWS, dtype=ROW)
+        self._others = np.zeros(_ROWS, dtype=ROW)
         self._counts = np.zeros(_COUNTS, dtype=np.uint16)
         self._payloads = np.zeros(_PAYLOADS, dtype=np.uint8)
-        self._row_count = ctypes.c_size_t()
-        self._output = (
-            self._rows.ctypes.data, _ROWS, self._counts.ctypes.data, _COUNTS,
-            self._payloads.ctypes.data, _PAYLOADS, ctypes.addressof(self._row_count),
+        self._output = BatchOutput(
+            self._taxels.ctypes.data, self._others.ctypes.data, self._counts.ctypes.data, self._payloads.ctypes.data,
+            _ROWS, _COUNTS, _PAYLOADS,
         )  # fmt: skip
+        self._output_address = ctypes.addressof(self._output)
         self._library.taxel_batch_init(self._state, 1)
+
+    @property
+    def totals(self) -> NDArray[np.uint64]:
+        """`struct taxel_batch_totals` of firmware/codec/batch.h as it is now: frames, lost, restarts, then 3 x 128 by address."""
+        address = self._library.taxel_batch_totals(self._state)
+        return np.ctypeslib.as_array((ctypes.c_uint64 * TOTALS).from_address(address)).copy()
 
     @property
     def discarded_bytes(self) -> int:
@@ -78,20 +93,22 @@ class StreamDecoder:
         batches = []
         view = data
         while view:
-            taken = self._library.taxel_batch_decode(self._state, view, len(view), *self._output)
-            if self._row_count.value:
+            taken = self._library.taxel_batch_decode(self._state, view, len(view), self._output_address)
+            if self._output.taxel_count or self._output.other_count:
                 batches.append(self._take())
             view = view[taken:]
         return batches
 
     def finish(self) -> list[Batch]:
         """Frames in what is left when the stream has ended without a delimiter."""
-        self._library.taxel_batch_finish(self._state, *self._output)
-        return [self._take()] if self._row_count.value else []
+        self._library.taxel_batch_finish(self._state, self._output_address)
+        return [self._take()] if self._output.taxel_count or self._output.other_count else []
 
     def _take(self) -> Batch:
-        rows = self._rows[: self._row_count.value].copy()
-        is_taxels = rows["type"] == FrameType.TAXELS
-        counts = int(rows["size"][is_taxels].sum(dtype=np.int64))
-        payloads = int(rows["size"][~is_taxels].sum(dtype=np.int64))
-        return Batch(rows, self._counts[:counts].copy(), self._payloads[:payloads].tobytes())
+        output = self._output
+        return Batch(
+            self._taxels[: output.taxel_count].copy(),
+            self._others[: output.other_count].copy(),
+            self._counts[: output.count_count].copy(),
+            self._payloads[: output.payload_count].tobytes(),
+        )

@@ -4,8 +4,6 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-from taxel_protocol import FrameType
-
 from taxel.link import Chunk, Link
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
@@ -27,11 +25,11 @@ class FrameStream:
     def __init__(self, link: Link, on_message: Callable[[HubMessage], None], ring_capacity: int = 1 << 22) -> None:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
-        self.losses = LossAccount()
         self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded)
         self.bytes_received = 0
         self._on_message = on_message
         self._decoder = StreamDecoder()
+        self.losses = LossAccount(self._decoder)
         self._arrival_ends: list[int] = []
         self._arrival_ns: list[int] = []
         self._ring: RingBuffer | None = None
@@ -100,19 +98,16 @@ class FrameStream:
         return b"".join(chunk.data for chunk in chunks)
 
     def _take(self, batch: Batch) -> None:
-        rows = batch.rows
-        self.losses.update(rows)
         for message in messages_of(batch):
             self.clock.take_message(message)
             self._on_message(message)
-        taxels = rows[rows["type"] == FrameType.TAXELS]
+        taxels = batch.taxels
         if not len(taxels):
             return
         self._learn_arrivals(taxels)
-        damaged = (taxels["flags"] & BOARD_CRC_BAD) != 0
+        damaged = taxels["flags"] & BOARD_CRC_BAD
         if damaged.any():
-            self._count_damaged(taxels[damaged]["address"].tolist())
-            taxels = taxels[~damaged]
+            taxels = taxels[damaged == 0]
         times = self.clock.host_times_s(self.clock.hub_times_us(taxels))
         self.frames.extend(taxel_frames_of(batch, taxels, times))
 
@@ -121,11 +116,6 @@ class FrameStream:
             index = np.searchsorted(self._arrival_ends, taxels["stream_position"], side="left")
             index = np.minimum(index, len(self._arrival_ends) - 1)
             self.clock.take_arrivals(taxels, np.asarray(self._arrival_ns)[index] * 1e-9)
-
-    def _count_damaged(self, addresses: list[int]) -> None:
-        for address in addresses:
-            self.losses.boards[address].damaged += 1
-            self.losses.boards[address].received -= 1
 
     def close(self) -> None:
         """Stop reading and close the link."""

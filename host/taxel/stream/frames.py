@@ -38,8 +38,10 @@ class HubMessage(NamedTuple):
 
 def messages_of(batch: Batch) -> list[HubMessage]:
     """The hub's messages in a batch, in order."""
-    rows = batch.rows[batch.rows["type"] != FrameType.TAXELS]
-    messages = []
+    rows = batch.others
+    messages: list[HubMessage] = []
+    if not len(rows):
+        return messages
     for code, offset, size in zip(rows["type"].tolist(), rows["offset"].tolist(), rows["size"].tolist(), strict=True):
         kind = FrameType(code)
         fields, tail = unpack(FRAMES[kind].payload, batch.payloads[offset : offset + size])
@@ -50,12 +52,9 @@ def messages_of(batch: Batch) -> list[HubMessage]:
 def taxel_frames_of(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
     """Taxel frames of `rows` (rows of the batch with type TAXELS), which began at `times_s` [k] seconds."""
     counts = batch.counts
-    starts = rows["offset"]
-    ends = starts + rows["size"]
-    return [
-        TaxelFrame(address, cycle, sequence, time_s, board_time, hub_time, counts[start:end])
-        for address, cycle, sequence, time_s, board_time, hub_time, start, end in zip(
-            rows["address"].tolist(), rows["cycle"].tolist(), rows["board_sequence"].tolist(), times_s.tolist(),
-            rows["board_time_us"].tolist(), rows["hub_time_us"].tolist(), starts.tolist(), ends.tolist(), strict=True,
-        )
-    ]  # fmt: skip
+    starts = rows["offset"].tolist()
+    ends = (rows["offset"] + rows["size"]).tolist()
+    parts = [counts[start:end] for start, end in zip(starts, ends, strict=True)]
+    columns = [rows[name].tolist() for name in ("address", "cycle", "board_sequence")]
+    clocks = [rows[name].tolist() for name in ("board_time_us", "hub_time_us")]
+    return list(map(TaxelFrame._make, zip(*columns, times_s.tolist(), *clocks, parts, strict=True)))

@@ -11,8 +11,26 @@ class NativeLibraryError(TaxelError):
     """The compiled codec is missing or is not the one that this package was built with."""
 
 
-ROW_SIZE = 32
+ROW_SIZE = 40
 """Bytes of `struct taxel_batch_row`: checked when the library is loaded."""
+
+
+class BatchOutput(ctypes.Structure):
+    """`struct taxel_batch_output`: where a call puts what it decodes, and how much that was."""
+
+    _fields_ = [  # noqa: RUF012 (ctypes wants a list)
+        ("taxels", ctypes.c_void_p),
+        ("others", ctypes.c_void_p),
+        ("counts", ctypes.c_void_p),
+        ("payloads", ctypes.c_void_p),
+        ("row_capacity", ctypes.c_size_t),
+        ("count_capacity", ctypes.c_size_t),
+        ("payload_capacity", ctypes.c_size_t),
+        ("taxel_count", ctypes.c_size_t),
+        ("other_count", ctypes.c_size_t),
+        ("count_count", ctypes.c_size_t),
+        ("payload_count", ctypes.c_size_t),
+    ]
 
 
 @cache
@@ -24,15 +42,16 @@ def codec_library() -> ctypes.CDLL:
     except OSError as error:
         raise NativeLibraryError("the compiled codec is missing from the package; install taxel again (pip install .)") from error
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    out = [pointer, size, pointer, size, pointer, size, pointer]
     library.taxel_batch_struct_size.restype = size
     library.taxel_batch_row_size.restype = size
     library.taxel_batch_init.argtypes = [pointer, ctypes.c_uint8]
     library.taxel_batch_init.restype = None
-    library.taxel_batch_decode.argtypes = [pointer, ctypes.c_char_p, size, *out]
+    library.taxel_batch_decode.argtypes = [pointer, ctypes.c_char_p, size, pointer]
     library.taxel_batch_decode.restype = size
-    library.taxel_batch_finish.argtypes = [pointer, *out]
+    library.taxel_batch_finish.argtypes = [pointer, pointer]
     library.taxel_batch_finish.restype = None
+    library.taxel_batch_totals.argtypes = [pointer]
+    library.taxel_batch_totals.restype = pointer
     library.taxel_batch_discarded_bytes.argtypes = [pointer]
     library.taxel_batch_discarded_bytes.restype = ctypes.c_uint64
     if library.taxel_batch_row_size() != ROW_SIZE:

@@ -1,0 +1,67 @@
+# Everything that the project does has a target here. `make help` lists them.
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+BUILD := build/c
+JOBS := $(shell nproc)
+SOURCES := pyproject.toml $(shell find firmware -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' 2>/dev/null)
+CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-c test-python lint bench firmware generate format clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
+
+install: $(STAMP)  ## make the virtual environment and install taxel into it
+
+$(BIN)/python:
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" tools/make_venv.sh
+
+$(STAMP): $(BIN)/python $(SOURCES)
+	@echo "installing taxel and what it needs (once; later runs reuse it)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check scikit-build-core cmake ninja
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[test]'
+	@touch $@
+
+demo: $(STAMP)  ## boot the emulated skin, press on it, show what it feels
+	@$(BIN)/taxel demo --out out/demo
+
+test: lint test-c test-python  ## everything that must pass: style, types, layers, C and Python tests
+
+test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
+	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
+	@$(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
+	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
+
+test-python: $(STAMP)  ## Python tests
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile
+
+lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-cache
+	@$(BIN)/python tools/codegen/c_header.py --check
+	@$(BIN)/python tools/codegen/vectors.py --check
+
+bench: $(STAMP)  ## speed, as ratios measured in one run
+	@$(BIN)/python tools/bench/run.py
+
+firmware: $(STAMP)  ## build firmware and emulator without sanitizers, all warnings as errors
+	@$(CMAKE) -S firmware -B $(BUILD)/release > /dev/null
+	@$(BIN)/cmake --build $(BUILD)/release
+	@echo "built: $(BUILD)/release/libtaxel_firmware.a, taxel-emulator, libtaxel_codec.so (Cortex-M0 images are not built yet)"
+
+generate: $(STAMP)  ## write the C header and the vectors from the construct definitions
+	@$(BIN)/python tools/codegen/c_header.py
+	@$(BIN)/python tools/codegen/vectors.py
+
+format: $(STAMP)  ## put the Python sources into form
+	@$(BIN)/ruff check --fix --quiet . || true
+	@$(BIN)/ruff format --quiet .
+
+clean:  ## remove everything that was built
+	rm -rf $(VENV) build out

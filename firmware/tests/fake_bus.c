@@ -1,0 +1,122 @@
+/* The boards and other devices on the fake hub's bus. A transfer happens all at once, at its start. */
+#include "fake_hub.h"
+
+#include "codec/crc32.h"
+
+static bool address_device(struct fake_device *device, bool reading)
+{
+    if (device->nacks) {
+        device->nacks--;
+        return false;
+    }
+    return !device->sensor || taxel_sensor_on_address(&device->sensor->sensor, reading);
+}
+
+static void prepare(const struct fake_hub *fake, struct fake_device *device, bool reading)
+{
+    struct fake_sensor *sensor = device->sensor;
+    if (!sensor) {
+        return;
+    }
+    sensor->clock_us = (uint32_t)fake->now_us + device->clock_offset_us;
+    if (reading && device->held_scans) {
+        device->held_scans--;
+    } else if (reading) {
+        fake_scan(sensor, 1);
+    }
+    if (device->map_version) {
+        uint8_t *identity = sensor->sensor.identity;
+        identity[TAXEL_IDENTITY_OFFSET_MAP_VERSION] = device->map_version;
+        taxel_put_u32(identity + TAXEL_IDENTITY_OFFSET_CRC32, taxel_crc32(0, identity, TAXEL_IDENTITY_OFFSET_CRC32));
+    }
+}
+
+/* Address one direction; which devices acknowledged is in `heard`. */
+static bool address_all(struct fake_hub *fake, uint8_t address, bool reading, bool *heard)
+{
+    bool any = false;
+    for (size_t i = 0; i < fake->device_count; i++) {
+        struct fake_device *device = &fake->devices[i];
+        heard[i] = false;
+        if (!device->unplugged && device->address == address) {
+            prepare(fake, device, reading);
+            heard[i] = address_device(device, reading);
+            any = any || heard[i];
+        }
+    }
+    return any;
+}
+
+static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, bool *heard)
+{
+    if (transfer->write_size || !transfer->read_size) {
+        if (!address_all(fake, transfer->address, false, heard)) {
+            return TAXEL_I2C_NACK_ADDRESS;
+        }
+    }
+    for (size_t n = 0; n < transfer->write_size; n++) {
+        bool acknowledged = false;
+        for (size_t i = 0; i < fake->device_count; i++) {
+            struct fake_sensor *sensor = fake->devices[i].sensor;
+            acknowledged |= heard[i] && (!sensor || taxel_sensor_on_write(&sensor->sensor, transfer->write_bytes[n]));
+        }
+        if (!acknowledged) {
+            return TAXEL_I2C_NACK_DATA;
+        }
+    }
+    if (transfer->read_size && !address_all(fake, transfer->address, true, heard)) {
+        return TAXEL_I2C_NACK_ADDRESS;
+    }
+    for (size_t n = 0; n < transfer->read_size; n++) {
+        transfer->read_bytes[n] = 0xFF; /* open drain: a zero wins */
+        for (size_t i = 0; i < fake->device_count; i++) {
+            struct fake_device *device = &fake->devices[i];
+            if (heard[i]) {
+                transfer->read_bytes[n] &= device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
+            }
+        }
+    }
+    return TAXEL_I2C_OK;
+}
+
+static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, const bool *heard)
+{
+    for (size_t i = 0; i < fake->device_count; i++) {
+        struct fake_device *device = &fake->devices[i];
+        if (heard[i] && transfer->read_size && device->corrupt) {
+            device->corrupt--;
+            transfer->read_bytes[transfer->read_size / 2u] ^= 0x04u;
+        }
+        if (heard[i] && device->sensor) {
+            taxel_sensor_on_stop(&device->sensor->sensor);
+        }
+    }
+}
+
+int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer)
+{
+    bool heard[FAKE_DEVICES] = {false};
+    const int8_t result = exchange(fake, transfer, heard);
+    finish_transfer(fake, transfer, heard);
+    return result;
+}
+
+void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const uint8_t address = (uint8_t)(first_address + i);
+        fake_sensor_init(&sensors[i], address, 3, 4, 5);
+        (void)fake_sensor_boot(&sensors[i]);
+        fake_scan(&sensors[i], 1);
+        (void)fake_hub_add(fake, address, &sensors[i]);
+    }
+}
+
+void fake_hub_free_boards(struct fake_hub *fake)
+{
+    for (size_t i = 0; i < fake->device_count; i++) {
+        if (fake->devices[i].sensor) {
+            fake_sensor_free(fake->devices[i].sensor);
+        }
+    }
+}

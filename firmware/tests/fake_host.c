@@ -1,0 +1,156 @@
+/* The host at the other end of the fake hub's UART: sends commands, keeps the frames that come back. */
+#include "fake_hub.h"
+
+#include "codec/encoder.h"
+
+static void on_frame(void *context, const struct taxel_frame *frame)
+{
+    struct fake_hub *fake = context;
+    fake->sequence_gaps += frame->sequence != fake->next_sequence;
+    fake->next_sequence = (uint16_t)(frame->sequence + 1u);
+    if (fake->frame_count < FAKE_FRAMES) {
+        struct fake_frame *stored = &fake->frames[fake->frame_count++];
+        stored->type = frame->type;
+        stored->sequence = frame->sequence;
+        stored->length = frame->length;
+        memcpy(stored->payload, frame->payload, frame->length);
+    }
+}
+
+void fake_host_init(struct fake_hub *fake)
+{
+    const struct taxel_deframer_config config = {
+        .chunk = fake->chunk,
+        .chunk_capacity = sizeof fake->chunk,
+        .body = fake->body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = TAXEL_DIRECTION_TO_HOST,
+        .handler = on_frame,
+        .context = fake,
+    };
+    taxel_deframer_init(&fake->deframer, &config);
+}
+
+void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, size_t size)
+{
+    uint8_t bytes[256];
+    struct taxel_encoder encoder;
+    taxel_encoder_begin(&encoder, bytes, sizeof bytes, 0, type, 0, (uint16_t)size);
+    taxel_encoder_put(&encoder, payload, size);
+    fake_hub_receive(fake, bytes, taxel_encoder_end(&encoder));
+}
+
+static int reply_to(struct fake_hub *fake, size_t from, uint8_t tag, uint8_t command)
+{
+    for (size_t i = from; i < fake->frame_count; i++) {
+        const struct fake_frame *frame = &fake->frames[i];
+        if (frame->type == TAXEL_FRAME_TYPE_REPLY && frame->payload[0] == tag && frame->payload[1] == command) {
+            fake->reply_size = frame->length - TAXEL_REPLY_HEADER_SIZE;
+            memcpy(fake->reply, frame->payload + TAXEL_REPLY_HEADER_SIZE, fake->reply_size);
+            return frame->payload[2];
+        }
+    }
+    return -1;
+}
+
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t patience_us)
+{
+    uint8_t payload[TAXEL_COMMAND_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX] = {++fake->tag, command};
+    const size_t from = fake->frame_count;
+    const uint64_t until = fake->now_us + patience_us;
+    memcpy(payload + TAXEL_COMMAND_HEADER_SIZE, arguments, size);
+    fake_hub_send(fake, TAXEL_FRAME_TYPE_COMMAND, payload, TAXEL_COMMAND_HEADER_SIZE + size);
+    int status = reply_to(fake, from, fake->tag, command);
+    while (status < 0 && fake->now_us < until && fake_hub_step(fake, until)) {
+        status = reply_to(fake, from, fake->tag, command);
+    }
+    return status;
+}
+
+int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size)
+{
+    return fake_hub_command_within(fake, command, arguments ? arguments : (const uint8_t *)"", size, 2000000u);
+}
+
+bool fake_hub_hello(struct fake_hub *fake)
+{
+    const uint8_t hello[TAXEL_HOST_HELLO_SIZE] = {77, 1, TAXEL_PROTOCOL_VERSION};
+    fake_hub_send(fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+    fake_hub_run(fake, 100);
+    const struct fake_frame *answer = fake_hub_last(fake, TAXEL_FRAME_TYPE_HUB_HELLO);
+    return answer && answer->payload[0] == 77 && answer->payload[3] == TAXEL_PROTOCOL_VERSION;
+}
+
+size_t fake_hub_count(const struct fake_hub *fake, uint8_t type)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < fake->frame_count; i++) {
+        count += fake->frames[i].type == type;
+    }
+    return count;
+}
+
+const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type)
+{
+    for (size_t i = fake->frame_count; i-- > 0;) {
+        if (fake->frames[i].type == type) {
+            return &fake->frames[i];
+        }
+    }
+    return NULL;
+}
+
+size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t address)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < fake->frame_count; i++) {
+        count += fake->frames[i].type == type && fake->frames[i].payload[0] == address;
+    }
+    return count;
+}
+
+size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8_t fault)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < fake->frame_count; i++) {
+        const struct fake_frame *frame = &fake->frames[i];
+        count += frame->type == TAXEL_FRAME_TYPE_BOARD_FAULT && frame->payload[0] == address && frame->payload[1] == fault;
+    }
+    return count;
+}
+
+void fake_hub_forget_frames(struct fake_hub *fake)
+{
+    fake->frame_count = 0;
+}
+
+struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address)
+{
+    const uint8_t slot = taxel_hub_slot_of(&fake->hub, address);
+    return slot == TAXEL_NO_SLOT ? NULL : &fake->slots[slot];
+}
+
+bool fake_hub_accounts_hold(const struct fake_hub *fake)
+{
+    for (uint8_t i = 0; i < fake->hub.slot_count; i++) {
+        const struct taxel_hub_slot *slot = &fake->slots[i];
+        const struct taxel_job *job = &fake->hub.job;
+        const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
+                               slot->bus_errors + slot->dropped;
+        const bool in_flight =
+            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT));
+        if (slot->polls != ended + in_flight) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool fake_hub_start(struct fake_hub *fake)
+{
+    fake_hub_boot(fake);
+    fake_hub_run(fake, 200000);
+    const bool started = fake_hub_hello(fake) && fake_hub_command(fake, TAXEL_COMMAND_START, NULL, 0) == 0;
+    fake_hub_forget_frames(fake);
+    return started;
+}

@@ -1,0 +1,193 @@
+#include "fake_hub.h"
+
+#define RUN_COST_US 5u
+
+static void on_i2c_abort(void *context)
+{
+    struct fake_hub *fake = context;
+    fake->done_us = FAKE_NEVER;
+    fake->aborts++;
+}
+
+static bool sda_level(const struct fake_hub *fake)
+{
+    return fake->sda && !fake->sda_held_clocks;
+}
+
+static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
+{
+    struct fake_hub *fake = context;
+    if (fake->scl && !scl_high && fake->sda_held_clocks) {
+        fake->sda_held_clocks--;
+    }
+    fake->scl = scl_high;
+    fake->sda = sda_high;
+    if (fake->line_count < FAKE_LINES) {
+        fake->lines[fake->line_count].scl = scl_high;
+        fake->lines[fake->line_count].sda = sda_high;
+        fake->lines[fake->line_count++].at_us = fake->now_us;
+    }
+}
+
+static bool on_i2c_scl(void *context)
+{
+    const struct fake_hub *fake = context;
+    return fake->scl && !fake->scl_held;
+}
+
+static bool on_i2c_sda(void *context)
+{
+    return sda_level(context);
+}
+
+static void on_uart_kick(void *context)
+{
+    (void)context; /* fake_hub_run() drains after every pass */
+}
+
+static uint64_t on_clock_us(void *context)
+{
+    return ((const struct fake_hub *)context)->now_us;
+}
+
+static void on_delay_us(void *context, uint32_t microseconds)
+{
+    ((struct fake_hub *)context)->now_us += microseconds;
+}
+
+static void on_wake_at(void *context, uint64_t clock_us)
+{
+    struct fake_hub *fake = context;
+    fake->wake_us = clock_us < fake->wake_us ? clock_us : fake->wake_us;
+}
+
+static void on_restart(void *context)
+{
+    ((struct fake_hub *)context)->restarts++;
+}
+
+static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
+{
+    struct fake_hub *fake = context;
+    const int verdict = fake->script ? fake->script(fake, transfer) : FAKE_PROCEED;
+    fake->overlapping += fake->done_us != FAKE_NEVER;
+    fake->transfers++;
+    const uint64_t bytes = 2u + transfer->write_size + transfer->read_size;
+    fake->done_us = fake->now_us + 5u + bytes * 9u * 1000000u / fake->config.scl_hz;
+    if (!sda_level(fake) || fake->scl_held) {
+        fake->result = TAXEL_I2C_BUSY;
+        fake->done_us = fake->now_us + 10u;
+    } else if (verdict == FAKE_HANG) {
+        fake->done_us = FAKE_NEVER;
+    } else if (verdict != FAKE_PROCEED) {
+        fake->result = (int8_t)verdict;
+    } else {
+        fake->result = fake_bus_transfer(fake, transfer);
+    }
+}
+
+void fake_hub_init(struct fake_hub *fake)
+{
+    memset(fake, 0, sizeof *fake);
+    fake->hal = (struct taxel_hub_hal){
+        .context = fake,
+        .i2c_start = on_i2c_start,
+        .i2c_abort = on_i2c_abort,
+        .i2c_drive = on_i2c_drive,
+        .i2c_scl = on_i2c_scl,
+        .i2c_sda = on_i2c_sda,
+        .uart_kick = on_uart_kick,
+        .clock_us = on_clock_us,
+        .delay_us = on_delay_us,
+        .wake_at = on_wake_at,
+        .restart = on_restart,
+    };
+    fake->config = (struct taxel_hub_config){
+        .hal = &fake->hal,
+        .firmware_version = {4, 5, 6},
+        .unique_id = {8, 7, 6, 5, 4, 3, 2, 1},
+        .reset_cause = TAXEL_RESET_CAUSE_BROWN_OUT,
+        .scl_hz = 400000,
+        .slots = fake->slots,
+        .slot_capacity = FAKE_SLOTS,
+        .transfer_buffers = {fake->buffers[0], fake->buffers[1]},
+        .transfer_buffer_size = FAKE_BUFFER,
+        .transmit_ring = fake->ring,
+        .transmit_ring_size = FAKE_RING,
+    };
+    fake_host_init(fake);
+    fake->scl = fake->sda = true;
+    fake->drain_bytes = FAKE_RING;
+    fake->now_us = 1000;
+}
+
+void fake_hub_boot(struct fake_hub *fake)
+{
+    fake->wake_us = fake->now_us;
+    fake->done_us = FAKE_NEVER;
+    fake->next_sequence = 0;
+    taxel_hub_init(&fake->hub, &fake->config);
+}
+
+struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor)
+{
+    struct fake_device *device = &fake->devices[fake->device_count++];
+    device->address = address;
+    device->sensor = sensor;
+    return device;
+}
+
+static void drain(struct fake_hub *fake)
+{
+    uint8_t bytes[FAKE_RING];
+    const size_t size = taxel_hub_uart_pull(&fake->hub, bytes, fake->drain_bytes);
+    taxel_deframer_push(&fake->deframer, bytes, size);
+}
+
+static void pass(struct fake_hub *fake)
+{
+    if (fake->done_us <= fake->now_us) {
+        fake->done_us = FAKE_NEVER;
+        taxel_hub_on_i2c_done(&fake->hub, fake->result);
+    }
+    fake->wake_us = FAKE_NEVER; /* asked to run by then at the latest: it runs now */
+    taxel_hub_run(&fake->hub);
+    fake->now_us += RUN_COST_US;
+    drain(fake);
+}
+
+bool fake_hub_step(struct fake_hub *fake, uint64_t until)
+{
+    const uint64_t next = fake->wake_us < fake->done_us ? fake->wake_us : fake->done_us;
+    if (next > until) {
+        return false;
+    }
+    fake->now_us = next > fake->now_us ? next : fake->now_us;
+    pass(fake);
+    return true;
+}
+
+void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
+{
+    const uint64_t until = fake->now_us + microseconds;
+    while (fake->now_us <= until && fake_hub_step(fake, until)) {
+    }
+    fake->now_us = until > fake->now_us ? until : fake->now_us;
+}
+
+bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
+{
+    const uint32_t wanted = fake->hub.cycle.count + cycles;
+    const uint64_t until = fake->now_us + 10000000u;
+    while (fake->hub.cycle.count != wanted && fake_hub_step(fake, until)) {
+    }
+    return fake->hub.cycle.count == wanted;
+}
+
+void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        taxel_hub_on_uart_byte(&fake->hub, bytes[i]);
+    }
+    pass(fake);
+}

@@ -1,0 +1,128 @@
+/* A hub without a processor: the real hub firmware on a HAL of virtual microseconds. On its bus are boards of the real sensor
+ * firmware and devices that are no boards; a script may end any transfer otherwise. Its UART leads into a frame decoder. */
+#ifndef TAXEL_TESTS_FAKE_HUB_H
+#define TAXEL_TESTS_FAKE_HUB_H
+
+#include "codec/deframer.h"
+#include "fake_sensor.h"
+#include "hub/hub.h"
+#include "hub/internal.h"
+
+#define FAKE_DEVICES 40u
+#define FAKE_SLOTS 32u
+#define FAKE_FRAMES 4096u
+#define FAKE_LINES 128u
+#define FAKE_RING 1280u
+#define FAKE_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
+#define FAKE_NEVER UINT64_MAX
+
+/* What a script says of a transfer, beside enum taxel_i2c_result, which ends it. */
+enum fake_verdict {
+    FAKE_PROCEED = 1,
+    FAKE_HANG = 2, /* never ends */
+};
+
+struct fake_device {
+    uint8_t address;
+    struct fake_sensor *sensor; /* NULL: a foreign device, which answers with `foreign` bytes */
+    uint8_t foreign;
+    bool unplugged;
+    unsigned nacks;    /* addresses not to acknowledge from now on */
+    unsigned corrupt;  /* reads to damage from now on */
+    unsigned held_scans; /* snapshot reads that find no newer scan */
+    uint32_t clock_offset_us;
+    uint8_t map_version; /* what the identity claims; 0: the firmware's own */
+};
+
+struct fake_frame {
+    uint8_t type;
+    uint16_t sequence;
+    uint16_t length;
+    uint8_t payload[TAXEL_PAYLOAD_MAX];
+};
+
+struct fake_hub {
+    struct taxel_hub hub;
+    struct taxel_hub_config config;
+    struct taxel_hub_hal hal;
+    struct taxel_hub_slot slots[FAKE_SLOTS];
+    uint8_t buffers[2][FAKE_BUFFER];
+    uint8_t ring[FAKE_RING];
+    uint64_t now_us, wake_us;
+
+    struct fake_device devices[FAKE_DEVICES];
+    size_t device_count;
+    int (*script)(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer);
+    int script_state; /* the script's own */
+    uint64_t done_us;
+    int8_t result;
+    uint64_t transfers;
+    unsigned aborts, restarts;
+    unsigned overlapping; /* transfers begun before the last one had ended */
+
+    bool scl, sda;            /* what the hub drives */
+    unsigned sda_held_clocks; /* a slave holds SDA until it has seen that many clocks */
+    bool scl_held;
+    struct {
+        bool scl, sda;
+        uint64_t at_us;
+    } lines[FAKE_LINES];
+    size_t line_count;
+
+    size_t drain_bytes; /* that the host takes each time the hub has run; 0: it does not read */
+    struct taxel_deframer deframer;
+    uint8_t chunk[2 * (TAXEL_ENCODED_MAX + 2)];
+    uint8_t body[TAXEL_BODY_MAX];
+    struct fake_frame frames[FAKE_FRAMES];
+    size_t frame_count;
+    unsigned sequence_gaps;
+    uint16_t next_sequence;
+
+    uint8_t tag;
+    uint8_t reply[TAXEL_PAYLOAD_MAX];
+    size_t reply_size;
+};
+
+void fake_hub_init(struct fake_hub *fake);
+void fake_hub_boot(struct fake_hub *fake);
+struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor);
+
+/* Boards of 10 taxels at first_address and the addresses after it, booted, with one scan done. */
+void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count);
+void fake_hub_free_boards(struct fake_hub *fake);
+/* Boot, let the boards be found, say hello, start streaming and forget the frames so far. */
+bool fake_hub_start(struct fake_hub *fake);
+
+/* The next event, unless it is later than that; false if there was none. */
+bool fake_hub_step(struct fake_hub *fake, uint64_t until_us);
+
+/* Run for some virtual time. */
+void fake_hub_run(struct fake_hub *fake, uint64_t microseconds);
+
+/* Run until n more poll cycles have ended; false if they do not end within 10 virtual seconds. */
+bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles);
+
+void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size);
+void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, size_t size);
+
+/* Send a command and run until its reply. Returns its status, or -1 if none came within `patience_us`. */
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t patience_us);
+int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size);
+bool fake_hub_hello(struct fake_hub *fake);
+
+size_t fake_hub_count(const struct fake_hub *fake, uint8_t type);
+const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type);
+/* Taxel frames of a board; with any other type that begins with an address, those. */
+size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t address);
+size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8_t fault);
+void fake_hub_forget_frames(struct fake_hub *fake);
+
+struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address);
+/* Every poll but one in flight at most is in exactly one counter, for every board. */
+bool fake_hub_accounts_hold(const struct fake_hub *fake);
+
+/* fake_bus.c: what the devices make of a transfer. fake_host.c: begin with no frame known. */
+int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer);
+void fake_host_init(struct fake_hub *fake);
+
+#endif

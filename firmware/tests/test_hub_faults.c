@@ -1,0 +1,240 @@
+/* Boards that fail, go, come back, are restarted, or are no boards: every poll has a counter, and the others go on. */
+#include "check.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[FAKE_DEVICES];
+
+static void begin(size_t boards)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, boards);
+    CHECK(fake_hub_start(&fake));
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    fake_hub_forget_frames(&fake);
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    CHECK_EQUAL(fake.overlapping, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static struct taxel_hub_slot slot(uint8_t address)
+{
+    const struct taxel_hub_slot none = {0};
+    return fake_hub_slot(&fake, address) ? *fake_hub_slot(&fake, address) : none;
+}
+
+static uint16_t cycle_of(const struct fake_frame *frame)
+{
+    return taxel_get_u16(frame->payload + TAXEL_TAXEL_HEADER_OFFSET_CYCLE);
+}
+
+/* Every cycle number at most once a board: the frames of one cycle show the skin at one time. */
+static void check_one_frame_a_cycle(uint8_t address)
+{
+    long last = -1;
+    for (size_t i = 0; i < fake.frame_count; i++) {
+        const struct fake_frame *frame = &fake.frames[i];
+        if (frame->type == TAXEL_FRAME_TYPE_TAXELS && frame->payload[0] == address) {
+            CHECK(cycle_of(frame) > last);
+            last = cycle_of(frame);
+        }
+    }
+}
+
+static void check_one_retry(bool by_crc)
+{
+    begin(3);
+    const struct taxel_hub_slot before = slot(FIRST + 2);
+    for (unsigned i = 0; i < 40; i++) {
+        fake.devices[2].corrupt = by_crc;
+        fake.devices[2].nacks = !by_crc;
+        CHECK(fake_hub_run_cycles(&fake, 1));
+    }
+    const struct taxel_hub_slot after = slot(FIRST + 2);
+    CHECK_EQUAL(after.polls - before.polls, 40);
+    CHECK(after.retries - before.retries >= 30); /* sometimes the fault hits the read of its clock instead */
+    CHECK_EQUAL(after.crc_errors + after.nacks, 0);
+    CHECK_EQUAL(after.forwarded, after.polls);
+    CHECK_EQUAL(after.last_fault, TAXEL_BOARD_FAULT_NONE);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
+    check_one_frame_a_cycle(FIRST + 2);
+    end();
+}
+
+static void one_damaged_snapshot_is_read_again(void)
+{
+    check_one_retry(true);
+}
+
+static void one_missing_acknowledge_is_tried_again(void)
+{
+    check_one_retry(false);
+}
+
+static void a_retry_belongs_to_its_cycle_also_when_no_probe_follows(void)
+{
+    begin(FAKE_SLOTS); /* no free slot: no probes between the last poll and the next cycle */
+    for (unsigned i = 0; i < 20; i++) {
+        fake.devices[FAKE_SLOTS - 1].corrupt = 1;
+        CHECK(fake_hub_run_cycles(&fake, 1));
+    }
+    CHECK(slot(FIRST + FAKE_SLOTS - 1).retries >= 15);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    check_one_frame_a_cycle(FIRST + FAKE_SLOTS - 1);
+    const struct fake_frame *last = fake_hub_last(&fake, TAXEL_FRAME_TYPE_TAXELS);
+    CHECK_EQUAL(cycle_of(last), fake.hub.cycle.number - (last->payload[0] == FIRST + FAKE_SLOTS - 1));
+    end();
+}
+
+static void two_damaged_snapshots_are_one_crc_error(void)
+{
+    begin(2);
+    fake.devices[0].corrupt = 2;
+    CHECK(fake_hub_run_cycles(&fake, 4));
+    CHECK_EQUAL(slot(FIRST).crc_errors, 1);
+    CHECK_EQUAL(slot(FIRST).retries, 1);
+    CHECK_EQUAL(slot(FIRST).state, TAXEL_BOARD_STATE_STREAMING);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_CRC), 1);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_RECOVERED), 1);
+    end();
+}
+
+static void a_damaged_line_never_makes_a_board_absent(void)
+{
+    begin(2);
+    const uint32_t forwarded = slot(FIRST).forwarded;
+    fake.devices[0].corrupt = 1000;
+    CHECK(fake_hub_run_cycles(&fake, 50));
+    CHECK_EQUAL(slot(FIRST).state, TAXEL_BOARD_STATE_STREAMING);
+    CHECK(slot(FIRST).crc_errors >= 49);
+    CHECK(slot(FIRST).forwarded <= forwarded + 1u);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_CRC), 1); /* once a row, not each time */
+    end();
+}
+
+static void an_unplugged_board_is_absent_after_three_failures_and_probed_each_cycle(void)
+{
+    begin(3);
+    fake.devices[1].unplugged = true;
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK(slot(FIRST + 1).state == TAXEL_BOARD_STATE_STREAMING);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK(slot(FIRST + 1).state == TAXEL_BOARD_STATE_ABSENT);
+    const struct taxel_hub_slot before = slot(FIRST + 1);
+    CHECK(fake_hub_run_cycles(&fake, 50));
+    CHECK_EQUAL(slot(FIRST + 1).nacks - before.nacks, 50);
+    CHECK_EQUAL(slot(FIRST + 1).polls - before.polls, 50);
+    CHECK_EQUAL(slot(FIRST + 1).retries, before.retries);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_NACK), 1);
+    CHECK_EQUAL(slot(FIRST).forwarded, slot(FIRST).polls);
+    CHECK_EQUAL(slot(FIRST + 2).forwarded, slot(FIRST + 2).polls);
+    end();
+}
+
+static void a_replugged_board_streams_within_two_cycles(void)
+{
+    begin(3);
+    for (size_t board = 0; board < 3; board++) {
+        fake.devices[board].unplugged = true;
+        CHECK(fake_hub_run_cycles(&fake, 10));
+        fake_hub_forget_frames(&fake);
+        fake.devices[board].unplugged = false;
+        CHECK(fake_hub_run_cycles(&fake, 2));
+        CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + board)) >= 1);
+        CHECK_EQUAL(fake_hub_count_faults(&fake, (uint8_t)(FIRST + board), TAXEL_BOARD_FAULT_RECOVERED), 1);
+        CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 1);
+    }
+    end();
+}
+
+/* A board that has just been powered acknowledges its address but has no scan to show yet. */
+static void a_board_without_a_first_scan_is_not_identified_again_and_again(void)
+{
+    begin(1);
+    fake.devices[0].unplugged = true;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    fake_hub_forget_frames(&fake);
+    CHECK_EQUAL(fake_sensor_boot(&sensors[0]), 0);
+    fake.devices[0].unplugged = false;
+    fake.devices[0].held_scans = 200;
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    CHECK_BETWEEN(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 1, 40);
+    fake.devices[0].held_scans = 0;
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST) >= 1);
+    end();
+}
+
+static void two_boards_at_one_address_do_not_starve_the_others(void)
+{
+    begin(3);
+    fake_sensor_init(&sensors[3], FIRST + 1, 3, 4, 5);
+    sensors[3].config.unique_id[3] = 0x99;
+    CHECK_EQUAL(fake_sensor_boot(&sensors[3]), 0);
+    fake_scan(&sensors[3], 7);
+    (void)fake_hub_add(&fake, FIRST + 1, &sensors[3]);
+    const uint32_t forwarded = slot(FIRST + 1).forwarded;
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    CHECK(slot(FIRST + 1).crc_errors > 90);
+    CHECK(slot(FIRST + 1).forwarded <= forwarded + 1u);
+    CHECK_EQUAL(slot(FIRST).forwarded, slot(FIRST).polls);
+    CHECK_EQUAL(slot(FIRST + 2).forwarded, slot(FIRST + 2).polls);
+    end();
+}
+
+static void a_foreign_device_is_recognised_and_left_alone(void)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, 2);
+    fake_hub_add(&fake, 0x1C, NULL)->foreign = 0xA5;
+    CHECK(fake_hub_start(&fake));
+    CHECK(fake_hub_run_cycles(&fake, 70));
+    CHECK_EQUAL(slot(0x1C).state, TAXEL_BOARD_STATE_INCOMPATIBLE);
+    CHECK_EQUAL(slot(0x1C).last_fault, TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD);
+    const uint32_t polls = slot(0x1C).polls;
+    CHECK(fake_hub_run_cycles(&fake, 640));
+    CHECK_EQUAL(slot(0x1C).polls - polls, 10); /* looked at again each 64 cycles */
+    CHECK_EQUAL(slot(FIRST).forwarded, slot(FIRST).polls);
+    CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, 0x1C), 0);
+    end();
+}
+
+static void a_board_of_another_map_version_is_polled_after_its_update(void)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, 2);
+    fake.devices[1].map_version = 9;
+    CHECK(fake_hub_start(&fake));
+    CHECK(fake_hub_run_cycles(&fake, 70));
+    CHECK_EQUAL(slot(FIRST + 1).state, TAXEL_BOARD_STATE_INCOMPATIBLE);
+    CHECK_EQUAL(slot(FIRST + 1).last_fault, TAXEL_BOARD_FAULT_MAP_VERSION);
+    CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST + 1), 0);
+    fake.devices[1].map_version = 0;
+    CHECK_EQUAL(fake_sensor_boot(&sensors[1]), 0);
+    CHECK(fake_hub_run_cycles(&fake, 66));
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST + 1) > 0);
+    end();
+}
+
+int main(void)
+{
+    RUN(one_damaged_snapshot_is_read_again);
+    RUN(one_missing_acknowledge_is_tried_again);
+    RUN(a_retry_belongs_to_its_cycle_also_when_no_probe_follows);
+    RUN(two_damaged_snapshots_are_one_crc_error);
+    RUN(a_damaged_line_never_makes_a_board_absent);
+    RUN(an_unplugged_board_is_absent_after_three_failures_and_probed_each_cycle);
+    RUN(a_replugged_board_streams_within_two_cycles);
+    RUN(a_board_without_a_first_scan_is_not_identified_again_and_again);
+    RUN(two_boards_at_one_address_do_not_starve_the_others);
+    RUN(a_foreign_device_is_recognised_and_left_alone);
+    RUN(a_board_of_another_map_version_is_polled_after_its_update);
+    return check_summary();
+}

@@ -1,0 +1,264 @@
+/* The hub's poll cycle when nothing goes wrong: discovery, order, numbers, clocks, rate. */
+#include "check.h"
+#include "fake_hub.h"
+
+#define BOARDS 5u
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[FAKE_DEVICES];
+
+static void begin(size_t boards)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, boards);
+    CHECK(fake_hub_start(&fake));
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    CHECK_EQUAL(fake.overlapping, 0);
+    CHECK_EQUAL(fake.deframer.discarded_bytes, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static void the_start_is_announced(void)
+{
+    fake_hub_init(&fake);
+    fake_hub_boot(&fake);
+    fake_hub_run(&fake, 1000);
+    struct taxel_hub_hello hello;
+    CHECK_EQUAL(fake.frame_count, 1);
+    CHECK_EQUAL(fake.frames[0].type, TAXEL_FRAME_TYPE_HUB_HELLO);
+    taxel_hub_hello_unpack(&hello, fake.frames[0].payload);
+    CHECK_EQUAL(hello.tag, 0);
+    CHECK_EQUAL(hello.version_chosen, 0);
+    CHECK_EQUAL(hello.reset_cause, TAXEL_RESET_CAUSE_BROWN_OUT);
+    CHECK_EQUAL(hello.firmware_patch, 6);
+    CHECK_EQUAL(hello.uptime_us, 1000);
+    CHECK_BYTES(hello.unique_id, fake.config.unique_id, 8);
+    end();
+}
+
+static void boards_are_found_and_identified_before_streaming(void)
+{
+    uint8_t identity[TAXEL_IDENTITY_SIZE];
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, BOARDS);
+    (void)fake_hub_add(&fake, 0x77, &sensors[BOARDS]);
+    fake_sensor_init(&sensors[BOARDS], 0x77, 16, 15, 0);
+    CHECK_EQUAL(fake_sensor_boot(&sensors[BOARDS]), 0);
+    fake_hub_boot(&fake);
+    fake_hub_run(&fake, 100000);
+    CHECK_EQUAL(fake.hub.slot_count, BOARDS + 1);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), BOARDS + 1);
+    for (size_t i = 0; i < fake.frame_count; i++) {
+        const struct fake_frame *frame = &fake.frames[i];
+        if (frame->type == TAXEL_FRAME_TYPE_BOARD_INFO) {
+            struct fake_sensor *sensor = &sensors[frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] == 0x77
+                                                      ? BOARDS
+                                                      : (size_t)(frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] - FIRST)];
+            CHECK(fake_read_at(sensor, 0, identity, sizeof identity));
+            CHECK_BYTES(frame->payload, identity, sizeof identity);
+            CHECK_EQUAL(taxel_get_u16(frame->payload + TAXEL_IDENTITY_SIZE), 160);
+        }
+    }
+    for (uint8_t i = 1; i < fake.hub.slot_count; i++) {
+        CHECK(fake.slots[i].address > fake.slots[i - 1].address);
+        CHECK_EQUAL(fake.slots[i].state, TAXEL_BOARD_STATE_STREAMING);
+    }
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_TAXELS), 0);
+    end();
+}
+
+static void every_cycle_polls_every_board_in_the_order_of_addresses(void)
+{
+    struct taxel_taxel_header header;
+    begin(BOARDS);
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    unsigned n = 0;
+    for (size_t i = 0; i < fake.frame_count; i++) {
+        if (fake.frames[i].type == TAXEL_FRAME_TYPE_TAXELS) {
+            taxel_taxel_header_unpack(&header, fake.frames[i].payload);
+            CHECK_EQUAL(header.address, FIRST + n % BOARDS);
+            CHECK_EQUAL(header.cycle, n / BOARDS);
+            CHECK_EQUAL(header.taxel_count, 10);
+            CHECK(fake_snapshot_is_whole(&sensors[n % BOARDS], fake.frames[i].payload + TAXEL_TAXEL_HEADER_SIZE));
+            n++;
+        }
+    }
+    CHECK_EQUAL(n, 100 * BOARDS);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->forwarded, 100);
+    end();
+}
+
+static unsigned pointer_writes;
+
+static int count_pointer_writes(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
+{
+    (void)hub;
+    pointer_writes += transfer->read_size == TAXEL_SNAPSHOT_SIZE(10) && transfer->write_size;
+    return FAKE_PROCEED;
+}
+
+static void a_poll_writes_the_pointer_only_after_something_moved_it(void)
+{
+    begin(BOARDS);
+    CHECK(fake_hub_run_cycles(&fake, 5));
+    pointer_writes = 0;
+    fake.script = count_pointer_writes;
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    CHECK_EQUAL(pointer_writes, 100); /* once a cycle: after the read of one board's clock */
+    end();
+}
+
+static void each_cycle_reads_one_boards_clock(void)
+{
+    begin(BOARDS);
+    sensors[2].clock_us = 0;
+    for (size_t i = 0; i < BOARDS; i++) {
+        fake.devices[i].clock_offset_us = 1000000u * (uint32_t)i;
+    }
+    CHECK(fake_hub_run_cycles(&fake, 10 * BOARDS));
+    for (uint8_t i = 0; i < BOARDS; i++) {
+        CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TIME_SYNC, (uint8_t)(FIRST + i)), 10);
+    }
+    for (size_t i = 0; i < fake.frame_count; i++) {
+        struct taxel_time_sync sync;
+        if (fake.frames[i].type == TAXEL_FRAME_TYPE_TIME_SYNC) {
+            taxel_time_sync_unpack(&sync, fake.frames[i].payload);
+            const uint32_t offset = 1000000u * (sync.address - FIRST);
+            CHECK_BETWEEN((int32_t)(sync.board_time_us - (uint32_t)sync.hub_time_us - offset), -250, 250);
+        }
+    }
+    end();
+}
+
+static void a_board_without_a_newer_scan_is_counted_as_repeated(void)
+{
+    begin(2);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST);
+    fake.devices[0].held_scans = 1000;
+    CHECK(fake_hub_run_cycles(&fake, 20));
+    const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
+    CHECK_EQUAL(after.polls - before.polls, 20);
+    CHECK(after.repeated - before.repeated >= 19);
+    CHECK(after.forwarded - before.forwarded <= 1);
+    end();
+}
+
+static void a_board_plugged_in_while_streaming_is_found(void)
+{
+    begin(1);
+    fake_sensor_init(&sensors[1], 0x55, 2, 2, 0);
+    CHECK_EQUAL(fake_sensor_boot(&sensors[1]), 0);
+    fake_scan(&sensors[1], 1);
+    (void)fake_hub_add(&fake, 0x55, &sensors[1]);
+    CHECK(fake_hub_run_cycles(&fake, 30)); /* 112 addresses at 4 a cycle, and one to identify it */
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, 0x55) > 0);
+    fake_sensor_init(&sensors[2], 0x08, 2, 2, 0); /* comes before all others */
+    CHECK_EQUAL(fake_sensor_boot(&sensors[2]), 0);
+    fake_scan(&sensors[2], 1);
+    (void)fake_hub_add(&fake, 0x08, &sensors[2]);
+    CHECK(fake_hub_run_cycles(&fake, 30));
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, 0x08) > 0);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->forwarded, fake_hub_slot(&fake, FIRST)->polls);
+    end();
+}
+
+static void more_boards_than_slots(void)
+{
+    begin(FAKE_SLOTS + 4u);
+    CHECK_EQUAL(fake.hub.slot_count, FAKE_SLOTS);
+    CHECK(fake_hub_run_cycles(&fake, 20));
+    CHECK_EQUAL(fake.slots[FAKE_SLOTS - 1].forwarded, 20);
+    end();
+}
+
+static void no_board_at_all(void)
+{
+    begin(0);
+    const uint64_t transfers = fake.transfers;
+    fake_hub_run(&fake, 1000000);
+    CHECK_BETWEEN(fake.transfers - transfers, 4 * 40, 4 * 52); /* 4 probes each 20 ms: it does not spin */
+    end();
+}
+
+static void set_period(uint32_t microseconds)
+{
+    uint8_t period[4];
+    taxel_put_u32(period, microseconds);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period), 0);
+    fake_hub_forget_frames(&fake);
+}
+
+static void a_chosen_rate_is_kept(void)
+{
+    begin(3);
+    set_period(10000);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    const uint32_t cycles = fake.hub.cycle.count;
+    fake_hub_run(&fake, 1000000);
+    CHECK_BETWEEN(fake.hub.cycle.count - cycles, 99, 101);
+    end();
+}
+
+static void check_status_once_a_second(uint32_t period_us)
+{
+    begin(3);
+    set_period(period_us);
+    fake_hub_run(&fake, 8500000);
+    CHECK_BETWEEN(fake_hub_count(&fake, TAXEL_FRAME_TYPE_HUB_STATUS), 8, 9);
+    CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_BOARD_STATUS, FIRST + 2), 8, 9);
+    end();
+}
+
+static void status_comes_once_a_second(void)
+{
+    check_status_once_a_second(20000);
+}
+
+static void status_comes_once_a_second_at_a_slow_rate_too(void)
+{
+    check_status_once_a_second(4000000);
+}
+
+static void numbers_and_clocks_wrap(void)
+{
+    begin(2);
+    fake.hub.cycle.number = 0xFFFE;
+    fake.now_us = 0xFFFFF000u; /* hub and boards pass 2^32 us */
+    fake.wake_us = 0;
+    CHECK(fake_hub_run_cycles(&fake, 8));
+    fake_hub_forget_frames(&fake);
+    const uint32_t polls = fake_hub_slot(&fake, FIRST)->polls, forwarded = fake_hub_slot(&fake, FIRST)->forwarded;
+    fake.hub.cycle.number = 0xFFF0;
+    CHECK(fake_hub_run_cycles(&fake, 40));
+    CHECK(fake.now_us > 0x100000000u);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->polls - polls, 40);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->forwarded - forwarded, 40);
+    CHECK_EQUAL(fake.hub.cycle.number, 0xFFF0 + 40 - 0x10000);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_RESTARTED), 0);
+    end();
+}
+
+int main(void)
+{
+    RUN(the_start_is_announced);
+    RUN(boards_are_found_and_identified_before_streaming);
+    RUN(every_cycle_polls_every_board_in_the_order_of_addresses);
+    RUN(a_poll_writes_the_pointer_only_after_something_moved_it);
+    RUN(each_cycle_reads_one_boards_clock);
+    RUN(a_board_without_a_newer_scan_is_counted_as_repeated);
+    RUN(a_board_plugged_in_while_streaming_is_found);
+    RUN(more_boards_than_slots);
+    RUN(no_board_at_all);
+    RUN(a_chosen_rate_is_kept);
+    RUN(status_comes_once_a_second);
+    RUN(status_comes_once_a_second_at_a_slow_rate_too);
+    RUN(numbers_and_clocks_wrap);
+    return check_summary();
+}

@@ -1,0 +1,189 @@
+/* A reader gets one whole scan, never a mix of two, whenever it comes and whatever cuts in meanwhile. */
+#include "check.h"
+#include "fake_sensor.h"
+
+#define ROWS 3
+#define COLUMNS 4
+#define SKIP 5 /* 10 taxels */
+
+static struct fake_sensor fake;
+static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(ROWS * COLUMNS)];
+
+static void boot(void)
+{
+    fake_sensor_init(&fake, 0x30, ROWS, COLUMNS, SKIP);
+    CHECK_EQUAL(fake_sensor_boot(&fake), 0);
+}
+
+static size_t snapshot_size(void)
+{
+    return TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
+}
+
+/* One read with `between` conversions before every event of the transfer; returns the sequence that was read. */
+static uint16_t read_with_conversions_between(unsigned between, bool with_pointer)
+{
+    memset(snapshot, 0, sizeof snapshot);
+    if (with_pointer) {
+        fake_convert(&fake, between);
+        CHECK(taxel_sensor_on_address(&fake.sensor, false));
+        fake_convert(&fake, between);
+        CHECK(taxel_sensor_on_write(&fake.sensor, TAXEL_REGISTER_SNAPSHOT));
+    }
+    fake_convert(&fake, between);
+    const uint32_t scans = fake.sensor.scan.scans;
+    CHECK(taxel_sensor_on_address(&fake.sensor, true));
+    for (size_t i = 0; i < snapshot_size(); i++) {
+        fake_convert(&fake, between);
+        snapshot[i] = taxel_sensor_on_read(&fake.sensor);
+    }
+    fake_convert(&fake, between);
+    taxel_sensor_on_stop(&fake.sensor);
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK_EQUAL(taxel_get_u16(snapshot), (uint16_t)(scans - 1u));
+    return taxel_get_u16(snapshot);
+}
+
+static void at_every_instant_of_a_scan(void)
+{
+    for (unsigned between = 0; between <= 12; between++) {
+        for (unsigned start = 0; start <= 2u * ROWS * COLUMNS; start++) {
+            boot();
+            fake_scan(&fake, 1);
+            fake_convert(&fake, start);
+            const uint16_t first = read_with_conversions_between(between, true);
+            const uint16_t second = read_with_conversions_between(between, false);
+            CHECK(second >= first);
+            CHECK_EQUAL(fake.overlapping, 0);
+            fake_sensor_free(&fake);
+        }
+    }
+}
+
+static unsigned preemptions;
+
+static void convert_once(struct fake_sensor *preempted)
+{
+    preemptions++;
+    fake_convert(preempted, 1);
+}
+
+/* A conversion may end just before the latch keeps interrupts out, and just after it lets them in. */
+static void a_conversion_cuts_into_the_latch(void)
+{
+    for (unsigned start = 0; start <= 2u * ROWS * COLUMNS; start++) {
+        boot();
+        fake_scan(&fake, 1);
+        fake_convert(&fake, start);
+        for (unsigned read = 0; read < 12; read++) {
+            fake.preempt = convert_once;
+            CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
+            fake.preempt = NULL;
+            CHECK(fake_snapshot_is_whole(&fake, snapshot));
+        }
+        fake_sensor_free(&fake);
+    }
+    CHECK(preemptions > 100);
+}
+
+static unsigned reads_within;
+
+static void read_whole(struct fake_sensor *preempted)
+{
+    if (!preempted->sensor.scan.has_newest && !preempted->sensor.scan.has_latched) {
+        return; /* nothing has been completed yet */
+    }
+    reads_within++;
+    CHECK(fake_read_at(preempted, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
+    CHECK(fake_snapshot_is_whole(preempted, snapshot));
+}
+
+/* A read may cut into the conversion's interrupt wherever that one keeps interrupts in. */
+static void a_read_cuts_into_the_conversions_interrupt(void)
+{
+    boot();
+    fake.preempt = read_whole;
+    fake_scan(&fake, 20);
+    fake.preempt = NULL;
+    CHECK(reads_within > 100);
+    CHECK_EQUAL(fake.interrupts_off, 0);
+    fake_sensor_free(&fake);
+}
+
+static void blocks_after_the_latch_equal_the_whole_read(void)
+{
+    for (unsigned between = 0; between <= 12; between += 3) {
+        boot();
+        fake_scan(&fake, 3);
+        uint8_t blocks[TAXEL_SNAPSHOT_SIZE(ROWS * COLUMNS) + TAXEL_SMBUS_BLOCK];
+        uint8_t pointer = TAXEL_REGISTER_SNAPSHOT;
+        for (size_t at = 0; at < snapshot_size(); at += TAXEL_SMBUS_BLOCK) {
+            CHECK(fake_read_at(&fake, pointer++, blocks + at, TAXEL_SMBUS_BLOCK));
+            fake_convert(&fake, between);
+        }
+        CHECK(fake_snapshot_is_whole(&fake, blocks));
+        CHECK_EQUAL(taxel_get_u16(blocks), 2);
+        fake_sensor_free(&fake);
+    }
+}
+
+static void blocks_of_the_largest_board(void)
+{
+    uint8_t blocks[17 * TAXEL_SMBUS_BLOCK];
+    fake_sensor_init(&fake, 0x30, 16, 15, 0);
+    CHECK_EQUAL(fake_sensor_boot(&fake), 0);
+    fake_scan(&fake, 2);
+    for (uint8_t block = 0; block <= TAXEL_REGISTER_SNAPSHOT_LAST - TAXEL_REGISTER_SNAPSHOT; block++) {
+        CHECK(fake_read_at(&fake, (uint8_t)(TAXEL_REGISTER_SNAPSHOT + block), blocks + block * TAXEL_SMBUS_BLOCK,
+                           TAXEL_SMBUS_BLOCK));
+        fake_convert(&fake, 50);
+    }
+    CHECK(fake_snapshot_is_whole(&fake, blocks));
+    for (size_t i = snapshot_size(); i < 16u * TAXEL_SMBUS_BLOCK; i++) {
+        CHECK_EQUAL(blocks[i], 0xFF);
+    }
+    fake_sensor_free(&fake);
+}
+
+static void before_the_first_scan_a_read_is_not_acknowledged(void)
+{
+    boot();
+    for (unsigned i = 0; i < fake.config.taxel_count; i++) {
+        CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
+        CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8));
+        fake_convert(&fake, 1);
+    }
+    CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8)); /* nothing has been latched yet */
+    CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8));
+    CHECK_EQUAL(fake_status(&fake).snapshot_reads, 1); /* what was not acknowledged was not read */
+    fake_sensor_free(&fake);
+}
+
+static void without_a_newer_scan_the_same_one_is_read_again(void)
+{
+    uint8_t again[sizeof snapshot];
+    boot();
+    fake_scan(&fake, 4);
+    CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
+    fake_convert(&fake, fake.config.taxel_count - 1u);
+    CHECK(fake_read(&fake, again, snapshot_size()));
+    CHECK_BYTES(again, snapshot, snapshot_size());
+    fake_convert(&fake, 1);
+    CHECK(fake_read(&fake, again, snapshot_size()));
+    CHECK_EQUAL(taxel_get_u16(again), taxel_get_u16(snapshot) + 1u);
+    fake_sensor_free(&fake);
+}
+
+int main(void)
+{
+    RUN(at_every_instant_of_a_scan);
+    RUN(a_conversion_cuts_into_the_latch);
+    RUN(a_read_cuts_into_the_conversions_interrupt);
+    RUN(blocks_after_the_latch_equal_the_whole_read);
+    RUN(blocks_of_the_largest_board);
+    RUN(before_the_first_scan_a_read_is_not_acknowledged);
+    RUN(without_a_newer_scan_the_same_one_is_read_again);
+    return check_summary();
+}

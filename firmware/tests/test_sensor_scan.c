@@ -1,0 +1,263 @@
+/* The scan sequencer: order, numbering, stop and start, settings from the next scan on. */
+#include "check.h"
+#include "codec/crc32.h"
+#include "fake_sensor.h"
+
+static struct fake_sensor fake;
+static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
+
+static void boot(uint8_t rows, uint8_t columns, unsigned skip)
+{
+    fake_sensor_init(&fake, 0x21, rows, columns, skip);
+    CHECK_EQUAL(fake_sensor_boot(&fake), 0);
+}
+
+static struct taxel_snapshot_header read_snapshot(void)
+{
+    struct taxel_snapshot_header header = {0};
+    CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count)));
+    taxel_snapshot_header_unpack(&header, snapshot);
+    return header;
+}
+
+static void scans_tx_after_tx_and_skips_crossings_without_taxel(void)
+{
+    boot(5, 7, 3);
+    fake_scan(&fake, 2);
+    unsigned conversion = 0;
+    for (unsigned scan = 0; scan < 2; scan++) {
+        for (uint8_t tx = 0; tx < 5; tx++) {
+            for (uint8_t rx = 0; rx < 7; rx++) {
+                const unsigned crossing = tx * 7u + rx;
+                if (fake.crossing_map[crossing >> 3] & (1u << (crossing & 7u))) {
+                    CHECK_EQUAL(fake.history[conversion][0], tx);
+                    CHECK_EQUAL(fake.history[conversion][1], rx);
+                    conversion++;
+                }
+            }
+        }
+    }
+    CHECK_EQUAL(conversion, 2u * fake.config.taxel_count);
+    CHECK_EQUAL(fake.overlapping, 0);
+    fake_sensor_free(&fake);
+}
+
+static void snapshot_crc_covers_the_address(void)
+{
+    boot(3, 5, 4);
+    fake_scan(&fake, 1);
+    (void)read_snapshot();
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    const size_t size = TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
+    CHECK(taxel_crc32(0, snapshot, size - 4u) != taxel_get_u32(snapshot + size - 4u));
+    const uint8_t other = 0x22;
+    CHECK(taxel_crc32(taxel_crc32(0, &other, 1), snapshot, size - 4u) != taxel_get_u32(snapshot + size - 4u));
+    fake_sensor_free(&fake);
+}
+
+static void sequence_and_timestamp_are_those_of_the_scans_begin(void)
+{
+    boot(2, 2, 0);
+    for (uint16_t scan = 0; scan < 5; scan++) {
+        fake_scan(&fake, 1);
+        const struct taxel_snapshot_header header = read_snapshot();
+        CHECK_EQUAL(header.sequence, scan);
+        CHECK_EQUAL(header.timestamp_us, scan * 4u * 10u);
+    }
+    CHECK_EQUAL(fake_status(&fake).scans, 5);
+    CHECK_EQUAL(fake_status(&fake).scan_time_us, 40);
+    fake_sensor_free(&fake);
+}
+
+static void sequence_and_clock_wrap(void)
+{
+    fake_sensor_init(&fake, 0x21, 1, 1, 0);
+    fake.clock_us = 0xFFFFFFF0u - 65535u * 10u;
+    CHECK_EQUAL(fake_sensor_boot(&fake), 0);
+    fake_scan(&fake, 0x10000u);
+    struct taxel_snapshot_header header = read_snapshot();
+    CHECK_EQUAL(header.sequence, 0xFFFF);
+    CHECK_EQUAL(header.timestamp_us, 0xFFFFFFF0u);
+    fake_scan(&fake, 2);
+    header = read_snapshot();
+    CHECK_EQUAL(header.sequence, 1);
+    CHECK_EQUAL(header.timestamp_us, 4); /* 20 us after 0xFFFFFFF0 */
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK_EQUAL(fake_status(&fake).scans, 0x10002);
+    CHECK_EQUAL(fake_status(&fake).scan_time_us, 10);
+    fake_sensor_free(&fake);
+}
+
+static void a_stopped_scan_shows_nothing_half_done(void)
+{
+    boot(2, 3, 0);
+    fake_scan(&fake, 1);
+    fake_convert(&fake, 3);
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_STOP_SCAN));
+    CHECK_EQUAL(fake_status(&fake).state, TAXEL_SENSOR_STOPPED);
+    fake_convert(&fake, 100);
+    CHECK(!fake.converting);
+    CHECK_EQUAL(fake.started, 6u + 3u + 1u);
+    CHECK_EQUAL(read_snapshot().sequence, 0);
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
+    fake_scan(&fake, 1);
+    CHECK_EQUAL(read_snapshot().sequence, 1);
+    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    fake_sensor_free(&fake);
+}
+
+/* Every order of four stops and starts while one conversion is in flight, at every place of the scan. */
+static void stop_and_start_around_a_conversion_in_flight(void)
+{
+    for (unsigned place = 0; place < 7; place++) {
+        for (unsigned pattern = 0; pattern < 16; pattern++) {
+            boot(2, 3, 0);
+            fake_convert(&fake, place);
+            bool scanning = true;
+            for (unsigned i = 0; i < 4; i++) {
+                scanning = (pattern >> i) & 1u;
+                CHECK(fake_command(&fake, scanning ? TAXEL_BOARD_COMMAND_START_SCAN : TAXEL_BOARD_COMMAND_STOP_SCAN));
+            }
+            fake_convert(&fake, 20);
+            CHECK_EQUAL(fake.converting, scanning);
+            CHECK_EQUAL(fake.overlapping, 0);
+            CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
+            fake_convert(&fake, 20);
+            (void)read_snapshot();
+            CHECK(fake_snapshot_is_whole(&fake, snapshot));
+            CHECK_EQUAL(fake.overlapping, 0);
+            fake_sensor_free(&fake);
+        }
+    }
+}
+
+static void settings_take_effect_with_the_next_scan(void)
+{
+    const struct taxel_scan_settings wanted = {100, 20, 2, 8, 50};
+    boot(2, 3, 0);
+    fake_convert(&fake, 2);
+    CHECK(fake_write_settings(&fake, &wanted));
+    CHECK_EQUAL(fake.configured, 1);
+    CHECK_EQUAL(fake_status(&fake).settings_generation, 0);
+    fake_convert(&fake, 3);
+    CHECK_EQUAL(fake.configured, 1);
+    fake_convert(&fake, 1);
+    CHECK_EQUAL(fake.configured, 2);
+    CHECK_EQUAL(fake.front_end.sub_conversions, 100);
+    CHECK_EQUAL(fake.front_end.settle_cycles, 50);
+    CHECK_EQUAL(fake_status(&fake).settings_generation, 1);
+    fake_scan(&fake, 3);
+    CHECK_EQUAL(fake.configured, 2);
+    CHECK_EQUAL(fake.configured_while_converting, 0);
+    fake_sensor_free(&fake);
+}
+
+static void settings_of_a_stopped_board_wait_for_the_start(void)
+{
+    const struct taxel_scan_settings wanted = {100, 20, 2, 8, 50};
+    boot(2, 3, 0);
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_STOP_SCAN));
+    CHECK(fake_write_settings(&fake, &wanted));
+    CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
+    CHECK_EQUAL(fake.configured, 1);
+    fake_convert(&fake, 1);
+    CHECK_EQUAL(fake.configured, 2);
+    CHECK_EQUAL(fake.configured_while_converting, 0);
+    fake_sensor_free(&fake);
+}
+
+static uint16_t always_zero(struct fake_sensor *sensor)
+{
+    (void)sensor;
+    return 0;
+}
+
+static void saturated_conversions_are_counted_and_the_counter_stays_full(void)
+{
+    boot(1, 2, 0);
+    fake.count_of = always_zero;
+    fake_convert(&fake, 3);
+    CHECK_EQUAL(fake_status(&fake).saturated_conversions, 3);
+    CHECK_EQUAL(fake_status(&fake).error_flags, TAXEL_BOARD_ERROR_FLAG_SATURATED);
+    fake_convert(&fake, 0x10010);
+    CHECK_EQUAL(fake_status(&fake).saturated_conversions, 0xFFFF);
+    fake_sensor_free(&fake);
+}
+
+static void the_largest_boards_fit(void)
+{
+    static const uint8_t sizes[][2] = {{1, 1}, {16, 15}, {15, 16}, {1, 16}, {16, 1}};
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+        boot(sizes[i][0], sizes[i][1], 0);
+        fake_scan(&fake, 2);
+        CHECK_EQUAL(read_snapshot().sequence, 1);
+        CHECK(fake_snapshot_is_whole(&fake, snapshot));
+        fake_sensor_free(&fake);
+    }
+}
+
+static void check_refused(void (*damage)(void), const char *what)
+{
+    fake_sensor_init(&fake, 0x21, 3, 5, 0);
+    damage();
+    if (!CHECK_EQUAL(fake_sensor_boot(&fake), TAXEL_ERROR_INVALID)) {
+        printf("  (%s was not refused)\n", what);
+    }
+    fake_sensor_free(&fake);
+}
+
+static void no_rows(void) { fake.config.rows = 0; }
+static void many_rows(void) { fake.config.rows = 17; }
+static void no_columns(void) { fake.config.columns = 0; }
+static void many_columns(void) { fake.config.columns = 17; }
+static void no_taxels(void) { fake.config.taxel_count = 0; memset(fake.crossing_map, 0, sizeof fake.crossing_map); }
+static void fewer_taxels(void) { fake.config.taxel_count--; }
+static void more_taxels(void) { fake.config.taxel_count++; }
+static void low_address(void) { fake.config.address = 7; }
+static void high_address(void) { fake.config.address = 0x78; }
+static void no_sub_conversions(void) { fake.config.settings.sub_conversions = 0; }
+static void large_count(void) { fake.config.settings.sub_conversions = 0x8000; fake.config.settings.sense_clock_divider = 2; }
+static void no_modulator_clock(void) { fake.config.settings.modulator_clock_divider = 0; }
+static void no_current(void) { fake.config.settings.idac_code = 0; }
+
+/* The number of bits is right, but one of them is a crossing that this board does not have. */
+static void crossing_outside(void)
+{
+    fake.crossing_map[0] &= 0xFEu;
+    fake.crossing_map[15 >> 3] |= 1u << (15 & 7);
+}
+
+static void wrong_configurations_are_refused(void)
+{
+    check_refused(no_rows, "no rows");
+    check_refused(many_rows, "17 rows");
+    check_refused(no_columns, "no columns");
+    check_refused(many_columns, "17 columns");
+    check_refused(no_taxels, "no taxels");
+    check_refused(fewer_taxels, "a map of more taxels");
+    check_refused(more_taxels, "a map of fewer taxels");
+    check_refused(low_address, "address 0x07");
+    check_refused(high_address, "address 0x78");
+    check_refused(no_sub_conversions, "no sub-conversions");
+    check_refused(large_count, "a count beyond 16 bits");
+    check_refused(no_modulator_clock, "no modulator clock");
+    check_refused(no_current, "no IDAC current");
+    check_refused(crossing_outside, "a crossing beyond rows x columns");
+}
+
+int main(void)
+{
+    RUN(scans_tx_after_tx_and_skips_crossings_without_taxel);
+    RUN(snapshot_crc_covers_the_address);
+    RUN(sequence_and_timestamp_are_those_of_the_scans_begin);
+    RUN(sequence_and_clock_wrap);
+    RUN(a_stopped_scan_shows_nothing_half_done);
+    RUN(stop_and_start_around_a_conversion_in_flight);
+    RUN(settings_take_effect_with_the_next_scan);
+    RUN(settings_of_a_stopped_board_wait_for_the_start);
+    RUN(saturated_conversions_are_counted_and_the_counter_stays_full);
+    RUN(the_largest_boards_fit);
+    RUN(wrong_configurations_are_refused);
+    return check_summary();
+}

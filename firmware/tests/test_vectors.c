@@ -1,0 +1,442 @@
+/* The golden vectors against the C codec: test_vectors FRAMES.json REGISTERS.json DAMAGED.json (any of them, any order).
+ * Prints the name of every vector that fails, and one line of counts; exit status 0 only if all passed. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "codec/crc32.h"
+#include "codec/deframer.h"
+#include "codec/encoder.h"
+#include "tests/generated_fields.h"
+#include "tests/json_reader.h"
+
+#define STREAM_MAX 16384u
+#define WIRE_MAX (TAXEL_ENCODED_MAX + 2u)
+#define CHUNK_MAX (2u * WIRE_MAX)
+#define STRUCT_MAX 256u
+#define HUB_PAYLOAD_MAX 68u /* what the hub's own deframer is built for */
+
+static unsigned passed, failed;
+
+/* A struct of any of the generated types. */
+union any_struct {
+    uint64_t alignment;
+    uint8_t bytes[STRUCT_MAX];
+};
+
+struct bytes {
+    uint8_t data[STREAM_MAX];
+    size_t size;
+};
+
+static void count(const struct json_node *vector, const char *what, bool good)
+{
+    const struct json_node *name = json_member(vector, "name");
+    if (good) {
+        passed++;
+        return;
+    }
+    failed++;
+    printf("not ok: %.*s: %s\n", name ? (int)name->length : 0, name ? name->text : "", what);
+}
+
+static uint64_t number_of(const struct json_node *object, const char *name)
+{
+    const struct json_node *node = json_member(object, name);
+    return node && (node->kind == JSON_NUMBER || node->kind == JSON_BOOL) ? node->number : 0;
+}
+
+static bool hex_of(const struct json_node *object, const char *name, struct bytes *bytes)
+{
+    return json_hex(json_member(object, name), bytes->data, sizeof bytes->data, &bytes->size);
+}
+
+static bool are_equal(const struct bytes *a, const uint8_t *data, size_t size)
+{
+    return a->size == size && memcmp(a->data, data, size) == 0;
+}
+
+/* ---- fields to bytes, through the generated structs ---- */
+
+static const struct layout *layout_named(const char *name, size_t length)
+{
+    for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
+        if (strlen(layouts[i].name) == length && memcmp(layouts[i].name, name, length) == 0) {
+            return &layouts[i];
+        }
+    }
+    return NULL;
+}
+
+static bool store_number(uint8_t *member, size_t size, uint64_t number)
+{
+    const uint8_t u8 = (uint8_t)number;
+    const uint16_t u16 = (uint16_t)number;
+    const uint32_t u32 = (uint32_t)number;
+    if (size < sizeof number && number >> (8u * size)) {
+        return false;
+    }
+    memcpy(member, size == 1 ? (const void *)&u8 : size == 2 ? (const void *)&u16 : size == 4 ? (const void *)&u32 : &number, size);
+    return true;
+}
+
+static bool store_field(const struct field *field, const char *prefix, const struct json_node *fields, uint8_t *value)
+{
+    char name[80];
+    size_t size = 0;
+    if (snprintf(name, sizeof name, "%s%s", prefix, field->name) >= (int)sizeof name) {
+        return false;
+    }
+    const struct json_node *node = json_member(fields, name);
+    if (!node) {
+        return false;
+    }
+    if (field->is_bytes) {
+        return json_hex(node, value + field->offset, field->size, &size) && size == field->size;
+    }
+    return node->kind == JSON_NUMBER && store_number(value + field->offset, field->size, node->number);
+}
+
+/* Append the packed struct to `out`; also unpack and pack it again. */
+static bool append_struct(const struct layout *layout, const char *prefix, const struct json_node *fields, struct bytes *out)
+{
+    union any_struct value = {0};
+    union any_struct copy = {0};
+    uint8_t again[STRUCT_MAX];
+    if (!layout || !fields || out->size + layout->size > sizeof out->data) {
+        return false;
+    }
+    for (size_t i = 0; i < layout->field_count; i++) {
+        if (!store_field(&layout->fields[i], prefix, fields, value.bytes)) {
+            return false;
+        }
+    }
+    layout->pack(value.bytes, out->data + out->size);
+    layout->unpack(copy.bytes, out->data + out->size);
+    layout->pack(copy.bytes, again);
+    const bool same = memcmp(again, out->data + out->size, layout->size) == 0;
+    out->size += layout->size;
+    return same;
+}
+
+static bool append_counts(const struct json_node *vector, struct bytes *out)
+{
+    const struct json_node *counts = json_member(vector, "counts");
+    if (!counts || counts->count > TAXEL_TAXELS_MAX) {
+        return false;
+    }
+    for (size_t i = 0; i < counts->count; i++) {
+        taxel_put_u16(out->data + out->size, (uint16_t)json_at(counts, i)->number);
+        out->size += 2u;
+    }
+    return true;
+}
+
+static uint32_t board_crc(uint8_t address, const uint8_t *bytes, size_t size)
+{
+    return taxel_crc32(taxel_crc32(0, &address, 1), bytes, size);
+}
+
+static bool append_hex(const struct json_node *object, const char *name, struct bytes *out)
+{
+    size_t size = 0;
+    if (!json_hex(json_member(object, name), out->data + out->size, sizeof out->data - out->size, &size)) {
+        return false;
+    }
+    out->size += size;
+    return true;
+}
+
+static bool append_tail(const struct json_node *vector, struct bytes *out)
+{
+    const struct json_node *inner = json_member(vector, "inner");
+    if (!inner) {
+        return append_hex(vector, "tail", out);
+    }
+    const struct json_node *name = json_member(inner, "struct");
+    return name && append_struct(layout_named(name->text, name->length), "", json_member(inner, "fields"), out) &&
+           append_hex(inner, "tail", out);
+}
+
+static bool build_payload(const struct json_node *vector, struct bytes *out)
+{
+    const struct json_node *fields = json_member(vector, "fields");
+    const uint64_t type = number_of(vector, "type");
+    out->size = 0;
+    for (size_t i = 0; i < sizeof payload_parts / sizeof payload_parts[0]; i++) {
+        const struct payload_part *part = &payload_parts[i];
+        if (part->type == type &&
+            !append_struct(layout_named(part->layout, strlen(part->layout)), part->prefix, fields, out)) {
+            return false;
+        }
+    }
+    if (type != TAXEL_FRAME_TYPE_TAXELS) {
+        return append_tail(vector, out);
+    }
+    if (!append_counts(vector, out)) {
+        return false;
+    }
+    const uint8_t *snapshot = out->data + TAXEL_TAXEL_HEADER_SIZE;
+    const uint32_t right = board_crc(out->data[0], snapshot, out->size - TAXEL_TAXEL_HEADER_SIZE);
+    const uint32_t crc = (uint32_t)number_of(fields, "snapshot_crc32");
+    taxel_put_u32(out->data + out->size, crc);
+    out->size += 4u;
+    return (crc == right) == (number_of(vector, "board_crc_ok") != 0);
+}
+
+/* ---- encoding ---- */
+
+static size_t encode(const struct json_node *vector, const struct bytes *payload, uint8_t *ring, size_t capacity, size_t start)
+{
+    struct taxel_encoder encoder;
+    const size_t half = payload->size / 2u;
+    taxel_encoder_begin(&encoder, ring, capacity, start, (uint8_t)number_of(vector, "type"),
+                        (uint16_t)number_of(vector, "sequence"), (uint16_t)payload->size);
+    taxel_encoder_put(&encoder, payload->data, half);
+    taxel_encoder_put(&encoder, payload->data + half, payload->size - half);
+    return taxel_encoder_end(&encoder);
+}
+
+/* Into a ring that wraps at each place of the frame in turn. */
+static bool encodes_in_any_ring(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
+{
+    uint8_t ring[WIRE_MAX];
+    uint8_t straight[WIRE_MAX];
+    const size_t capacity = taxel_encoded_size_max(payload->size);
+    for (size_t start = 0; start < capacity; start++) {
+        const size_t size = encode(vector, payload, ring, capacity, start);
+        for (size_t i = 0; i < size; i++) {
+            straight[i] = ring[(start + i) % capacity];
+        }
+        if (!are_equal(wire, straight, size)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* ---- decoding ---- */
+
+/* The frames that a stream must give, in order. */
+struct expectation {
+    const struct json_node *sent;
+    const struct json_node *expected;
+    size_t found;
+    bool good;
+};
+
+static void compare_frame(void *context, const struct taxel_frame *frame)
+{
+    static struct bytes payload;
+    struct expectation *expectation = context;
+    const struct json_node *index = json_at(expectation->expected, expectation->found++);
+    const struct json_node *sent = index ? json_at(expectation->sent, (size_t)index->number) : NULL;
+    if (!sent || number_of(sent, "type") != frame->type || number_of(sent, "sequence") != frame->sequence ||
+        !hex_of(sent, "payload", &payload) || !are_equal(&payload, frame->payload, frame->length)) {
+        expectation->good = false;
+    }
+}
+
+static bool decodes(const struct json_node *vector, const struct bytes *stream, size_t piece, uint16_t payload_max)
+{
+    static uint8_t chunk[CHUNK_MAX];
+    static uint8_t body[TAXEL_BODY_MAX];
+    struct expectation expectation = {json_member(vector, "sent"), json_member(vector, "expected"), 0, true};
+    struct taxel_deframer deframer;
+    const struct taxel_deframer_config config = {
+        .chunk = chunk,
+        .chunk_capacity = 2u * taxel_encoded_size_max(payload_max),
+        .body = body,
+        .payload_max = payload_max,
+        .directions = (uint8_t)number_of(vector, "directions"),
+        .handler = compare_frame,
+        .context = &expectation,
+    };
+    taxel_deframer_init(&deframer, &config);
+    for (size_t done = 0; done < stream->size; done += piece) {
+        const size_t left = stream->size - done;
+        taxel_deframer_push(&deframer, stream->data + done, left < piece ? left : piece);
+    }
+    taxel_deframer_finish(&deframer);
+    return expectation.good && expectation.found == expectation.expected->count && deframer.position == stream->size;
+}
+
+struct one_frame {
+    const struct json_node *vector;
+    const struct bytes *payload;
+    unsigned found;
+    bool good;
+};
+
+static void compare_one_frame(void *context, const struct taxel_frame *frame)
+{
+    struct one_frame *one = context;
+    one->found++;
+    one->good = frame->type == number_of(one->vector, "type") && frame->sequence == number_of(one->vector, "sequence") &&
+                are_equal(one->payload, frame->payload, frame->length);
+}
+
+static bool decodes_to_itself(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
+{
+    static uint8_t chunk[CHUNK_MAX];
+    static uint8_t body[TAXEL_BODY_MAX];
+    struct one_frame one = {.vector = vector, .payload = payload};
+    struct taxel_deframer deframer;
+    const struct taxel_deframer_config config = {
+        .chunk = chunk,
+        .chunk_capacity = sizeof chunk,
+        .body = body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = TAXEL_DIRECTION_TO_HOST | TAXEL_DIRECTION_TO_HUB,
+        .handler = compare_one_frame,
+        .context = &one,
+    };
+    taxel_deframer_init(&deframer, &config);
+    taxel_deframer_push(&deframer, wire->data, wire->size);
+    return one.good && one.found == 1 && deframer.discarded_bytes == 0;
+}
+
+/* ---- one vector of each kind ---- */
+
+static void check_frame(const struct json_node *vector)
+{
+    static struct bytes payload, wire, built;
+    if (!hex_of(vector, "payload", &payload) || !hex_of(vector, "wire", &wire)) {
+        count(vector, "has no payload or wire bytes", false);
+        return;
+    }
+    count(vector, "packing its fields gives other bytes",
+          build_payload(vector, &built) && are_equal(&payload, built.data, built.size));
+    count(vector, "encoding its payload gives other bytes", encodes_in_any_ring(vector, &payload, &wire));
+    count(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
+}
+
+static bool build_register(const struct json_node *vector, struct bytes *out)
+{
+    const struct json_node *name = json_member(vector, "struct");
+    out->size = 0;
+    if (!name || !append_struct(layout_named(name->text, name->length), "", json_member(vector, "fields"), out)) {
+        return false;
+    }
+    if (json_is(name, "snapshot_header")) {
+        if (!append_counts(vector, out)) {
+            return false;
+        }
+        taxel_put_u32(out->data + out->size, (uint32_t)number_of(vector, "crc32"));
+        out->size += 4u;
+    }
+    return true;
+}
+
+static bool register_crc_is_right(const struct json_node *vector, const struct bytes *bytes)
+{
+    const struct json_node *name = json_member(vector, "struct");
+    if (!json_is(name, "identity") && !json_member(vector, "address")) {
+        return true; /* status and commands have none */
+    }
+    const uint32_t found = taxel_get_u32(bytes->data + bytes->size - 4u);
+    if (json_is(name, "identity")) {
+        return found == taxel_crc32(0, bytes->data, bytes->size - 4u);
+    }
+    return found == board_crc((uint8_t)number_of(vector, "address"), bytes->data, bytes->size - 4u);
+}
+
+static void check_register(const struct json_node *vector)
+{
+    static struct bytes bytes, built;
+    const bool whole = hex_of(vector, "bytes", &bytes) && bytes.size >= TAXEL_COMMAND_REGISTER_SIZE;
+    count(vector, "packing its fields gives other bytes",
+          whole && build_register(vector, &built) && are_equal(&bytes, built.data, built.size));
+    count(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
+}
+
+static void check_stream(const struct json_node *vector)
+{
+    static struct bytes stream;
+    static const size_t pieces[] = {1, 64, STREAM_MAX};
+    if (!hex_of(vector, "stream", &stream)) {
+        count(vector, "its stream is no hexadecimal string, or too long", false);
+        return;
+    }
+    for (size_t i = 0; i < sizeof pieces / sizeof pieces[0]; i++) {
+        count(vector, "other frames came out", decodes(vector, &stream, pieces[i], TAXEL_PAYLOAD_MAX));
+        if (number_of(vector, "directions") == TAXEL_DIRECTION_TO_HUB) {
+            count(vector, "other frames came out at the hub", decodes(vector, &stream, pieces[i], HUB_PAYLOAD_MAX));
+        }
+    }
+}
+
+/* ---- files ---- */
+
+static void check_each(const struct json_node *vectors, void (*check)(const struct json_node *vector))
+{
+    if (!vectors || vectors->kind != JSON_ARRAY) {
+        return;
+    }
+    const struct json_node *vector = vectors + 1;
+    for (size_t i = 0; i < vectors->count; i++) {
+        check(vector);
+        vector += vector->span;
+    }
+}
+
+static char *read_text(const char *path, size_t *size)
+{
+    FILE *file = fopen(path, "rb");
+    if (!file) {
+        return NULL;
+    }
+    char *text = NULL;
+    if (fseek(file, 0, SEEK_END) == 0) {
+        const long end = ftell(file);
+        *size = end > 0 ? (size_t)end : 0;
+        rewind(file);
+        text = malloc(*size + 1u);
+        if (text && fread(text, 1, *size, file) != *size) {
+            free(text);
+            text = NULL;
+        }
+    }
+    fclose(file);
+    return text;
+}
+
+static int check_file(const char *path)
+{
+    size_t size = 0;
+    char *text = read_text(path, &size);
+    struct json_node *nodes = text ? malloc(json_nodes_max(size) * sizeof *nodes) : NULL;
+    if (!nodes) {
+        fprintf(stderr, "%s: cannot be read\n", path);
+        free(text);
+        return -1;
+    }
+    const struct json_error error = json_read(text, size, nodes, json_nodes_max(size));
+    const unsigned before = passed + failed;
+    if (!error.what) {
+        check_each(json_member(nodes, "frames"), check_frame);
+        check_each(json_member(nodes, "registers"), check_register);
+        check_each(json_member(nodes, "streams"), check_stream);
+    }
+    const bool has_vectors = passed + failed > before;
+    if (error.what || !has_vectors) {
+        fprintf(stderr, "%s: byte %zu: %s\n", path, error.position, error.what ? error.what : "there are no vectors in it");
+    }
+    free(nodes);
+    free(text);
+    return error.what || !has_vectors ? -1 : 0;
+}
+
+int main(int argument_count, char **arguments)
+{
+    int status = argument_count > 1 ? 0 : 1;
+    if (status) {
+        fprintf(stderr, "usage: test_vectors FRAMES.json REGISTERS.json DAMAGED.json\n");
+    }
+    for (int i = 1; i < argument_count; i++) {
+        if (check_file(arguments[i])) {
+            status = 1;
+        }
+    }
+    printf("%u passed, %u failed\n", passed, failed);
+    return status || failed ? 1 : 0;
+}

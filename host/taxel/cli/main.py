@@ -1,0 +1,37 @@
+"""Join the commands and turn errors into one line."""
+
+import sys
+from importlib.metadata import entry_points
+
+import typer
+
+from taxel.cli.demo import demo
+from taxel.cli.emulate import emulate
+from taxel.cli.record import record
+from taxel.cli.replay import replay
+from taxel.errors import TaxelError
+
+app = typer.Typer(
+    name="taxel",
+    help="Tactile skins: emulate, read and record them, and diagnose the gap between simulator and hand.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (demo, emulate, record, replay):
+    app.command()(command)
+for point in entry_points(group="taxel.commands"):
+    app.command(name=point.name)(point.load())
+
+
+def main() -> None:
+    """Run a command; the exit status is 0 only on success."""
+    try:
+        app()
+    except (TaxelError, OSError) as error:
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        print(f"taxel: {text}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,73 @@
+"""What a stream has brought, counted up for people and scripts."""
+
+from collections import Counter
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from taxel.skin import Skin
+
+
+class StreamSummary:
+    """Counts frames as they pass by."""
+
+    def __init__(self, skin: Skin) -> None:
+        self._skin = skin
+        self._first: float | None = None
+        self._last = 0.0
+        self.frames: Counter[int] = Counter()
+
+    def add(self, address: int, time_s: float) -> None:
+        """One frame."""
+        self.frames[address] += 1
+        self._first = time_s if self._first is None else min(self._first, time_s)
+        self._last = max(self._last, time_s)
+
+    @property
+    def seconds(self) -> float:
+        """From the first frame to the last."""
+        return 0.0 if self._first is None else self._last - self._first
+
+    def as_dict(self) -> dict[str, Any]:
+        """For scripts."""
+        losses = self._skin.losses
+        boards = []
+        for board in self._skin.hand.boards:
+            count = losses.boards.get(board.address)
+            boards.append(
+                {
+                    "address": board.address,
+                    "name": board.name,
+                    "frames": self.frames[board.address],
+                    "missing": count.missing if count else 0,
+                    "damaged": count.damaged if count else 0,
+                    "rate_hz": self.frames[board.address] / self.seconds if self.seconds > 0.0 else 0.0,
+                }
+            )
+        return {
+            "hand": self._skin.hand.name,
+            "seconds": self.seconds,
+            "frames_received": losses.received,
+            "frames_lost_on_wire": losses.lost_on_wire,
+            "bytes_received": self._skin.bytes_received,
+            "bytes_discarded": self._skin.bytes_discarded,
+            "boards": boards,
+        }
+
+    def print(self, console: Console) -> None:
+        """For people."""
+        data = self.as_dict()
+        table = Table(title=f"hand {data['hand']}, {data['seconds']:.2f} s")
+        for heading in ("board", "address", "frames", "Hz", "missing", "damaged"):
+            table.add_column(heading, justify="left" if heading == "board" else "right")
+        for board in data["boards"]:
+            table.add_row(
+                board["name"], f"0x{board['address']:02X}", str(board["frames"]), f"{board['rate_hz']:.2f}",
+                str(board["missing"]), str(board["damaged"]),
+            )  # fmt: skip
+        console.print(table)
+        console.print(
+            f"frames: {data['frames_received']} received, {data['frames_lost_on_wire']} lost on the wire; "
+            f"bytes: {data['bytes_received']} received, {data['bytes_discarded']} part of no frame"
+        )

@@ -1,0 +1,71 @@
+"""A picture of the whole skin: every board as its matrix of taxels, coloured by a value."""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.description import Board, Hand
+
+COLUMNS = 6
+CELL = 0.86
+"""Side of a drawn taxel, in pitches."""
+
+
+def save_heat_map(
+    hand: Hand,
+    values: NDArray[np.float64],
+    active: NDArray[np.bool_],
+    path: str | os.PathLike[str],
+    title: str,
+    label: str = "drop of the raw count",
+) -> None:
+    """Draw `values` [n] (NaN: missing) with the `active` [n] taxels framed, and save it as `path` (PNG, SVG or PDF by its name)."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows = -(-len(hand.boards) // COLUMNS)
+    figure, axes = plt.subplots(rows, COLUMNS, figsize=(2.5 * COLUMNS, 2.75 * rows + 0.6), layout="constrained", squeeze=False)
+    limit = max(150.0, float(np.nanmax(values, initial=0.0)))
+    image = None
+    for board, axis in zip(hand.boards, axes.flat, strict=False):
+        where = hand.slice_of(board.address)
+        image = _draw_board(axis, board, values[where], active[where], limit)
+    for axis in list(axes.flat)[len(hand.boards) :]:
+        axis.axis("off")
+    if image is not None:
+        figure.colorbar(image, ax=axes, shrink=0.6, label=label, pad=0.01)
+    figure.suptitle(title, fontsize=13)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: NDArray[np.bool_], limit: float) -> Any:
+    from matplotlib.collections import PatchCollection
+    from matplotlib.colors import Normalize
+    from matplotlib.patches import Rectangle
+
+    kind = board.kind
+    squares = [
+        Rectangle((rx - CELL / 2, tx - CELL / 2), CELL, CELL)
+        for tx, rx in zip(kind.tx.tolist(), kind.rx.tolist(), strict=True)
+    ]
+    collection = PatchCollection(squares, cmap="viridis", norm=Normalize(0.0, limit))
+    collection.set_array(np.ma.masked_invalid(values))
+    collection.cmap.set_bad("0.85")
+    collection.set_edgecolor(["#d62728" if on else "none" for on in active])
+    collection.set_linewidth([1.6 if on else 0.0 for on in active])
+    axis.add_collection(collection)
+    axis.set_xlim(-0.7, kind.rx_count - 0.3)
+    axis.set_ylim(kind.tx_count - 0.3, -0.7)
+    axis.set_aspect("equal")
+    axis.set_xticks([])
+    axis.set_yticks([])
+    count = int(active.sum())
+    axis.set_title(f"{board.name.replace('_', ' ')}\n0x{board.address:02X} · {count} active", fontsize=8.5)
+    axis.set_xlabel("RX", fontsize=7, labelpad=1)
+    axis.set_ylabel("TX", fontsize=7, labelpad=1)
+    return collection

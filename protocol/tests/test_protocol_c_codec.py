@@ -1,0 +1,69 @@
+"""The C codec says and hears the same bytes as the vectors."""
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taxel_protocol import ReferenceDecoder
+from taxel_protocol.names import FrameType
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def vectors(name: str, key: str) -> list[Any]:
+    content = json.loads((ROOT / "protocol" / "vectors" / f"{name}.json").read_text())
+    return [pytest.param(vector, id=vector["name"]) for vector in content[key]]
+
+
+every_frame = pytest.mark.parametrize("vector", vectors("frames", "frames"))
+every_stream = pytest.mark.parametrize("vector", vectors("damaged", "streams"))
+
+
+def sent_frame(vector: dict[str, Any]) -> tuple[int, int, bytes]:
+    return vector["type"], vector["sequence"], bytes.fromhex(vector["payload"])
+
+
+@every_frame
+def test_c_encodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
+    assert codec.encode(*sent_frame(vector)).hex() == vector["wire"]
+
+
+@every_frame
+def test_c_decodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
+    assert codec.decode([bytes.fromhex(vector["wire"])]) == [codec.seen(sent_frame(vector))]
+    assert codec.discarded_bytes == 0
+
+
+@every_frame
+def test_c_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
+    (frame,) = codec.decode([bytes.fromhex(vector["wire"])])
+    assert frame.board_crc_ok == vector.get("board_crc_ok", True)
+
+
+@every_stream
+@pytest.mark.parametrize("piece", [1, 7, 509, 1 << 20])
+def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(
+    codec: Any, vector: dict[str, Any], piece: int
+) -> None:
+    stream = bytes.fromhex(vector["stream"])
+    pieces = [stream[i : i + piece] for i in range(0, len(stream), piece)]
+    found = codec.decode(pieces, vector["directions"])
+    assert found == [codec.seen(sent_frame(vector["sent"][i])) for i in vector["expected"]]
+
+
+def test_c_and_reference_discard_the_same_bytes(codec: Any) -> None:
+    rng = random.Random(7)
+    print("seed 7")
+    for _ in range(40):
+        stream = bytes(rng.choices(range(256), weights=[1] + [2] * 255, k=rng.randrange(2500)))
+        reference = ReferenceDecoder()
+        frames = reference.push(stream) + reference.finish()
+        assert codec.decode([stream]) == [codec.seen(frame) for frame in frames]
+        assert codec.discarded_bytes == reference.discarded_bytes
+
+
+def test_no_room_for_a_frame_is_no_frame(codec: Any) -> None:
+    assert codec.library.taxel_batch_encode(FrameType.HOST_HELLO, 0, bytes(3), 3, bytes(8), 8) == 0

@@ -1,0 +1,152 @@
+"""Whatever one or two damaged bytes do to a stream, every frame they did not touch comes out, and no other.
+
+A frame is touched when a byte of its stuffed body is changed or lost, or when a byte is put between two of
+them. Delimiters belong to no frame. A touched frame may still come out: damage can turn a frame into itself.
+"""
+
+import os
+from dataclasses import dataclass
+from itertools import chain, combinations, pairwise
+from typing import Any
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from taxel_protocol import ReferenceDecoder, encode_frame
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, SNAPSHOT_OVERHEAD, TAXELS_MAX
+from taxel_protocol.names import FrameType
+
+Frame = tuple[int, int, bytes]
+EXAMPLES = int(os.environ.get("TAXEL_DAMAGE_EXAMPLES", "4000"))
+thorough = settings(
+    max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+some = settings(thorough, max_examples=max(EXAMPLES // 4, 1))
+
+
+@dataclass(frozen=True)
+class Damage:
+    """One byte: `place` is a share of the stream, so that it shrinks with it."""
+
+    kind: str
+    place: int
+    value: int
+
+    def position(self, length: int) -> int:
+        return self.place % max(length, 1)
+
+
+damages = st.lists(
+    st.builds(
+        Damage, st.sampled_from(["flip", "drop", "insert"]), st.integers(0, 1 << 20), st.integers(0, 255)
+    ),
+    min_size=1,
+    max_size=2,
+)
+
+
+@st.composite
+def payloads(draw: st.DrawFn, frame_type: FrameType, quoted: list[bytes]) -> bytes:
+    """A payload that the type allows: arbitrary bytes, or the wire bytes of other frames, cut to fit."""
+    spec = FRAMES[frame_type]
+    if frame_type == FrameType.TAXELS:
+        count = draw(st.sampled_from([1, 2, 63, 113, 114, 115, 120, TAXELS_MAX]))
+        length = 8 + SNAPSHOT_OVERHEAD + 2 * count
+    else:
+        count = 0
+        length = draw(st.integers(spec.minimum, spec.maximum))
+    filling = draw(st.sampled_from(["quoted", "random", "constant"] if quoted else ["random", "constant"]))
+    if filling == "quoted":
+        start = draw(st.integers(0, min(12, length)))
+        data = bytearray(bytes(start) + b"".join(quoted) * (length // len(b"".join(quoted)) + 1))[:length]
+    elif filling == "constant":
+        data = bytearray([draw(st.integers(0, 255))] * length)
+    else:
+        data = bytearray(draw(st.randoms(use_true_random=False)).randbytes(length))
+    if spec.has_address:
+        data[0] = draw(st.integers(ADDRESS_MIN, ADDRESS_MAX))
+    if count:
+        data[1] = count
+    return bytes(data)
+
+
+@st.composite
+def frame_lists(draw: st.DrawFn) -> list[Frame]:
+    frames: list[Frame] = []
+    quoted: list[bytes] = []
+    for _ in range(draw(st.integers(1, 6))):
+        frame_type = draw(st.sampled_from(list(FRAMES)))
+        frame = (int(frame_type), draw(st.integers(0, 0xFFFF)), draw(payloads(frame_type, quoted)))
+        frames.append(frame)
+        quoted.append(encode_frame(*frame))
+    return frames
+
+
+def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]]:
+    """The stream after the damage, and the indices of the frames that it touched."""
+    stream: list[tuple[int, int]] = []  # (byte, index of the frame that it belongs to, -1 for a delimiter)
+    for index, frame in enumerate(frames):
+        wire = encode_frame(*frame)
+        stream += [(byte, index if 0 < i < len(wire) - 1 else -1) for i, byte in enumerate(wire)]
+    touched = set()
+    for damage in damages:
+        at = damage.position(len(stream) + (damage.kind == "insert"))
+        if damage.kind == "insert":
+            if 0 < at < len(stream) and stream[at - 1][1] == stream[at][1] >= 0:
+                touched.add(stream[at][1])
+            owner = stream[at][1] if 0 < at < len(stream) and stream[at - 1][1] == stream[at][1] else -1
+            stream.insert(at, (damage.value, owner))
+        elif stream:
+            touched.add(stream[at][1])
+            stream[at : at + 1] = (
+                [] if damage.kind == "drop" else [(stream[at][0] ^ (damage.value or 1), stream[at][1])]
+            )
+    return bytes(byte for byte, _ in stream), touched - {-1}
+
+
+def allowed_outputs(frames: list[Frame], touched: set[int]) -> list[list[Frame]]:
+    """Every untouched frame in order, with any of the touched ones."""
+    subsets = chain.from_iterable(combinations(sorted(touched), n) for n in range(len(touched) + 1))
+    return [
+        [frame for i, frame in enumerate(frames) if i not in touched or i in kept]
+        for kept in map(set, subsets)
+    ]
+
+
+def cut(stream: bytes, cuts: list[int]) -> list[bytes]:
+    places = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
+    return [stream[a:b] for a, b in pairwise(places)]
+
+
+def reference_frames(pieces: list[bytes]) -> list[Frame]:
+    decoder = ReferenceDecoder()
+    return [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
+
+
+@thorough
+@given(frames=frame_lists(), damage=damages, cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
+def test_untouched_frames_come_out_and_no_other(
+    codec: Any, frames: list[Frame], damage: list[Damage], cuts: list[int]
+) -> None:
+    stream, touched = damaged(frames, damage)
+    found = reference_frames([stream])
+    assert found in allowed_outputs(frames, touched)
+    assert codec.decode(cut(stream, cuts)) == [codec.seen(frame) for frame in found]
+
+
+@some
+@given(
+    frames=frame_lists(), cuts=st.lists(st.integers(0, 1 << 20), max_size=6), garbage=st.binary(max_size=1500)
+)
+def test_frames_come_out_of_garbage(codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes) -> None:
+    stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
+    found = reference_frames(cut(stream, cuts))
+    assert found == frames
+    assert codec.decode(cut(stream, cuts)) == [codec.seen(frame) for frame in found]
+
+
+@some
+@given(stream=st.binary(max_size=3000), cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
+def test_both_decoders_agree_on_anything(codec: Any, stream: bytes, cuts: list[int]) -> None:
+    assert codec.decode(cut(stream, cuts)) == [codec.seen(frame) for frame in reference_frames([stream])]

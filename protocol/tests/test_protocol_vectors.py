@@ -1,0 +1,205 @@
+"""The vectors, the construct definitions and the readable reference say the same bytes."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from construct import Const, GreedyBytes, Struct
+
+from taxel_protocol import ReferenceDecoder, crc32, encode_frame, frames, registers
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.framing import cobs_decode, cobs_encode, decode_body, whiten
+from taxel_protocol.layout import flatten, pack, unpack
+from taxel_protocol.names import FrameType
+from taxel_protocol.wire import WireFrame
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATORS = ("c_header.py", "vectors.py")
+INNER = {
+    "set_rate_arguments": frames.SetRateArguments,
+    "transfer_arguments": frames.TransferArguments,
+    "set_scan_settings_arguments": frames.SetScanSettingsArguments,
+    "get_board_info_arguments": frames.GetBoardInfoArguments,
+    "get_time_reply": frames.GetTimeReply,
+}
+REGISTERS = {
+    "identity": registers.Identity,
+    "status": registers.Status,
+    "settings_register": registers.SettingsRegister,
+    "command_register": registers.CommandRegister,
+}
+
+
+def vectors(name: str, key: str) -> list[Any]:
+    content = json.loads((ROOT / "protocol" / "vectors" / f"{name}.json").read_text())
+    return [pytest.param(vector, id=vector["name"]) for vector in content[key]]
+
+
+every_frame = pytest.mark.parametrize("vector", vectors("frames", "frames"))
+every_register = pytest.mark.parametrize("vector", vectors("registers", "registers"))
+every_stream = pytest.mark.parametrize("vector", vectors("damaged", "streams"))
+
+
+def values_of(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: bytes.fromhex(value) if isinstance(value, str) else value for name, value in fields.items()}
+
+
+def shown(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}
+
+
+def nested(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The nested values that construct builds from, out of flat names and the tail."""
+    values: dict[str, Any] = {}
+    for renamed in definition.subcons:
+        name = prefix + renamed.name
+        if isinstance(renamed.subcon, Struct):
+            values[renamed.name] = nested(renamed.subcon, flat, f"{name}_")
+        elif renamed.subcon is GreedyBytes:
+            values[renamed.name] = flat["tail"]
+        elif not isinstance(renamed.subcon, Const):
+            values[renamed.name] = flat[name]
+    return values
+
+
+def counts_bytes(counts: list[int]) -> bytes:
+    return b"".join(count.to_bytes(2, "little") for count in counts)
+
+
+def flat_of(vector: Mapping[str, Any]) -> dict[str, Any]:
+    flat = values_of(vector["fields"]) | {"tail": bytes.fromhex(vector["tail"])}
+    return flat | {"snapshot_raw_counts": vector.get("counts")}
+
+
+def packed(vector: Mapping[str, Any]) -> bytes:
+    """The payload by `layout`, without construct's own building."""
+    definition = FRAMES[FrameType(vector["type"])].payload
+    flat = flat_of(vector)
+    if vector["type"] == FrameType.TAXELS:
+        return pack(
+            definition, flat, counts_bytes(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little")
+        )
+    return pack(definition, flat, flat["tail"])
+
+
+@every_frame
+def test_construct_builds_the_vector(vector: dict[str, Any]) -> None:
+    definition = FRAMES[FrameType(vector["type"])].payload
+    payload = nested(definition, flat_of(vector))
+    content = {"type": vector["type"], "sequence": vector["sequence"], "payload": payload}
+    assert WireFrame.build(content).hex() == vector["wire"]
+
+
+@every_frame
+def test_reference_builds_the_vector(vector: dict[str, Any]) -> None:
+    payload = packed(vector)
+    assert payload.hex() == vector["payload"]
+    assert encode_frame(vector["type"], vector["sequence"], payload).hex() == vector["wire"]
+
+
+@every_frame
+def test_construct_reads_the_fields_back(vector: dict[str, Any]) -> None:
+    content = WireFrame.parse(bytes.fromhex(vector["wire"]))
+    definition = FRAMES[FrameType(vector["type"])].payload
+    assert (content.type, content.sequence) == (vector["type"], vector["sequence"])
+    payload = {k: v for k, v in content.payload.items() if k != "_io"}
+    expected = nested(definition, flat_of(vector))
+    assert definition.build(payload) == definition.build(expected)
+    known = {name: value for name, value in flatten(expected).items() if name in vector["fields"]}
+    assert shown(known) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
+
+
+@every_frame
+def test_reference_reads_the_fields_back(vector: dict[str, Any]) -> None:
+    body = bytes.fromhex(vector["body"])
+    decoder = ReferenceDecoder()
+    assert whiten(cobs_decode(bytes.fromhex(vector["wire"])[1:-1])) == body
+    assert decode_body(body) == (vector["type"], vector["sequence"], body[5:-4])
+    assert decoder.push(bytes.fromhex(vector["wire"])) == [decode_body(body)]
+    assert decoder.discarded_bytes == 0
+    fields, tail = unpack(FRAMES[FrameType(vector["type"])].payload, body[5:-4])
+    if vector["type"] == FrameType.TAXELS:
+        fields["snapshot_crc32"] = int.from_bytes(tail[-4:], "little")
+        assert tail[:-4] == counts_bytes(vector["counts"])
+    else:
+        assert tail.hex() == vector["tail"]
+    assert shown(fields) == vector["fields"]
+
+
+@every_frame
+def test_structs_inside_a_tail_give_its_bytes(vector: dict[str, Any]) -> None:
+    if "inner" not in vector:
+        return
+    inner = vector["inner"]
+    definition = INNER[inner["struct"]]
+    data = pack(definition, values_of(inner["fields"]), bytes.fromhex(inner["tail"]))
+    assert data.hex() == vector["tail"]
+    assert (
+        definition.build(
+            nested(definition, values_of(inner["fields"]) | {"tail": bytes.fromhex(inner["tail"])})
+        )
+        == data
+    )
+
+
+@every_register
+def test_register_bytes(vector: dict[str, Any]) -> None:
+    data = bytes.fromhex(vector["bytes"])
+    prefix = bytes([vector["address"]]) if "address" in vector else b""
+    if vector["struct"] == "snapshot_header":
+        definition = registers.snapshot(len(vector["counts"]))
+        content = {"header": vector["fields"], "raw_counts": vector["counts"], "crc32": vector["crc32"]}
+        assert definition.build(content) == data
+        assert crc32(prefix + data[:-4]) == vector["crc32"]
+        return
+    definition = REGISTERS[vector["struct"]]
+    fields, tail = unpack(definition, data)
+    assert definition.build(nested(definition, values_of(vector["fields"]))) == data
+    assert pack(definition, values_of(vector["fields"])) == data
+    assert (shown(fields), tail) == (vector["fields"], b"")
+    if "crc32" in fields:
+        assert crc32(prefix + data[:-4]) == fields["crc32"]
+
+
+def test_vectors_hold_every_frame_type_from_shortest_to_longest() -> None:
+    for frame_type, spec in FRAMES.items():
+        sizes = [
+            len(p.values[0]["payload"]) // 2
+            for p in vectors("frames", "frames")
+            if p.values[0]["type"] == frame_type
+        ]
+        assert (min(sizes), max(sizes)) == (spec.minimum, spec.maximum), frame_type.name
+
+
+@every_stream
+def test_reference_decoder_gives_what_a_damaged_stream_still_holds(vector: dict[str, Any]) -> None:
+    decoder = ReferenceDecoder()
+    found = decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish()
+    believed = [frame for frame in found if vector["directions"] & (2 if frame[0] & 0x80 else 1)]
+    sent = [(f["type"], f["sequence"], bytes.fromhex(f["payload"])) for f in vector["sent"]]
+    assert believed == [sent[i] for i in vector["expected"]]
+
+
+@pytest.mark.parametrize("length", [0, 1, 253, 254, 255, 256, 507, 508, 509, 762, 763])
+@pytest.mark.parametrize("zero_at", [None, 0, 1, 253, 254, 255, -1])
+def test_stuffing_is_undone(length: int, zero_at: int | None) -> None:
+    data = bytearray(b"\x2a" * length)
+    if zero_at is not None and -length <= zero_at < length:
+        data[zero_at] = 0
+    stuffed = cobs_encode(bytes(data))
+    assert 0 not in stuffed
+    assert cobs_decode(stuffed) == data
+    assert len(stuffed) <= length + length // 254 + 1
+
+
+@pytest.mark.parametrize("generator", GENERATORS)
+def test_generated_files_are_not_stale(generator: str) -> None:
+    script = ROOT / "tools" / "codegen" / generator
+    result = subprocess.run(
+        [sys.executable, str(script), "--check"], capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 0, result.stderr

@@ -1,0 +1,224 @@
+"""Write protocol/vectors/damaged.json: damaged streams of the frames in frames.json, and what comes out.
+
+python tools/codegen/damaged_streams.py            write it
+python tools/codegen/damaged_streams.py --check    exit status 1 if the file on disk is stale
+
+A stream ends where its bytes end: a decoder is told so, and then gives out what it still holds.
+"""
+
+import json
+import random
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taxel_protocol.framing import crc32, encode_body
+from taxel_protocol.limits import PROTOCOL_VERSION
+from taxel_protocol.names import FrameType
+
+VECTORS = Path(__file__).resolve().parents[2] / "protocol" / "vectors"
+SEED = 20
+
+TO_HOST, TO_HUB, BOTH_WAYS = 1, 2, 3
+"""Which directions a decoder believes, as the C decoder's `directions`."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """One frame of frames.json."""
+
+    vector: Mapping[str, Any]
+
+    @property
+    def wire(self) -> bytes:
+        """Bytes on the wire, delimiters included."""
+        return bytes.fromhex(self.vector["wire"])
+
+    @property
+    def stuffed(self) -> bytes:
+        """The same without delimiters."""
+        return self.wire[1:-1]
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What a decoder has to give out."""
+        return {key: self.vector[key] for key in ("type", "sequence", "payload")}
+
+
+def raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
+    """Wire bytes of a frame that need not be allowed, its CRC right; `length` is what its header claims."""
+    body = (
+        bytes([frame_type, 1, 0])
+        + (len(payload) if length is None else length).to_bytes(2, "little")
+        + payload
+    )
+    return encode_body(body + crc32(body).to_bytes(4, "little"))
+
+
+def _flip(data: bytes, position: int, mask: int = 0x01) -> bytes:
+    return data[:position] + bytes([data[position] ^ mask]) + data[position + 1 :]
+
+
+class Streams:
+    """Collects damaged streams. A, B and C are three frames that most streams are made of."""
+
+    def __init__(self, known: Mapping[str, Sent]) -> None:
+        self.known = known
+        self.rng = random.Random(SEED)
+        self.vectors: list[dict[str, Any]] = []
+        self.a, self.b, self.c = (
+            known[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary")
+        )
+
+    def add(
+        self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST
+    ) -> None:
+        """`expected` are indices into `sent`, in the order in which the frames must come out."""
+        vector = {"name": name, "directions": directions, "sent": [frame.content for frame in sent]}
+        self.vectors.append(vector | {"stream": stream.hex(), "expected": expected})
+
+    def garbage(self, size: int) -> bytes:
+        """Bytes without a zero."""
+        return bytes(self.rng.randrange(1, 256) for _ in range(size))
+
+    def delimiters(self) -> None:
+        """Delimiters lost, and bytes between frames."""
+        a, b, c = self.a, self.b, self.c
+        abc = [a, b, c]
+        every = [0, 1, 2]
+        self.add("intact", abc, a.wire + b.wire + c.wire, every)
+        self.add("one_delimiter_between_frames", abc, a.wire[:-1] + b.wire[:-1] + c.wire, every)
+        self.add("no_first_delimiter", abc, a.wire[1:] + b.wire + c.wire, every)
+        self.add("no_last_delimiter", abc, a.wire + b.wire + c.wire[:-1], every)
+        self.add("two_frames_glued", abc, a.wire[:-1] + b.stuffed + c.wire, every)
+        self.add("three_frames_glued", abc, b"\0" + a.stuffed + b.stuffed + c.stuffed + b"\0", every)
+        self.add("no_delimiter_at_all", abc, a.stuffed + b.stuffed + c.stuffed, every)
+        self.add("many_delimiters", abc, bytes(9).join([a.wire, b.wire, c.wire]), every)
+        self.add("garbage_before", abc, self.garbage(40) + a.wire + b.wire + c.wire, every)
+        self.add("garbage_glued_before", abc, self.garbage(40) + a.stuffed + b.wire + c.wire, every)
+        self.add("garbage_glued_between", abc, a.wire[:-1] + self.garbage(17) + b.stuffed + c.wire, every)
+        self.add(
+            "garbage_with_zeros",
+            abc,
+            self.rng.randbytes(600) + a.wire + b.wire + self.rng.randbytes(99) + c.wire,
+            every,
+        )
+        self.add("long_garbage_glued_before", abc, self.garbage(5000) + a.stuffed + b.wire + c.wire, every)
+        self.add("long_garbage_then_delimiter", abc, self.garbage(3000) + a.wire + b.wire + c.wire, every)
+        for name in ("run_254_at_end", "run_253_at_end", "body_507_without_zero"):
+            edge = self.known[name]
+            self.add(f"{name}_glued", [edge, b, edge], edge.stuffed + b.stuffed + edge.stuffed, every)
+        shortest = self.known["reply_zeros"]
+        self.add("300_shortest_frames_glued", [shortest] * 300, shortest.stuffed * 300, list(range(300)))
+        longest = self.known["taxels_longest_arbitrary"]
+        self.add("8_longest_frames_glued", [longest] * 8, longest.stuffed * 8, list(range(8)))
+
+    def damage(self) -> None:
+        """Bytes of a frame changed, lost or added: its neighbours come out, it does not."""
+        a, b, c = self.a, self.b, self.c
+        abc = [a, b, c]
+        middle = len(a.wire) // 2
+        cases = {
+            "bit_flipped": _flip(a.wire, middle),
+            "first_code_byte_flipped": _flip(a.wire, 1),
+            "crc_flipped": _flip(a.wire, len(a.wire) - 2),
+            "type_flipped": _flip(a.wire, 2, 0x80),
+            "byte_became_zero": a.wire[:middle] + b"\0" + a.wire[middle + 1 :],
+            "byte_lost": a.wire[:middle] + a.wire[middle + 1 :],
+            "byte_added": a.wire[:middle] + b"\x55" + a.wire[middle:],
+            "zero_added": a.wire[:middle] + b"\0" + a.wire[middle:],
+            "two_bytes_swapped": a.wire[:middle]
+            + a.wire[middle + 1 : middle - 1 : -1]
+            + a.wire[middle + 2 :],
+            "truncated": a.wire[:middle],
+            "head_lost": a.wire[middle:],
+        }
+        for name, damaged in cases.items():
+            self.add(name, abc, c.wire + damaged + b.wire + c.wire, [2, 1, 2])
+        self.add("truncated_and_glued", abc, a.wire[:middle] + b.stuffed + c.wire, [1, 2])
+        self.add("last_byte_lost_and_glued", abc, a.wire[:-2] + b.stuffed + c.wire, [1, 2])
+        self.add("first_byte_lost_and_glued", abc, a.wire[2:-1] + b.stuffed + c.wire, [1, 2])
+        reaching = b"\0" + b"\xff" + a.stuffed[1:] + b.stuffed + c.stuffed + b"\0"
+        self.add("code_byte_reaches_over_the_next_frame", abc, reaching, [1, 2])
+
+    def quotations(self) -> None:
+        """A frame quoted in another frame's payload is not a frame, not even when its host is damaged."""
+        quoted = self.b
+        for name in [name for name in self.known if "_quotes_" in name]:
+            host = self.known[name]
+            quotation = len(host.wire) - len(bytes.fromhex(host.vector["tail"])) - 5
+            cases = {
+                "crc_flipped": _flip(host.wire, len(host.wire) - 2),
+                "head_lost": host.wire[quotation:],
+                "head_and_a_byte_lost": host.wire[quotation + 1 :],
+                "code_flipped": _flip(host.wire, 1),
+            }
+            self.add(name, [host, quoted], host.wire + quoted.wire, [0, 1])
+            for case, damaged in cases.items():
+                self.add(f"{name}_{case}", [host, quoted], damaged + quoted.wire, [1])
+
+    def refusals(self) -> None:
+        """Frames with a right CRC that this version does not allow."""
+        b, c = self.b, self.c
+        time_sync = bytes.fromhex(b.content["payload"])
+        small = bytes.fromhex(self.known["taxels_shortest"].content["payload"])
+        cases = {
+            "type_0x00": raw_frame(0x00, time_sync),
+            "type_0xFF": raw_frame(0xFF, time_sync),
+            "type_unknown": raw_frame(0x0F, time_sync),
+            "fixed_payload_too_long": raw_frame(FrameType.TIME_SYNC, time_sync + b"\1"),
+            "fixed_payload_too_short": raw_frame(FrameType.TIME_SYNC, time_sync[:-1]),
+            "length_claims_more": raw_frame(FrameType.LOG, bytes(20), 21),
+            "length_claims_less": raw_frame(FrameType.LOG, bytes(20), 19),
+            "log_too_long": raw_frame(FrameType.LOG, bytes(72)),
+            "reply_too_short": raw_frame(FrameType.REPLY, b"\1\2"),
+            "address_too_low": raw_frame(FrameType.TIME_SYNC, b"\x07" + time_sync[1:]),
+            "address_too_high": raw_frame(FrameType.TAXELS, b"\x78" + small[1:]),
+            "taxel_count_too_high": raw_frame(FrameType.TAXELS, small[:1] + b"\2" + small[2:]),
+            "taxel_count_zero": raw_frame(FrameType.TAXELS, small[:1] + b"\0" + small[2:-2]),
+        }
+        for reserved in range(FrameType.COMPACT_FIRST, FrameType.COMPACT_LAST + 1):
+            cases[f"reserved_type_0x{reserved:02X}"] = raw_frame(reserved, time_sync)
+        for name, refused in cases.items():
+            self.add(name, [b, c], b.wire + refused + c.wire, [0, 1], BOTH_WAYS)
+
+    def ways(self) -> None:
+        """A decoder believes only what travels its way."""
+        b, hello = self.b, self.known["host_hello_arbitrary"]
+        stream = b.wire + hello.wire + b.wire
+        self.add("host_hears_itself", [b, hello], stream, [0, 0], TO_HOST)
+        self.add("hub_hears_itself", [b, hello], stream, [1], TO_HUB)
+        self.add("both_ways", [b, hello], stream, [0, 1, 0], BOTH_WAYS)
+
+
+def text() -> str:
+    """The whole file."""
+    frames = json.loads((VECTORS / "frames.json").read_text())["frames"]
+    streams = Streams({vector["name"]: Sent(vector) for vector in frames})
+    streams.delimiters()
+    streams.damage()
+    streams.quotations()
+    streams.refusals()
+    streams.ways()
+    about = "damaged streams and the frames that come out"
+    head = json.dumps({"about": about, "protocol_version": PROTOCOL_VERSION, "made_by": Path(__file__).name})
+    lines = ",\n".join(json.dumps(vector) for vector in streams.vectors)
+    return f'{head[:-1]}, "streams": [\n{lines}\n]}}\n'
+
+
+def main() -> int:
+    """Write or check the file."""
+    path = VECTORS / "damaged.json"
+    if "--check" in sys.argv[1:]:
+        if not path.exists() or path.read_text() != text():
+            print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
+            return 1
+        return 0
+    path.write_text(text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

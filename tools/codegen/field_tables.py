@@ -1,0 +1,145 @@
+"""Write firmware/tests/generated_fields.h: where the C test finds the fields that a vector names.
+
+python tools/codegen/field_tables.py            write it
+python tools/codegen/field_tables.py --check    exit status 1 if the file on disk is stale
+"""
+
+import sys
+from pathlib import Path
+
+from construct import Struct
+
+from taxel_protocol import frames, registers
+from taxel_protocol.layout import fields_of
+from taxel_protocol.names import FrameType
+
+HEADER = Path(__file__).resolve().parents[2] / "firmware" / "tests" / "generated_fields.h"
+
+INNER: dict[str, Struct] = {
+    "set_rate_arguments": frames.SetRateArguments,
+    "transfer_arguments": frames.TransferArguments,
+    "set_scan_settings_arguments": frames.SetScanSettingsArguments,
+    "get_board_info_arguments": frames.GetBoardInfoArguments,
+    "get_time_reply": frames.GetTimeReply,
+}
+"""Structs that stand in the tail of a command or a reply, by their name in C."""
+
+REGISTERS: dict[str, Struct] = {
+    "identity": registers.Identity,
+    "status": registers.Status,
+    "settings_register": registers.SettingsRegister,
+    "command_register": registers.CommandRegister,
+    "snapshot_header": registers.SnapshotHeader,
+}
+
+PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
+    FrameType.HUB_HELLO: (("hub_hello", "", frames.HubHello),),
+    FrameType.TAXELS: (
+        ("taxel_header", "header_", frames.TaxelHeader),
+        ("snapshot_header", "snapshot_header_", registers.SnapshotHeader),
+    ),
+    FrameType.HUB_STATUS: (("hub_status", "", frames.HubStatus),),
+    FrameType.BOARD_STATUS: (("board_status", "", frames.BoardStatus),),
+    FrameType.BOARD_INFO: (("board_info", "", frames.BoardInfo),),
+    FrameType.BOARD_FAULT: (("board_fault_report", "", frames.BoardFaultReport),),
+    FrameType.TIME_SYNC: (("time_sync", "", frames.TimeSync),),
+    FrameType.LOG: (("log_header", "", frames.Log),),
+    FrameType.REPLY: (("reply_header", "", frames.Reply),),
+    FrameType.HOST_HELLO: (("host_hello", "", frames.HostHello),),
+    FrameType.COMMAND: (("command_header", "", frames.CommandPayload),),
+}
+"""Structs at the front of each payload: name in C, prefix of their fields' flat names, definition."""
+
+
+def _layout_lines(name: str, definition: Struct) -> list[str]:
+    rows = []
+    for field in fields_of(definition):
+        member = f"offsetof(struct taxel_{name}, {field.name})"
+        rows.append(f'    {{"{field.name}", {member}, {field.size}, {int(field.is_bytes)}}},')
+    return [
+        f"static const struct field {name}_fields[] = {{",
+        *rows,
+        "};",
+        f"static void {name}_pack(const void *value, uint8_t *bytes)",
+        "{",
+        f"    taxel_{name}_pack(value, bytes);",
+        "}",
+        f"static void {name}_unpack(void *value, const uint8_t *bytes)",
+        "{",
+        f"    taxel_{name}_unpack(value, bytes);",
+        "}",
+        "",
+    ]
+
+
+FIELDS_HEAD = """\
+/* Generated from protocol/taxel_protocol by tools/codegen/field_tables.py (make generate). Do not edit. */
+#ifndef TAXEL_GENERATED_FIELDS_H
+#define TAXEL_GENERATED_FIELDS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "generated/taxel_protocol.h"
+
+/* Where a field that a vector names lies in its C struct. */
+struct field {
+    const char *name;
+    size_t offset;
+    size_t size;
+    int is_bytes;
+};
+
+struct layout {
+    const char *name;
+    const struct field *fields;
+    size_t field_count;
+    size_t size; /* packed */
+    void (*pack)(const void *value, uint8_t *bytes);
+    void (*unpack)(void *value, const uint8_t *bytes);
+};
+
+/* The structs at the front of a type's payload, in order; `prefix` begins their fields' names in a vector. */
+struct payload_part {
+    uint8_t type;
+    const char *layout;
+    const char *prefix;
+};
+"""
+
+
+def fields_header() -> str:
+    """The field tables for the C test."""
+    definitions = {name: definition for parts in PAYLOAD_PARTS.values() for name, _, definition in parts}
+    definitions |= INNER | REGISTERS
+    lines = [FIELDS_HEAD]
+    for name, definition in definitions.items():
+        lines += _layout_lines(name, definition)
+    lines.append("static const struct layout layouts[] = {")
+    for name in definitions:
+        count = f"sizeof {name}_fields / sizeof {name}_fields[0]"
+        size = f"TAXEL_{name.upper()}_SIZE"
+        lines.append(f'    {{"{name}", {name}_fields, {count}, {size}, {name}_pack, {name}_unpack}},')
+    lines += ["};", "", "static const struct payload_part payload_parts[] = {"]
+    for frame_type, parts in PAYLOAD_PARTS.items():
+        lines += [
+            f'    {{TAXEL_FRAME_TYPE_{frame_type.name}, "{name}", "{prefix}"}},' for name, prefix, _ in parts
+        ]
+    return "\n".join([*lines, "};", "", "#endif", ""])
+
+
+def main() -> int:
+    """Write or check the header."""
+    text = fields_header()
+    if "--check" in sys.argv[1:]:
+        if not HEADER.exists() or HEADER.read_text() != text:
+            print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)
+            return 1
+        return 0
+    HEADER.parent.mkdir(parents=True, exist_ok=True)
+    HEADER.write_text(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
