@@ -4,6 +4,7 @@
 
 #include "codec/crc32.h"
 #include "codec/encoder.h"
+#include "codec/whitening.h"
 #include "generated/taxel_protocol.h"
 
 struct rule {
@@ -82,18 +83,12 @@ static void deliver(struct taxel_deframer *deframer, size_t size)
     deframer->config.handler(deframer->config.context, &frame);
 }
 
-static uint8_t next_whitening(uint8_t whitening)
-{
-    return (uint8_t)(TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT);
-}
-
 /* Stuffed bytes that the frame at the start of `bytes` takes, after delivering it; 0 if no frame begins there. Its end is
  * the end of the block where the unstuffed length is the one that the header claims: no delimiter is needed. */
 static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     uint8_t *body = deframer->config.body;
     const size_t capacity = TAXEL_FRAME_HEADER_SIZE + (size_t)deframer->config.payload_max + TAXEL_FRAME_CRC_SIZE;
-    uint8_t whitening = (uint8_t)TAXEL_WHITENING_SEED;
     size_t length = 0;
     size_t expected = 0;
     size_t position = 0;
@@ -103,10 +98,10 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
         if (end > size || length + code - 1u > capacity) {
             return 0;
         }
-        for (position++; position < end; position++) {
-            body[length++] = bytes[position] ^ whitening;
-            whitening = next_whitening(whitening);
-        }
+        memcpy(body + length, bytes + position + 1, code - 1u);
+        taxel_whiten(body + length, length, code - 1u);
+        length += code - 1u;
+        position = end;
         if (!expected && length >= TAXEL_FRAME_HEADER_SIZE) {
             expected = expected_length(deframer, body);
             if (!expected) {
@@ -124,8 +119,9 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
             if (length == capacity) {
                 return 0;
             }
-            body[length++] = whitening;
-            whitening = next_whitening(whitening);
+            body[length] = 0;
+            taxel_whiten(body + length, length, 1);
+            length++;
         }
     }
     return 0;

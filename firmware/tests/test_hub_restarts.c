@@ -118,7 +118,7 @@ static void a_reboot_waits_for_its_own_reply(void)
 {
     begin(2);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_REBOOT, NULL, 0), 0);
-    fake_hub_run(&fake, 1000);
+    fake_hub_run(&fake, 20000);
     CHECK(fake.restarts > 0);
     end();
 }
@@ -135,6 +135,17 @@ static void a_hub_that_streams_more_than_its_uart_carries_reboots(void)
     fake_hub_free_boards(&fake);
 }
 
+static void a_hub_whose_uart_is_stuck_reboots(void)
+{
+    const uint8_t payload[2] = {9, TAXEL_COMMAND_REBOOT};
+    begin(1);
+    fake.drain_bytes = 0;
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, payload, sizeof payload);
+    fake_hub_run(&fake, 2000000);
+    CHECK(fake.restarts > 0);
+    fake_hub_free_boards(&fake);
+}
+
 int main(void)
 {
     RUN(a_restart_between_two_polls_is_reported_and_the_board_identified);
@@ -143,5 +154,6 @@ int main(void)
     RUN(board_info_is_right_whenever_it_is_asked_for);
     RUN(a_reboot_waits_for_its_own_reply);
     RUN(a_hub_that_streams_more_than_its_uart_carries_reboots);
+    RUN(a_hub_whose_uart_is_stuck_reboots);
     return check_summary();
 }

@@ -2,9 +2,9 @@
 
 python tools/crc/exact.py
 
-An error pattern is invisible to a CRC when its polynomial is a multiple of the generator, whatever the data. A pattern may
-be shifted, so it is enough to look at those that contain bit 0, and to count where they fit (Koopman, "32-bit cyclic
-redundancy codes for Internet applications", DSN 2002, whose break points are verified here).
+An error pattern is invisible to a CRC when its polynomial is a multiple of the generator, whatever the data. A
+pattern may be shifted, so it is enough to look at those that contain bit 0, and to count where they fit (Koopman,
+"32-bit cyclic redundancy codes for Internet applications", DSN 2002, whose break points are verified here).
 """
 
 import argparse
@@ -13,9 +13,16 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+
 from taxel_protocol.frames import FRAMES
-from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, BODY_MAX, FRAME_CRC_SIZE, FRAME_HEADER_SIZE
-from taxel_protocol.limits import SNAPSHOT_OVERHEAD
+from taxel_protocol.limits import (
+    ADDRESS_MAX,
+    ADDRESS_MIN,
+    BODY_MAX,
+    FRAME_CRC_SIZE,
+    FRAME_HEADER_SIZE,
+    SNAPSHOT_OVERHEAD,
+)
 from taxel_protocol.names import FrameType
 
 Words = NDArray[np.uint32]
@@ -24,12 +31,15 @@ GENERATOR = 0x04C11DB7
 """x^32 is implied (IEEE 802.3, clause 3.2.9)."""
 
 BREAK_POINTS = {9: 67, 8: 90, 7: 124, 6: 204, 5: 301, 4: 3007}
-"""Shortest code word, in bits, that hides a pattern of so many bits (Koopman 2002, table 1, data bits + 32 + 1)."""
+"""Shortest code word, in bits, that hides a pattern of so many (Koopman 2002, table 1: data bits + 32 + 1)."""
 
 LENGTHS = (11, 15, 16, 25, 26, 37, 38, 75, 153, 252, 375, 376, 507)
 """Bodies to print, in bytes: the break points, our shortest, average and longest taxel frame."""
 
 SECONDS_PER_YEAR = 365.25 * 86400
+
+BYTE_RATE = 100_000
+"""Bytes a second of a UART at 1 Mbaud with a start and a stop bit."""
 
 
 def bit_syndromes(count: int) -> Words:
@@ -114,10 +124,10 @@ def byte_syndromes(count: int) -> Words:
 
 
 def byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(two, three)[n]: invisible patterns of two and of three changed bytes that begin and end n bytes apart, ends included.
+    """(two, three)[n]: invisible patterns of two and of three changed bytes that take up n bytes, ends included.
 
-    The last byte can cancel any low 8 bits: a pattern is invisible when the rest of it leaves the other 24 bits at zero
-    and the low ones not.
+    The last byte can cancel any low 8 bits: a pattern is invisible when the rest of it leaves the other 24 bits
+    at zero and the low ones not.
     """
     table = byte_syndromes(count)[1:, 1:]
     two = np.zeros(count + 1, np.int64)
@@ -214,7 +224,9 @@ def print_rates(frame_rate: float, body: int) -> None:
     print("Random bytes without a zero")
     print(f"  a position has an allowed header          {sum(chance for _, chance in allowed_bodies()):.2e}")
     print(f"  a position is taken for a frame           {garbage:.2e}")
-    print(f"  years of random bytes at 92160 a second for one frame  {1 / (garbage * 92160 * SECONDS_PER_YEAR):.0f}\n")
+    print(
+        f"  years of random bytes for one, at 1 Mbaud   {1 / (garbage * BYTE_RATE * SECONDS_PER_YEAR):.0f}\n"
+    )
     print(f"{frame_rate:.0f} frames a second of {wire} stuffed bytes")
     print("  byte error rate   damaged a year   three or more bytes   believed a year, at most")
     for rate in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3):
@@ -223,15 +235,28 @@ def print_rates(frame_rate: float, body: int) -> None:
         many = max(damaged - up_to_two, math.comb(wire, 3) * rate**3 * (1 - rate) ** (wire - 3))
         yearly = frame_rate * SECONDS_PER_YEAR
         believed = damaged * (2.0**-32 + wire * garbage)
-        print(f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * believed:24.2g}")
-    print("  at most: as if every damaged frame were a random word; a changed data byte, or two, is always seen")
+        print(
+            f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * believed:24.2g}"
+        )
+    print(
+        "  at most: as if every damaged frame were a random word; a changed data byte, or two, is always seen"
+    )
 
 
 def main() -> None:
     """Print every table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frame-rate", type=float, default=19 * 17, help="taxel frames a second (default: 17 boards at 19 Hz)")
-    parser.add_argument("--body", type=int, default=153, help="bytes of a body (default: 63 taxels, the average board)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--frame-rate",
+        type=float,
+        default=19 * 17,
+        help="taxel frames a second (default: 17 boards at 19 Hz)",
+    )
+    parser.add_argument(
+        "--body", type=int, default=153, help="bytes of a body (default: 63 taxels, the average board)"
+    )
     arguments = parser.parse_args()
     print_break_points()
     print_lengths()

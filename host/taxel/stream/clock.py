@@ -139,15 +139,15 @@ class ClockMap:
         """When the scans of taxel frames (dtype `ROW`) began, on the hub's clock, microseconds since the hub's start."""
         if not len(rows):
             return np.zeros(0)
-        address = rows["address"]
+        address = rows["address"].astype(np.intp)  # numpy indexes ten times faster with its own index type
         since = (rows["board_time_us"] - self._board_0[address]).view(np.int32)
         mapped: NDArray[np.float64] = self._hub_0[address] + self._rate[address] * since
-        latest = self._unwrap(rows["hub_time_us"][-1:])
-        self._hub_us = max(self._hub_us, int(latest[0]))
         known = self._known[address]
         if known.all():
             return mapped
-        return np.where(known, mapped, self._unwrap(rows["hub_time_us"]).astype(float))
+        read = self._unwrap(rows["hub_time_us"])
+        self._hub_us = max(self._hub_us, int(read[-1]))
+        return np.where(known, mapped, read.astype(float))
 
     def _unwrap(self, hub_time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
         """Whole hub times near the latest one known, from times modulo 2^32."""

@@ -1,0 +1,11 @@
+/* The whitening sequence: k[0] = seed, k[i+1] = factor * k[i] + increment modulo 256; period 256. */
+#ifndef TAXEL_WHITENING_H
+#define TAXEL_WHITENING_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* XOR `size` bytes with the sequence from its element `first` on. whitening_small.c: no table; whitening_fast.c: for PCs. */
+void taxel_whiten(uint8_t *bytes, size_t first, size_t size);
+
+#endif

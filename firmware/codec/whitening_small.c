@@ -1,0 +1,28 @@
+#include "codec/whitening.h"
+
+#include "generated/taxel_protocol.h"
+
+/* factor^n and the increment that n steps add up to, for n = 1, 2, 4 ... 128: any element is at most eight steps away. */
+static uint8_t element(size_t index)
+{
+    uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;
+    uint8_t factor = (uint8_t)TAXEL_WHITENING_FACTOR;
+    uint8_t increment = (uint8_t)TAXEL_WHITENING_INCREMENT;
+    for (uint8_t left = (uint8_t)index; left; left >>= 1) {
+        if (left & 1u) {
+            value = (uint8_t)(factor * value + increment);
+        }
+        increment = (uint8_t)((factor + 1u) * increment);
+        factor = (uint8_t)(factor * factor);
+    }
+    return value;
+}
+
+void taxel_whiten(uint8_t *bytes, size_t first, size_t size)
+{
+    uint8_t value = element(first);
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] ^= value;
+        value = (uint8_t)(TAXEL_WHITENING_FACTOR * value + TAXEL_WHITENING_INCREMENT);
+    }
+}

@@ -1,0 +1,216 @@
+/* A bus that hangs: time limits, nine clocks and a stop, and a bus on which nothing helps. */
+#include "check.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[4];
+
+static void begin(size_t boards)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, boards);
+    CHECK(fake_hub_start(&fake));
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    fake_hub_forget_frames(&fake);
+    fake.line_count = 0;
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.overlapping, 0);
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    fake_hub_free_boards(&fake);
+}
+
+/* Hang, or end with that result, the next transfers to the second board. */
+static int next_verdict;
+
+static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
+{
+    if (transfer->address == FIRST + 1 && hub->script_state > 0) {
+        hub->script_state--;
+        return next_verdict;
+    }
+    return FAKE_PROCEED;
+}
+
+static void spoil(int verdict, int transfers)
+{
+    next_verdict = verdict;
+    fake.script_state = transfers;
+    fake.script = spoil_second_board;
+}
+
+static void a_hanging_transfer_is_given_up(void)
+{
+    begin(3);
+    const uint64_t before = fake.now_us;
+    spoil(FAKE_HANG, 1);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK_EQUAL(fake.aborts, 1);
+    CHECK_BETWEEN(fake.now_us - before, 5000, 25000);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->timeouts, 1);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->last_fault, TAXEL_BOARD_FAULT_TIMEOUT);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_TIMEOUT), 1);
+    CHECK_EQUAL(fake.hub.bus_recoveries, 1);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_RECOVERED), 1);
+    end();
+}
+
+static void a_board_that_hangs_every_time_does_not_stop_the_others(void)
+{
+    begin(3);
+    spoil(FAKE_HANG, 1000000);
+    CHECK(fake_hub_run_cycles(&fake, 20));
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_ABSENT);
+    CHECK_BETWEEN(fake_hub_slot(&fake, FIRST + 1)->timeouts, 19, 20);
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST) >= 19);
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST + 2) >= 19);
+    end();
+}
+
+/* The time limit holds although the hub runs meanwhile for other reasons: status frames, bytes from the host. */
+static void the_time_limit_survives_other_events(void)
+{
+    for (unsigned events = 0; events < 4; events++) {
+        begin(3);
+        spoil(FAKE_HANG, 1);
+        const uint64_t until = fake.now_us + 50000u;
+        while (fake.script_state && fake_hub_step(&fake, until)) {
+        }
+        fake_hub_run(&fake, 500);
+        for (unsigned i = 0; i < events; i++) {
+            const uint8_t noise = (uint8_t)i;
+            fake_hub_receive(&fake, &noise, 1);
+        }
+        fake_hub_forget_frames(&fake);
+        fake_hub_run(&fake, 100000);
+        CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->timeouts, 1);
+        CHECK(fake_hub_count(&fake, TAXEL_FRAME_TYPE_TAXELS) > 10);
+        end();
+    }
+}
+
+static void check_line(size_t i, bool scl, bool sda)
+{
+    CHECK_EQUAL(fake.lines[i].scl, scl);
+    CHECK_EQUAL(fake.lines[i].sda, sda);
+}
+
+/* What a slave makes of the hub's two lines: clocks, starts and stops. A change of both at once has no order on a real bus. */
+static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
+{
+    bool scl = true, sda = true;
+    *clocks = *starts = *stops = 0;
+    for (size_t i = 0; i < fake.line_count; i++) {
+        CHECK((fake.lines[i].scl == scl) || (fake.lines[i].sda == sda));
+        *clocks += !scl && fake.lines[i].scl;
+        *starts += scl && fake.lines[i].scl && sda && !fake.lines[i].sda;
+        *stops += scl && fake.lines[i].scl && !sda && fake.lines[i].sda;
+        scl = fake.lines[i].scl;
+        sda = fake.lines[i].sda;
+        if (i) {
+            CHECK(fake.lines[i].at_us - fake.lines[i - 1].at_us >= 5 || !i);
+        }
+    }
+    CHECK(scl && sda);
+}
+
+static void nine_clocks_and_a_stop_free_sda(void)
+{
+    for (unsigned held = 1; held <= 9; held++) {
+        unsigned clocks, starts, stops;
+        begin(2);
+        fake.sda_held_clocks = held;
+        while (!fake.line_count && fake_hub_step(&fake, FAKE_NEVER)) {
+        }
+        check_line(0, true, true);
+        for (size_t i = 0; i < held; i++) {
+            check_line(1 + 2 * i, false, true);
+            check_line(2 + 2 * i, true, true);
+        }
+        read_lines(&clocks, &starts, &stops);
+        CHECK_EQUAL(clocks, held + 1u); /* the stop needs a rising clock of its own */
+        CHECK_EQUAL(starts, 0);
+        CHECK_EQUAL(stops, 1);
+        CHECK_EQUAL(fake.hub.bus_recoveries, 1);
+        const uint32_t lost = fake_hub_slot(&fake, FIRST)->bus_errors + fake_hub_slot(&fake, FIRST + 1)->bus_errors;
+        CHECK_EQUAL(lost, 0); /* the poll is tried again */
+        CHECK(fake_hub_run_cycles(&fake, 3));
+        CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
+        end();
+    }
+}
+
+static void sda_that_stays_low_takes_the_bus_down_for_a_while(void)
+{
+    begin(2);
+    fake.sda_held_clocks = 40; /* four recoveries of ten clocks */
+    const uint64_t before = fake.now_us;
+    while (fake.sda_held_clocks && fake_hub_step(&fake, before + 1000000u)) {
+    }
+    CHECK_BETWEEN(fake.now_us - before, 25000, 60000);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_SDA_STUCK) +
+                    fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_SDA_STUCK),
+                2);
+    CHECK(fake_hub_run_cycles(&fake, 4));
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_RECOVERED), 1);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_RECOVERED), 1);
+    end();
+}
+
+static void scl_that_stays_low_is_reported_as_such(void)
+{
+    begin(2);
+    fake.scl_held = true;
+    const uint64_t transfers = fake.transfers;
+    fake_hub_run(&fake, 200000);
+    CHECK_BETWEEN(fake.transfers - transfers, 10, 40); /* it tries again each 10 ms, and does not spin */
+    for (size_t i = 0; i < fake.line_count; i++) {
+        check_line(i, true, true); /* no clock can be given */
+    }
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->last_fault, TAXEL_BOARD_FAULT_SCL_STUCK);
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_SCL_STUCK), 1);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    fake.scl_held = false;
+    CHECK(fake_hub_run_cycles(&fake, 4));
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->state, TAXEL_BOARD_STATE_STREAMING);
+    end();
+}
+
+static void every_end_of_a_transfer_has_its_counter(void)
+{
+    static const int results[] = {TAXEL_I2C_NACK_ADDRESS, TAXEL_I2C_NACK_DATA, TAXEL_I2C_ARBITRATION_LOST,
+                                  TAXEL_I2C_BUS_ERROR,    TAXEL_I2C_TIMEOUT,   FAKE_HANG};
+    for (size_t i = 0; i < sizeof results / sizeof results[0]; i++) {
+        for (int transfers = 1; transfers < 24; transfers++) {
+            begin(2);
+            const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST + 1);
+            spoil(results[i], transfers);
+            CHECK(fake_hub_run_cycles(&fake, 30));
+            const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST + 1);
+            const uint32_t counted = after.nacks + after.timeouts + after.bus_errors + after.retries;
+            CHECK_BETWEEN(counted, transfers / 2, transfers); /* the reads of its clock have no counter */
+            CHECK_EQUAL(after.polls - before.polls, 30);
+            CHECK_EQUAL(after.state, TAXEL_BOARD_STATE_STREAMING);
+            CHECK_BETWEEN(fake_hub_slot(&fake, FIRST)->polls - fake_hub_slot(&fake, FIRST)->forwarded, 0, 1);
+            end();
+        }
+    }
+}
+
+int main(void)
+{
+    RUN(a_hanging_transfer_is_given_up);
+    RUN(a_board_that_hangs_every_time_does_not_stop_the_others);
+    RUN(the_time_limit_survives_other_events);
+    RUN(nine_clocks_and_a_stop_free_sda);
+    RUN(sda_that_stays_low_takes_the_bus_down_for_a_while);
+    RUN(scl_that_stays_low_is_reported_as_such);
+    RUN(every_end_of_a_transfer_has_its_counter);
+    return check_summary();
+}

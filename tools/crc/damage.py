@@ -1,0 +1,288 @@
+"""Damaged frames through the C decoder, by the million: what comes out, and is it what was sent?
+
+python tools/crc/damage.py                       about half a minute, seed printed
+python tools/crc/damage.py --frames 5000000      frames of each kind of damage
+
+The C codec is found in $TAXEL_CODEC_LIBRARY, or in the installed package.
+"""
+
+import argparse
+import ctypes
+import importlib.resources
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel_protocol import crc32, encode_frame
+from taxel_protocol.framing import whiten
+from taxel_protocol.limits import BODY_MAX
+from taxel_protocol.names import FrameType
+
+Bytes = NDArray[np.uint8]
+Damage = Callable[[Bytes, np.random.Generator], Bytes]
+
+BATCH = 50_000
+SAMPLE = 1_000
+"""Frames of each batch that are taken apart in Python, to see what refuses them."""
+
+ROW = np.dtype(
+    {
+        "names": ["type", "sequence", "cycle", "address", "offset", "size", "flags"],
+        "formats": ["u1", "<u2", "<u2", "u1", "<u4", "<u2", "u1"],
+        "offsets": [28, 22, 24, 29, 16, 20, 30],
+        "itemsize": 32,
+    }
+)
+"""`struct taxel_batch_row` of firmware/codec/batch.h, what is needed of it."""
+
+
+def load_codec() -> ctypes.CDLL:
+    """The C codec. Exits with one line if it is not built."""
+    named = os.environ.get("TAXEL_CODEC_LIBRARY")
+    try:
+        path = (
+            Path(named)
+            if named
+            else Path(str(importlib.resources.files("taxel"))) / "native" / "libtaxel_codec.so"
+        )
+        library = ctypes.CDLL(str(path))
+    except (ModuleNotFoundError, OSError) as error:
+        sys.exit(
+            f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so"
+        )
+    library.taxel_batch_struct_size.restype = ctypes.c_size_t
+    library.taxel_batch_row_size.restype = ctypes.c_size_t
+    library.taxel_batch_decode.restype = ctypes.c_size_t
+    if library.taxel_batch_row_size() != ROW.itemsize:
+        sys.exit("batch.h has another row than tools/crc/damage.py")
+    return library
+
+
+class Decoder:
+    """The C batch decoder over whole streams."""
+
+    def __init__(self, library: ctypes.CDLL) -> None:
+        self._library = library
+        self._state = ctypes.create_string_buffer(library.taxel_batch_struct_size())
+        self._rows = np.zeros(8192, ROW)
+        self._counts = np.zeros(1 << 20, np.uint16)
+        self._payloads = np.zeros(1 << 20, np.uint8)
+
+    def decode(self, stream: Bytes) -> list[tuple[int, int, bytes]]:
+        """(type, sequence, counts or payload) of every frame that a host would believe."""
+        frames: list[tuple[int, int, bytes]] = []
+        self._library.taxel_batch_init(self._state, ctypes.c_uint8(1))
+        taken = 0
+        while taken < len(stream):
+            rest = stream[taken:]
+            found = ctypes.c_size_t()
+            output = [
+                part
+                for array in (self._rows, self._counts, self._payloads)
+                for part in (ctypes.c_void_p(array.ctypes.data), ctypes.c_size_t(len(array)))
+            ]
+            taken += self._library.taxel_batch_decode(
+                self._state,
+                ctypes.c_void_p(rest.ctypes.data),
+                ctypes.c_size_t(len(rest)),
+                *output,
+                ctypes.byref(found),
+            )
+            frames += [self._content(row) for row in self._rows[: found.value]]
+        return frames
+
+    def _content(self, row: np.void) -> tuple[int, int, bytes]:
+        source = self._counts if row["type"] == FrameType.TAXELS else self._payloads
+        data = source[row["offset"] : int(row["offset"]) + int(row["size"])].tobytes()
+        return int(row["type"]), int(row["sequence"]), data
+
+
+@dataclass
+class Tally:
+    """What became of the frames of one kind of damage."""
+
+    frames: int = 0
+    unchanged: int = 0
+    altered: int = 0
+    sampled: int = 0
+    reached_crc: int = 0
+
+
+def _places(frames: Bytes, rng: np.random.Generator) -> NDArray[np.int64]:
+    return rng.integers(0, frames.shape[1], len(frames))
+
+
+def _changed(frames: Bytes, rng: np.random.Generator, places: NDArray[np.int64]) -> Bytes:
+    out = frames.copy()
+    rows = np.arange(len(frames))
+    shift = rng.integers(1, 255, len(frames), dtype=np.uint8)
+    out[rows, places] = (out[rows, places].astype(np.int16) - 1 + shift) % 255 + 1
+    return out
+
+
+def one_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """One byte becomes another, not zero."""
+    return _changed(frames, rng, _places(frames, rng))
+
+
+def two_bytes(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """Two bytes become others, not zero."""
+    return one_byte(one_byte(frames, rng), rng)
+
+
+def ten_bytes(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """Ten bytes become others, not zero."""
+    for _ in range(10):
+        frames = one_byte(frames, rng)
+    return frames
+
+
+def code_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """A code byte of the stuffing becomes another: all blocks from there on are cut elsewhere."""
+    codes = [0]
+    while codes[-1] + int(frames[0, codes[-1]]) < frames.shape[1]:
+        codes.append(codes[-1] + int(frames[0, codes[-1]]))
+    return _changed(frames, rng, rng.choice(np.array(codes), len(frames)))
+
+
+def one_bit(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """One bit flips; a byte may become zero and cut the frame in two."""
+    out = frames.copy()
+    masks = np.left_shift(1, rng.integers(0, 8, len(frames))).astype(np.uint8)
+    out[np.arange(len(frames)), _places(frames, rng)] ^= masks
+    return out
+
+
+def lost_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """One byte is lost."""
+    columns = np.arange(frames.shape[1] - 1)
+    return np.take_along_axis(frames, columns + (columns >= _places(frames, rng)[:, None]), axis=1)
+
+
+def added_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """One byte is added, not zero."""
+    places = rng.integers(1, frames.shape[1], len(frames))
+    columns = np.arange(frames.shape[1] + 1)
+    out = np.take_along_axis(frames, columns - (columns > places[:, None]), axis=1)
+    out[np.arange(len(frames)), places] = rng.integers(1, 256, len(frames), dtype=np.uint8)
+    return out
+
+
+def random_tail(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """From one place on every byte is random, as after a shift in the receiver."""
+    noise = rng.integers(1, 256, frames.shape, dtype=np.uint8)
+    return np.where(np.arange(frames.shape[1]) < _places(frames, rng)[:, None], frames, noise)
+
+
+def all_random(frames: Bytes, rng: np.random.Generator) -> Bytes:
+    """No frame at all: random bytes without a zero."""
+    return rng.integers(1, 256, frames.shape, dtype=np.uint8)
+
+
+KINDS: tuple[Damage, ...] = (
+    one_bit,
+    one_byte,
+    two_bytes,
+    ten_bytes,
+    code_byte,
+    lost_byte,
+    added_byte,
+    random_tail,
+    all_random,
+)
+
+
+def taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple[int, int, bytes], bytes]:
+    """A taxel frame of plausible counts: what must come out of it, and its stuffed bytes."""
+    counts = rng.normal(4000, 20, taxel_count).astype("<u2").tobytes()
+    head = bytes([0x20, taxel_count]) + rng.bytes(6)
+    snapshot = rng.bytes(6) + counts
+    payload = head + snapshot + crc32(snapshot, crc32(head[:1])).to_bytes(4, "little")
+    sequence = int(rng.integers(0, 1 << 16))
+    return (FrameType.TAXELS, sequence, counts), encode_frame(FrameType.TAXELS, sequence, payload)[1:-1]
+
+
+def reaches_crc(stuffed: bytes) -> bool:
+    """Whether only the CRC is left to refuse a taxel frame at the start of these bytes."""
+    body = bytearray()
+    position = 0
+    while position < len(stuffed) and len(body) <= BODY_MAX:
+        end = position + stuffed[position]
+        if end > len(stuffed):
+            return False
+        body += stuffed[position + 1 : end]
+        if len(body) >= 7:
+            head = whiten(bytes(body[:7]))
+            length = int.from_bytes(head[3:5], "little")
+            if head[0] != FrameType.TAXELS or not 0x08 <= head[5] <= 0x77 or length != 18 + 2 * head[6]:
+                return False
+            if len(body) >= length + 9:
+                return len(body) == length + 9
+        if stuffed[position] < 0xFF:
+            body.append(0)
+        position = end
+    return False
+
+
+def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Decoder, taxel_count: int) -> Tally:
+    """Damage `total` frames in one way, decode them, and count."""
+    tally = Tally()
+    while tally.frames < total:
+        size = min(BATCH, total - tally.frames)
+        content, stuffed = taxel_frame(rng, taxel_count)
+        damaged = kind(np.tile(np.frombuffer(stuffed, np.uint8), (size, 1)), rng)
+        if kind in (ten_bytes, two_bytes, random_tail):  # damage that undid itself is none
+            width = min(damaged.shape[1], len(stuffed))
+            damaged = damaged[(damaged[:, :width] != np.frombuffer(stuffed, np.uint8)[:width]).any(axis=1)]
+        stream = np.zeros((len(damaged), damaged.shape[1] + 1), np.uint8)
+        stream[:, :-1] = damaged
+        for frame in decoder.decode(stream.reshape(-1)):
+            tally.unchanged += frame == content
+            tally.altered += frame != content
+        tally.frames += size
+        for row in damaged[:SAMPLE]:
+            tally.sampled += 1
+            tally.reached_crc += reaches_crc(row.tobytes())
+    return tally
+
+
+def main() -> int:
+    """Print one line for each kind of damage."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--frames", type=int, default=1_000_000, help="frames of each kind (default: a million)"
+    )
+    parser.add_argument(
+        "--taxels", type=int, default=63, help="taxels of a frame (default: 63, the average board)"
+    )
+    parser.add_argument("--seed", type=int, default=20, help="replays exactly these frames (default: 20)")
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    decoder = Decoder(load_codec())
+    print(f"seed {arguments.seed}, frames of {arguments.taxels} taxels")
+    print("damage        frames     altered  95 % bound   unchanged   left to the CRC")
+    total = altered = 0
+    for kind in KINDS:
+        tally = measure(kind, arguments.frames, rng, decoder, arguments.taxels)
+        total, altered = total + tally.frames, altered + tally.altered
+        bound = f"{3 / tally.frames:10.1e}" if not tally.altered else "         -"
+        share = tally.reached_crc / tally.sampled
+        name = kind.__name__.replace("_", " ")
+        print(
+            f"{name:12s} {tally.frames:8d}  {tally.altered:8d}  {bound}  {tally.unchanged:10d}   {share:14.2%}"
+        )
+    print(
+        f"all          {total:8d}  {altered:8d}  {3 / total:10.1e}   (rule of three: none in n is below 3 / n, at 95 %)"
+    )
+    return 1 if altered else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
