@@ -79,7 +79,11 @@ def parse_line(text: str) -> Line | None:
         raise FormatError(f"expected 6 fields between semicolons, found {len(fields)}")
     if fields[4] != "-1":
         raise FormatError(f"field 5: expected -1, found {fields[4][:20]!r}")
-    who = (integer(fields[0], "participant", 0, 9999), one_of(fields[1], "hand", HANDS), one_of(fields[2], "finger", FINGERS))
+    who = (
+        integer(fields[0], "participant", 0, 9999),
+        one_of(fields[1], "hand", HANDS),
+        one_of(fields[2], "finger", FINGERS),
+    )
     task = one_of(fields[3], "task", TASKS)
     frame = fields[5].split(",")
     if len(frame) != FRAME_FIELDS:
@@ -88,7 +92,9 @@ def parse_line(text: str) -> Line | None:
         raise FormatError(f"expected nothing after the last comma, found {frame[-1][:20]!r}")
     seconds = integer(frame[0], "seconds", 0, 2**32)
     nanoseconds = integer(frame[1], "nanoseconds", 0, NANOSECONDS - 1)
-    values = [0 if cell in NO_VALUE else integer(cell, f"value {i}", *VALUE_LIMITS) for i, cell in enumerate(frame[2:-1])]
+    values = [
+        0 if cell in NO_VALUE else integer(cell, f"value {i}", *VALUE_LIMITS) for i, cell in enumerate(frame[2:-1])
+    ]
     return Line(who, task, seconds * NANOSECONDS + nanoseconds, values)
 
 

@@ -149,11 +149,11 @@ static void nine_clocks_and_a_stop_free_sda(void)
 static void sda_that_stays_low_takes_the_bus_down_for_a_while(void)
 {
     begin(2);
-    fake.sda_held_clocks = 40; /* four recoveries of ten clocks */
+    fake.sda_held_clocks = 200; /* twenty recoveries of ten clocks */
     const uint64_t before = fake.now_us;
     while (fake.sda_held_clocks && fake_hub_step(&fake, before + 1000000u)) {
     }
-    CHECK_BETWEEN(fake.now_us - before, 25000, 60000);
+    CHECK_BETWEEN(fake.now_us - before, 180000, 260000);
     CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_SDA_STUCK) +
                     fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_SDA_STUCK),
                 2);

@@ -13,7 +13,17 @@ from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
 from taxel.signal import Activation, Baseline
 from taxel.skin import Skin, SkinFrame
-from taxel.skin import open_skin as open  # noqa: A004 (taxel.open reads like the built-in, on purpose)
+from taxel.skin import open_skin as open
 from taxel.stream import TaxelFrame
 
-__all__ = ["Activation", "Baseline", "Hand", "Skin", "SkinFrame", "TaxelError", "TaxelFrame", "load_hand", "open"]
+__all__ = [
+    "Activation",
+    "Baseline",
+    "Hand",
+    "Skin",
+    "SkinFrame",
+    "TaxelError",
+    "TaxelFrame",
+    "load_hand",
+    "open",
+]

@@ -34,8 +34,8 @@ DEMO_PRESSES = (
 class PressOutcome:
     """What the skin felt of one press.
 
-    `delay_s`: from first contact to the first active taxel, None if none; `active_taxels`: indices into the hand's taxels that
-    were active while it was pressed and carry part of its force; `largest_drop`: counts.
+    `delay_s`: from first contact to the first active taxel, None if none; `active_taxels`: indices into the hand's
+    taxels that were active while it was pressed and carry part of its force; `largest_drop`: counts.
     """
 
     press: Press
@@ -64,7 +64,9 @@ class PressResult:
 
 
 def press_the_skin(hand: Hand, seed: int, advance: Callable[[str, float], None]) -> PressResult:
-    """Boot an emulated skin of `hand`, take its baseline, press it, and report. `advance(step, fraction)` is called on the way."""
+    """Boot an emulated skin of `hand`, take its baseline, press it, and report. `advance(step, fraction)` is called
+    on the way.
+    """
     times, forces = press_forces(hand, DEMO_PRESSES)
     end = max(press.end_s for press in DEMO_PRESSES) + 0.5
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
@@ -122,6 +124,6 @@ def _report(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> Pre
         presses=outcomes,
         false_activations=int((frames.active & ~expected).sum()),
         largest_drop=drop.max(axis=0),
-        ever_active=frames.active.any(axis=0),
+        ever_active=np.asarray(frames.active.any(axis=0)),
         losses=skin.losses,
     )

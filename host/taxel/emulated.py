@@ -1,6 +1,6 @@
 """The `emulator:` URL: an emulated skin of a given hand, in a process of its own."""
 
-from dataclasses import replace
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from taxel.hand import Hand
@@ -8,22 +8,24 @@ from taxel.hand.world import WorldSettings, world_text
 from taxel.link import EmulatorLink, LinkError
 
 _NUMBERS = {
-    "seed": ("seed", 0.0, 2.0**53),
-    "scl_hz": ("scl_hz", 1e4, 5e6),
-    "baud": ("baud", 1e3, 1e8),
-    "usb_latency_ms": ("usb_latency_ms", 0.0, 255.0),
-    "noise_counts": ("noise_counts", 0.0, 1e4),
-    "clock_spread_ppm": ("clock_spread_ppm", 0.0, 5e4),
+    "seed": (0.0, 2.0**53),
+    "scl_hz": (1e4, 5e6),
+    "baud": (1e3, 1e8),
+    "usb_latency_ms": (0.0, 255.0),
+    "noise_counts": (0.0, 1e4),
+    "clock_spread_ppm": (0.0, 5e4),
 }
+"""Lowest and highest value of each number of `WorldSettings` that a URL may set."""
+
 _OTHERS = {"speed", "stimulus", "duration_s"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     """Start an emulated skin of `hand`.
 
-    Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE` (see
-    `taxel.link.write_stimulus`), `duration_s`, and the numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms,
-    noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
+    Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE`
+    (see `taxel.link.write_stimulus`), `duration_s`, and the numbers of `WorldSettings`: seed, scl_hz, baud,
+    usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
     """
     parts = urlsplit(url)
     if parts.path or parts.netloc:
@@ -35,12 +37,12 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     speed = options.get("speed", "real")
     if speed not in {"real", "max"}:
         raise LinkError(url, f"option 'speed' must be real or max, found '{speed}'")
-    settings = WorldSettings()
-    for name, text in options.items():
-        if name in _NUMBERS:
-            field, low, high = _NUMBERS[name]
-            value = _number(url, name, text, low, high)
-            settings = replace(settings, **{field: int(value) if name == "seed" else value})
+    numbers: dict[str, Any] = {
+        name: _number(url, name, text, *_NUMBERS[name]) for name, text in options.items() if name in _NUMBERS
+    }
+    if "seed" in numbers:
+        numbers["seed"] = int(numbers["seed"])
+    settings = WorldSettings(**numbers)
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(world_text(hand, settings), options.get("stimulus"), speed == "max", duration, settings.baud)
 

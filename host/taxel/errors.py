@@ -2,4 +2,6 @@
 
 
 class TaxelError(Exception):
-    """Something that the user can act on. Its text is one line that names the file, port, board or field, and what to do."""
+    """Something that the user can act on. Its text is one line that names the file, port, board or field, and what to
+    do.
+    """

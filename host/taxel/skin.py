@@ -1,5 +1,6 @@
 """A skin as its users see it: open it, iterate over its frames."""
 
+import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,9 @@ from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 
 CYCLES_IN_FLIGHT = 2
-"""Poll cycles that may be incomplete at one time: a scan is handed out when a frame of the next cycle but one arrives."""
+"""Poll cycles that may be incomplete at one time: a scan is handed out when a frame of the next cycle but one
+arrives.
+"""
 
 DISCOVERY_TIMEOUT_S = 1.0
 """How long `open` waits for boards that the hub has not found yet: they may still be starting."""
@@ -43,8 +46,9 @@ class SkinFrame(NamedTuple):
 class Skin:
     """An open skin: an iterator over `TaxelFrame`s, one board's snapshot each, in the order in which they arrived.
 
-    Use it as a context manager. The iteration ends at the end of a recording; it raises a `TaxelError` of one line if the
-    port vanishes or a frame comes from a board that the hand does not have, after everything before it was delivered.
+    Use it as a context manager. The iteration ends at the end of a recording; it raises a `TaxelError` of one line if
+    the port vanishes or a frame comes from a board that the hand does not have, after everything before it was
+    delivered.
     """
 
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None) -> None:
@@ -83,9 +87,9 @@ class Skin:
         wanted = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
         if found != wanted or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
             raise BoardMismatchError(
-                f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand '{self.hand.name}' "
-                f"has {board.name} ({board.kind.name}: {wanted[2]} on {wanted[0]} x {wanted[1]}) there; exchange the board or "
-                "use the hand description that fits"
+                f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand "
+                f"'{self.hand.name}' has {board.name} ({board.kind.name}: {wanted[2]} on {wanted[0]} x {wanted[1]}) there; "
+                "exchange the board or use the hand description that fits"
             )
 
     @property
@@ -130,8 +134,8 @@ class Skin:
     def _refuse(self, frame: TaxelFrame) -> None:
         board = self.hand.board(frame.address)  # raises UnknownBoardError
         raise BoardMismatchError(
-            f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' has "
-            f"{board.name} with {board.kind.taxel_count} there; use the hand description that fits"
+            f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' "
+            f"has {board.name} with {board.kind.taxel_count} there; use the hand description that fits"
         )
 
     def scans(self) -> Iterator[SkinFrame]:
@@ -160,7 +164,8 @@ class Skin:
     def take_baseline(
         self, samples: int = BASELINE_SAMPLES, progress: Callable[[float], None] | None = None
     ) -> BaselineResult:
-        """Mean, noise and disturbed taxels over the next `samples` frames of every board that answers; nothing may touch the skin.
+        """Mean, noise and disturbed taxels over the next `samples` frames of every board that answers; nothing may
+        touch the skin.
 
         Taxels of boards that do not answer have NaN. Consumes the frames. Raises EOFError's place as `TaxelError` if a
         recording ends before.
@@ -174,31 +179,34 @@ class Skin:
                 progress(baseline.progress)
             if baseline.ready or (seen >= 2 * samples and baseline.ready_mask.any()):
                 return baseline.result()
-        raise TaxelError(f"{self._stream.link.name}: ended after {seen} scans, before a baseline of {samples} was complete")
+        raise TaxelError(
+            f"{self._stream.link.name}: ended after {seen} scans, before a baseline of {samples} was complete"
+        )
 
     def close(self) -> None:
         """Stop the stream and close the link."""
         link = self._stream.link
         if not link.is_recorded:
-            try:
+            with contextlib.suppress(TaxelError):  # the port may be gone already: then there is nothing to stop
                 self.hub.send_stop()
-            except TaxelError:
-                pass  # the port is gone already: there is nothing left to stop
         self._stream.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
 def open_skin(url: str, hand: Hand | str | os.PathLike[str] = "allegro", rate_hz: float | None = None) -> Skin:
     """Open the skin at `url` and start it.
 
-    `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, or any pyserial URL. `hand`: a
-    packaged description's name, a file, or a `Hand`. `rate_hz`: at most so many scans a second; None: all that the bus gives.
-    Raises `TaxelError` with one line: port missing, no hub, another protocol version, a board that the hand does not have.
+    `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, or any pyserial
+    URL. `hand`: a packaged description's name, a file, or a `Hand`. `rate_hz`: at most so many scans a second; None:
+    all that the bus gives. Raises `TaxelError` with one line: port missing, no hub, another protocol version, a board
+    that the hand does not have.
     """
     description = hand if isinstance(hand, Hand) else load_hand(hand)
     link = open_emulator(url, description) if url.startswith("emulator:") else open_link(url)

@@ -35,8 +35,8 @@ TaxelHeader = Struct(
     "cycle" / Int16ul,
     "hub_time_us" / Int32ul,
 )
-"""What the hub puts before a board's snapshot. cycle: poll cycle, modulo 65536; the frames of one cycle show the skin at one
-time. hub_time_us: the hub's clock when the read began."""
+"""What the hub puts before a board's snapshot. cycle: poll cycle, modulo 65536; the frames of one cycle show the skin
+at one time. hub_time_us: the hub's clock when the read began."""
 
 Taxels = Struct(
     "header" / TaxelHeader,
@@ -58,7 +58,8 @@ HubStatus = Struct(
     "streaming" / Int8ul,
 )
 """frames_sent and bytes_sent count what was put into the UART before this frame (bytes with delimiters), modulo 2^32.
-frames_dropped: frames of any type that found no room in the UART's buffer. cycle_time_us: length of the last poll cycle."""
+frames_dropped: frames of any type that found no room in the UART's buffer. cycle_time_us: length of the last poll
+cycle."""
 
 BoardStatus = Struct(
     "address" / Int8ul,
@@ -74,8 +75,9 @@ BoardStatus = Struct(
     "dropped" / Int32ul,
     "retries" / Int32ul,
 )
-"""Where every poll of a board went: polls = forwarded + repeated + nacks + timeouts + crc_errors + bus_errors + dropped.
-repeated: the board had no newer scan. dropped: read well, but the UART's buffer was full. retries are not polls."""
+"""Where every poll of a board went: polls = forwarded + repeated + nacks + timeouts + crc_errors + bus_errors +
+dropped. repeated: the board had no newer scan. dropped: read well, but the UART's buffer was full. retries are not
+polls."""
 
 BoardInfo = Struct(
     "identity" / Identity,
@@ -113,7 +115,9 @@ Reply = Struct(
     "status" / Int8ul,
     "data" / GreedyBytes,
 )
-"""Ends a command. data: SCAN_BUS: one byte for each address that answered. I2C_TRANSFER: the bytes read. GET_TIME: GetTimeReply."""
+"""Ends a command. data: SCAN_BUS: one byte for each address that answered. I2C_TRANSFER: the bytes read. GET_TIME:
+GetTimeReply.
+"""
 
 CommandPayload = Struct(
     "tag" / Int8ul,

@@ -1,7 +1,7 @@
 """Frames on a wire: CRC-32, whitening, byte stuffing (COBS), and a reference decoder that never loses a whole frame.
 
-This is the readable definition; `firmware/codec` is the fast one. The tests hold them against each other and against the
-construct definition in `wire`.
+This is the readable definition; `firmware/codec` is the fast one. The tests hold them against each other and against
+the construct definition in `wire`.
 """
 
 import zlib
@@ -164,8 +164,8 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
 class ReferenceDecoder:
     """Bytes in, frames out, in plain Python: the oracle for the C decoder.
 
-    Between two zeros lies a chunk. If the chunk is not one whole frame, every byte of it is tried as the start of a frame,
-    so that frames which a lost delimiter glued together, or glued to rubbish, are all found.
+    Between two zeros lies a chunk. If the chunk is not one whole frame, every byte of it is tried as the start of a
+    frame, so that frames which a lost delimiter glued together, or glued to rubbish, are all found.
     """
 
     def __init__(self) -> None:

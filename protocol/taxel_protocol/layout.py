@@ -30,7 +30,8 @@ class Field:
 def fields_of(definition: Struct) -> tuple[Field, ...]:
     """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
 
-    Stops at the first part without a fixed size (a tail). Raises TypeError for a construct that a layout cannot express.
+    Stops at the first part without a fixed size (a tail). Raises TypeError for a construct that a layout cannot
+    express.
     """
     fields: list[Field] = []
     offset = 0

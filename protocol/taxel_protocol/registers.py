@@ -1,7 +1,7 @@
 """The I2C register map of a sensor board. All numbers are little-endian.
 
-A register is addressed by one byte, as SMBus does; the pointer advances with every byte read or written. A snapshot of N
-taxels is 10 + 2 N bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
+A register is addressed by one byte, as SMBus does; the pointer advances with every byte read or written. A snapshot
+of N taxels is 10 + 2 N bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
 """
 
 from construct import Array, Bytes, Const, Int8ul, Int16ul, Int32ul, Struct, this
@@ -51,20 +51,23 @@ ScanSettings = Struct(
     "settle_cycles" / Int16ul,
 )
 """How one crossing is measured. A conversion takes sub_conversions * sense_clock_divider modulator clocks, each of
-modulator_clock_divider CPU clocks, after settle_cycles CPU clocks; its largest count is sub_conversions * sense_clock_divider."""
+modulator_clock_divider CPU clocks, after settle_cycles CPU clocks; its largest count is sub_conversions *
+sense_clock_divider."""
 
 SettingsRegister = Struct(
     "settings" / ScanSettings,
     "crc32" / Int32ul,
 )
-"""Registers 0x60..0x6B, read and write. crc32: of the board's address byte and the 8 bytes before it. A write takes effect at
-the stop condition, whole or not at all, from the next scan on."""
+"""Registers 0x60..0x6B, read and write. crc32: of the board's address byte and the 8 bytes before it. A write takes
+effect at the stop condition, whole or not at all, from the next scan on."""
 
 CommandRegister = Struct(
     "command" / Int8ul,
     "complement" / Int8ul,
 )
-"""Registers 0x70..0x71, write only. complement: the command's bits inverted, so that no single damaged byte is a command."""
+"""Registers 0x70..0x71, write only. complement: the command's bits inverted, so that no single damaged byte is a
+command.
+"""
 
 SnapshotHeader = Struct(
     "sequence" / Int16ul,

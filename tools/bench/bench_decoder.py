@@ -5,6 +5,7 @@ from pathlib import Path
 
 from figures import Figure, seconds
 from recorded import record
+
 from taxel.link import CaptureLink
 from taxel.stream import LossAccount, StreamDecoder
 from taxel.stream.clock import ClockMap
@@ -51,5 +52,7 @@ def measure() -> list[Figure]:
     # construct is given the unstuffed, unwhitened bodies: only its own work counts.
     construct = len(sample) / seconds(lambda: [Body.parse(body) for body in sample], repeats=3)
     ours = len(bodies) / seconds(lambda: _decode(data))
-    detail = f"{ours:,.0f} against {construct:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes a frame, chunks of {CHUNK}"
+    detail = (
+        f"{ours:,.0f} against {construct:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes a frame, chunks of {CHUNK}"
+    )
     return [Figure("streaming decode to TaxelFrame objects", ours / construct, 40.0, "construct, uncompiled", detail)]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from figures import Figure
 from recorded import record
+
 from taxel.hand import load_hand
 from taxel.hand.press import Press, share_of_force
 from taxel.link import write_stimulus
@@ -18,7 +19,9 @@ REPEATS = 5
 def _pressed_everywhere(path: Path) -> None:
     hand = load_hand("allegro")
     times = np.arange(0.0, VIRTUAL_SECONDS, 0.02)
-    share = sum(share_of_force(hand, Press(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0)) for b in hand.boards)
+    share = sum(
+        share_of_force(hand, Press(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0)) for b in hand.boards
+    )
     write_stimulus(path, times, np.outer(5.0 + 4.0 * np.sin(times), share))
 
 

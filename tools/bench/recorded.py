@@ -12,7 +12,10 @@ from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, Fram
 def write_start_script(path: Path) -> None:
     """What a host sends: hello at 0.2 s, start at 0.25 s."""
     with CaptureWriter(path, overwrite=True) as script:
-        script.write(encode_frame(FrameType.HOST_HELLO, 0, bytes([1, PROTOCOL_VERSION_MIN, PROTOCOL_VERSION])), 200_000_000)
+        script.write(
+            encode_frame(FrameType.HOST_HELLO, 0, bytes([1, PROTOCOL_VERSION_MIN, PROTOCOL_VERSION])),
+            200_000_000,
+        )
         script.write(encode_frame(FrameType.COMMAND, 1, bytes([2, Command.START])), 250_000_000)
 
 

@@ -1,6 +1,6 @@
 """Run every benchmark and print one table.
 
-    python tools/bench/run.py [--json]
+python tools/bench/run.py [--json]
 """
 
 import json
@@ -23,7 +23,13 @@ def table_of(figures: list[Figure]) -> Table:
         table.add_column(heading, justify="right" if heading in {"ratio", "at least"} else "left")
     for figure in figures:
         colour = "green" if figure.ratio >= figure.target else "red"
-        table.add_row(figure.name, f"[{colour}]{figure.ratio:.1f}[/]", f"{figure.target:g}", figure.reference, figure.detail)
+        table.add_row(
+            figure.name,
+            f"[{colour}]{figure.ratio:.1f}[/]",
+            f"{figure.target:g}",
+            figure.reference,
+            figure.detail,
+        )
     return table
 
 

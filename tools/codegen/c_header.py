@@ -1,7 +1,7 @@
 """Write firmware/generated/taxel_protocol.h from the construct definitions.
 
-    python tools/codegen/c_header.py            write it
-    python tools/codegen/c_header.py --check    exit status 1 if the file on disk is stale
+python tools/codegen/c_header.py            write it
+python tools/codegen/c_header.py --check    exit status 1 if the file on disk is stale
 """
 
 import sys
@@ -9,6 +9,7 @@ from enum import IntEnum
 from pathlib import Path
 
 from construct import Struct
+
 from taxel_protocol import frames, limits, names, registers
 from taxel_protocol.layout import Field, fields_of
 
@@ -116,13 +117,20 @@ def structure(name: str, definition: Struct) -> list[str]:
 
 
 def frame_rules() -> list[str]:
-    """The table that a decoder checks before it believes a CRC: rows of type, address flag, shortest, longest payload."""
+    """The table that a decoder checks before it believes a CRC: rows of type, address flag, shortest, longest
+    payload.
+    """
     rows = []
     for frame_type, spec in frames.FRAMES.items():
         rows.append(
             f"    X(TAXEL_FRAME_TYPE_{frame_type.name}, {int(spec.has_address)}, {spec.minimum}u, {spec.maximum}u)"
         )
-    return ["/* X(type, payload begins with an address, shortest payload, longest payload) */", "#define TAXEL_FRAME_RULES(X) \\", " \\\n".join(rows), ""]
+    return [
+        "/* X(type, payload begins with an address, shortest payload, longest payload) */",
+        "#define TAXEL_FRAME_RULES(X) \\",
+        " \\\n".join(rows),
+        "",
+    ]
 
 
 ACCESSORS = """\
@@ -164,6 +172,7 @@ static inline uint64_t taxel_get_u64(const uint8_t *bytes)
 """
 
 
+
 def text() -> str:
     """The whole header."""
     lines = [
@@ -187,6 +196,7 @@ def text() -> str:
     return "\n".join(lines)
 
 
+
 def main() -> int:
     """Write or check the header."""
     if "--check" in sys.argv[1:]:
@@ -197,6 +207,7 @@ def main() -> int:
     HEADER.parent.mkdir(parents=True, exist_ok=True)
     HEADER.write_text(text())
     return 0
+
 
 
 if __name__ == "__main__":

@@ -49,11 +49,7 @@ class Sent:
 
 def raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
     """Wire bytes of a frame that need not be allowed, its CRC right; `length` is what its header claims."""
-    body = (
-        bytes([frame_type, 1, 0])
-        + (len(payload) if length is None else length).to_bytes(2, "little")
-        + payload
-    )
+    body = bytes([frame_type, 1, 0]) + (len(payload) if length is None else length).to_bytes(2, "little") + payload
     return encode_body(body + crc32(body).to_bytes(4, "little"))
 
 
@@ -68,13 +64,9 @@ class Streams:
         self.known = known
         self.rng = random.Random(SEED)
         self.vectors: list[dict[str, Any]] = []
-        self.a, self.b, self.c = (
-            known[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary")
-        )
+        self.a, self.b, self.c = (known[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary"))
 
-    def add(
-        self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST
-    ) -> None:
+    def add(self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST) -> None:
         """`expected` are indices into `sent`, in the order in which the frames must come out."""
         vector = {"name": name, "directions": directions, "sent": [frame.content for frame in sent]}
         self.vectors.append(vector | {"stream": stream.hex(), "expected": expected})
@@ -129,9 +121,7 @@ class Streams:
             "byte_lost": a.wire[:middle] + a.wire[middle + 1 :],
             "byte_added": a.wire[:middle] + b"\x55" + a.wire[middle:],
             "zero_added": a.wire[:middle] + b"\0" + a.wire[middle:],
-            "two_bytes_swapped": a.wire[:middle]
-            + a.wire[middle + 1 : middle - 1 : -1]
-            + a.wire[middle + 2 :],
+            "two_bytes_swapped": a.wire[:middle] + a.wire[middle + 1 : middle - 1 : -1] + a.wire[middle + 2 :],
             "truncated": a.wire[:middle],
             "head_lost": a.wire[middle:],
         }

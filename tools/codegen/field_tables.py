@@ -122,9 +122,7 @@ def fields_header() -> str:
         lines.append(f'    {{"{name}", {name}_fields, {count}, {size}, {name}_pack, {name}_unpack}},')
     lines += ["};", "", "static const struct payload_part payload_parts[] = {"]
     for frame_type, parts in PAYLOAD_PARTS.items():
-        lines += [
-            f'    {{TAXEL_FRAME_TYPE_{frame_type.name}, "{name}", "{prefix}"}},' for name, prefix, _ in parts
-        ]
+        lines += [f'    {{TAXEL_FRAME_TYPE_{frame_type.name}, "{name}", "{prefix}"}},' for name, prefix, _ in parts]
     return "\n".join([*lines, "};", "", "#endif", ""])
 
 

@@ -209,9 +209,7 @@ def every_command() -> list[Sample]:
     on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
     arguments: dict[Command, tuple[bytes, dict[str, Any] | None]] = dict.fromkeys(Command, (b"", None))
     arguments[Command.SET_RATE] = _inner("set_rate_arguments", {"period_us": 52_632})
-    arguments[Command.I2C_TRANSFER] = _inner(
-        "transfer_arguments", {"address": 0x21, "read_length": 28}, b"\x40"
-    )
+    arguments[Command.I2C_TRANSFER] = _inner("transfer_arguments", {"address": 0x21, "read_length": 28}, b"\x40")
     arguments[Command.SET_SCAN_SETTINGS] = _inner("set_scan_settings_arguments", on_all_boards)
     arguments[Command.GET_BOARD_INFO] = _inner("get_board_info_arguments", {"address": 0x30})
     samples = []
@@ -283,9 +281,7 @@ def taxel_frames(rng: random.Random) -> list[Sample]:
         taxels("taxels_longest_ones", 0xFFFF, [0xFFFF] * limits.TAXELS_MAX, board_sequence=0xFFFF, **last),  # type: ignore[arg-type]
         taxels("taxels_longest_arbitrary", 0x8000, arbitrary, 0x2A, 999, (123_456_789, 98_765_432), 4321),
         taxels("taxels_63", 258, arbitrary[:63], 0x30, 7, (1_000_000, 2_000_000), 55),
-        taxels(
-            "taxels_idle_counts", 259, [4000 - i % 7 for i in range(63)], 0x21, 8, (1_052_632, 52_000), 56
-        ),
+        taxels("taxels_idle_counts", 259, [4000 - i % 7 for i in range(63)], 0x21, 8, (1_052_632, 52_000), 56),
         taxels("taxels_bad_board_crc", 260, arbitrary[:5], 0x22, 8, (1_053_000, 52_000), 57, crc_error=1),
     ]
 
@@ -325,9 +321,7 @@ def _identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
 def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
     fields = [field.name for field in fields_of(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
-    without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[
-        :-4
-    ]
+    without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
     values["crc32"] = board_crc(address, without_crc)
     vector = register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
     return vector | {"address": address}
@@ -368,9 +362,7 @@ def all_registers() -> list[dict[str, Any]]:
         _identity("identity", board),
         _identity("identity_zeros", _filled(fields_of(registers.Identity), lambda field: 0, False)),
         register_vector("status_zeros", "status", 0x40, _filled(status_fields, lambda field: 0, False)),
-        register_vector(
-            "status", "status", 0x40, _filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)
-        ),
+        register_vector("status", "status", 0x40, _filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)),
         _settings("settings", 0x20, (100, 40, 1, 96, 240)),
         _settings("settings_of_another_board", 0x21, (100, 40, 1, 96, 240)),
         _settings("settings_largest", 0x77, (0xFFFF, 0xFFFF, 0xFF, 0xFF, 0xFFFF)),
@@ -400,9 +392,7 @@ def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str
 def main() -> int:
     """Write or check the files, then those of the two generators that build on them."""
     texts = {
-        "frames.json": json_text(
-            "frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]
-        ),
+        "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
         "registers.json": json_text("registers", "I2C registers: fields and bytes", all_registers()),
     }
     for name, text in texts.items():

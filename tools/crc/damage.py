@@ -45,16 +45,10 @@ def load_codec() -> ctypes.CDLL:
     """The C codec. Exits with one line if it is not built."""
     named = os.environ.get("TAXEL_CODEC_LIBRARY")
     try:
-        path = (
-            Path(named)
-            if named
-            else Path(str(importlib.resources.files("taxel"))) / "native" / "libtaxel_codec.so"
-        )
+        path = Path(named) if named else Path(str(importlib.resources.files("taxel"))) / "native" / "libtaxel_codec.so"
         library = ctypes.CDLL(str(path))
     except (ModuleNotFoundError, OSError) as error:
-        sys.exit(
-            f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so"
-        )
+        sys.exit(f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so")
     library.taxel_batch_struct_size.restype = ctypes.c_size_t
     library.taxel_batch_row_size.restype = ctypes.c_size_t
     library.taxel_batch_decode.restype = ctypes.c_size_t
@@ -253,15 +247,9 @@ def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Decoder
 
 def main() -> int:
     """Print one line for each kind of damage."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--frames", type=int, default=1_000_000, help="frames of each kind (default: a million)"
-    )
-    parser.add_argument(
-        "--taxels", type=int, default=63, help="taxels of a frame (default: 63, the average board)"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=1_000_000, help="frames of each kind (default: a million)")
+    parser.add_argument("--taxels", type=int, default=63, help="taxels of a frame (default: 63, the average board)")
     parser.add_argument("--seed", type=int, default=20, help="replays exactly these frames (default: 20)")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
@@ -275,9 +263,7 @@ def main() -> int:
         bound = f"{3 / tally.frames:10.1e}" if not tally.altered else "         -"
         share = tally.reached_crc / tally.sampled
         name = kind.__name__.replace("_", " ")
-        print(
-            f"{name:12s} {tally.frames:8d}  {tally.altered:8d}  {bound}  {tally.unchanged:10d}   {share:14.2%}"
-        )
+        print(f"{name:12s} {tally.frames:8d}  {tally.altered:8d}  {bound}  {tally.unchanged:10d}   {share:14.2%}")
     print(
         f"all          {total:8d}  {altered:8d}  {3 / total:10.1e}   (rule of three: none in n is below 3 / n, at 95 %)"
     )

@@ -224,9 +224,7 @@ def print_rates(frame_rate: float, body: int) -> None:
     print("Random bytes without a zero")
     print(f"  a position has an allowed header          {sum(chance for _, chance in allowed_bodies()):.2e}")
     print(f"  a position is taken for a frame           {garbage:.2e}")
-    print(
-        f"  years of random bytes for one, at 1 Mbaud   {1 / (garbage * BYTE_RATE * SECONDS_PER_YEAR):.0f}\n"
-    )
+    print(f"  years of random bytes for one, at 1 Mbaud   {1 / (garbage * BYTE_RATE * SECONDS_PER_YEAR):.0f}\n")
     print(f"{frame_rate:.0f} frames a second of {wire} stuffed bytes")
     print("  byte error rate   damaged a year   three or more bytes   believed a year, at most")
     for rate in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3):
@@ -235,28 +233,20 @@ def print_rates(frame_rate: float, body: int) -> None:
         many = max(damaged - up_to_two, math.comb(wire, 3) * rate**3 * (1 - rate) ** (wire - 3))
         yearly = frame_rate * SECONDS_PER_YEAR
         believed = damaged * (2.0**-32 + wire * garbage)
-        print(
-            f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * believed:24.2g}"
-        )
-    print(
-        "  at most: as if every damaged frame were a random word; a changed data byte, or two, is always seen"
-    )
+        print(f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * believed:24.2g}")
+    print("  at most: as if every damaged frame were a random word; a changed data byte, or two, is always seen")
 
 
 def main() -> None:
     """Print every table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--frame-rate",
         type=float,
         default=19 * 17,
         help="taxel frames a second (default: 17 boards at 19 Hz)",
     )
-    parser.add_argument(
-        "--body", type=int, default=153, help="bytes of a body (default: 63 taxels, the average board)"
-    )
+    parser.add_argument("--body", type=int, default=153, help="bytes of a body (default: 63 taxels, the average board)")
     arguments = parser.parse_args()
     print_break_points()
     print_lengths()

@@ -31,13 +31,23 @@ def demo(
     began = time.monotonic()
     _presses(console, out, seed)
     _measured(console, out, seconds)
-    console.print(f"[bold]done in {time.monotonic() - began:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png")
+    console.print(
+        f"[bold]done in {time.monotonic() - began:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png"
+    )
 
 
 def _presses(console: Console, out: Path, seed: int) -> None:
     hand = load_hand("allegro")
-    console.print(f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, {len(DEMO_PRESSES)} presses")
-    columns = (TextColumn("{task.description:<22}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    console.print(
+        f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
+        f"{len(DEMO_PRESSES)} presses"
+    )
+    columns = (
+        TextColumn("{task.description:<22}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as progress:
         tasks: dict[str, int] = {}
 
@@ -48,8 +58,8 @@ def _presses(console: Console, out: Path, seed: int) -> None:
 
         result = press_the_skin(hand, seed, advance)
     console.print(
-        f"hub firmware {result.firmware}, protocol version {result.protocol_version}; {result.boards_found} boards found, "
-        f"{result.boards_missing} missing; {result.rate_hz:.2f} scans a second at 400 kHz I2C"
+        f"hub firmware {result.firmware}, protocol version {result.protocol_version}; "
+        f"{result.boards_found} boards found, {result.boards_missing} missing; {result.rate_hz:.2f} scans a second at 400 kHz I2C"
     )
     console.print(
         f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
@@ -58,10 +68,16 @@ def _presses(console: Console, out: Path, seed: int) -> None:
     console.print(_press_table(result.presses))
     losses = result.losses
     console.print(
-        f"frames: {losses.frames_sent} sent = {losses.received} received + {losses.lost_on_wire} lost; active outside every "
-        f"press: {result.false_activations}"
+        f"frames: {losses.frames_sent} sent = {losses.received} received + {losses.lost_on_wire} lost; "
+        f"active outside every press: {result.false_activations}"
     )
-    save_heat_map(hand, result.largest_drop, result.ever_active, out / "skin.png", "Emulated skin: largest drop during the presses")
+    save_heat_map(
+        hand,
+        result.largest_drop,
+        result.ever_active,
+        out / "skin.png",
+        "Emulated skin: largest drop during the presses",
+    )
 
 
 def _press_table(presses: list[PressOutcome]) -> Table:
@@ -80,7 +96,10 @@ def _press_table(presses: list[PressOutcome]) -> Table:
 
 def _measured(console: Console, out: Path, seconds: float) -> None:
     hand = load_hand("allegro")
-    console.print(f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, through the same path")
+    console.print(
+        f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "
+        "through the same path"
+    )
     for name in recordings():
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder, console.status(f"replaying {name}"):
             score = replay_touches(load_recording(name), hand, seconds=seconds, folder=Path(folder))

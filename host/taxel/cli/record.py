@@ -33,7 +33,10 @@ def record(
                 task = progress.add_task(f"recording {url}")
                 for frame in skin:
                     summary.add(frame.address, frame.time_s)
-                    progress.update(task, description=f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s")
+                    progress.update(
+                        task,
+                        description=f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s",
+                    )
                     if seconds and summary.seconds >= seconds:
                         break
         except KeyboardInterrupt:

@@ -48,9 +48,7 @@ class BoardKind:
     def __post_init__(self) -> None:
         crossings = np.array(self.crossings, dtype=np.bool_)
         if crossings.ndim != 2 or not all(1 <= lines <= MAX_LINES for lines in crossings.shape):
-            raise ValueError(
-                f"kind {self.name!r}: expected 1..{MAX_LINES} TX and RX lines, found {crossings.shape}"
-            )
+            raise ValueError(f"kind {self.name!r}: expected 1..{MAX_LINES} TX and RX lines, found {crossings.shape}")
         if not 1 <= crossings.sum() <= MAX_TAXELS:
             raise ValueError(f"kind {self.name!r}: expected 1..{MAX_TAXELS} taxels, found {crossings.sum()}")
         object.__setattr__(self, "crossings", _read_only(crossings))
@@ -58,9 +56,7 @@ class BoardKind:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, BoardKind):
             return NotImplemented
-        return (self.name, self.code) == (other.name, other.code) and np.array_equal(
-            self.crossings, other.crossings
-        )
+        return (self.name, self.code) == (other.name, other.code) and np.array_equal(self.crossings, other.crossings)
 
     def __hash__(self) -> int:
         return hash((self.name, self.code, self.crossings.shape, self.crossing_bitmap()))
@@ -142,8 +138,7 @@ class Hand:
                 raise ValueError(f"hand {self.name!r}: expected boards, each with its own {key}")
         ends = np.cumsum([board.kind.taxel_count for board in boards]).tolist()
         slices = {
-            board.address: slice(end - board.kind.taxel_count, end)
-            for board, end in zip(boards, ends, strict=True)
+            board.address: slice(end - board.kind.taxel_count, end) for board, end in zip(boards, ends, strict=True)
         }
         object.__setattr__(self, "boards", boards)
         object.__setattr__(self, "_slices", slices)
@@ -174,9 +169,7 @@ class Hand:
         for board in self.boards:
             if board.address == address:
                 return board
-        raise UnknownBoardError(
-            self.name, shown_address(address), [shown_address(b.address) for b in self.boards]
-        )
+        raise UnknownBoardError(self.name, shown_address(address), [shown_address(b.address) for b in self.boards])
 
     def board_named(self, name: str) -> Board:
         """The board of that name; UnknownBoardError if there is none."""
@@ -212,9 +205,7 @@ class Hand:
 def packaged_hands() -> list[str]:
     """Names of the descriptions that come with the library, sorted."""
     return sorted(
-        entry.name.removesuffix(_SUFFIX)
-        for entry in _descriptions().iterdir()
-        if entry.name.endswith(_SUFFIX)
+        entry.name.removesuffix(_SUFFIX) for entry in _descriptions().iterdir() if entry.name.endswith(_SUFFIX)
     )
 
 
@@ -239,17 +230,13 @@ def _read(path: Path, file: str) -> bytes:
     whole = Field(file)
     try:
         if not path.exists():
-            whole.fail(
-                "a description file or a packaged hand", "no such file", f"the packaged hands are {names}"
-            )
+            whole.fail("a description file or a packaged hand", "no such file", f"the packaged hands are {names}")
         if not path.is_file():  # a pipe or a device might never end
             whole.fail("a regular file", "something else", f"name a TOML file or a packaged hand ({names})")
         with path.open("rb") as stream:
             return stream.read(MAX_FILE_BYTES + 1)
     except OSError as error:
-        whole.fail(
-            "a readable file", error.strerror or type(error).__name__, "check its permissions and its name"
-        )
+        whole.fail("a readable file", error.strerror or type(error).__name__, "check its permissions and its name")
 
 
 def _build(document: HandDocument) -> Hand:
@@ -258,13 +245,9 @@ def _build(document: HandDocument) -> Hand:
         name: BoardKind(name, table["code"], crossing_array(table["crossings"]))
         for name, table in document["kinds"].items()
     }
-    boards = tuple(
-        Board(board["name"], kinds[board["kind"]], board["address"]) for board in document["boards"]
-    )
+    boards = tuple(Board(board["name"], kinds[board["kind"]], board["address"]) for board in document["boards"])
     taxel = document["taxel"]
-    return Hand(
-        document["name"], document["description"], float(taxel["pitch_m"]), float(taxel["size_m"]), boards
-    )
+    return Hand(document["name"], document["description"], float(taxel["pitch_m"]), float(taxel["size_m"]), boards)
 
 
 def _descriptions() -> Traversable:

@@ -21,14 +21,18 @@ def save_heat_map(
     title: str,
     label: str = "drop of the raw count",
 ) -> None:
-    """Draw `values` [n] (NaN: missing) with the `active` [n] taxels framed, and save it as `path` (PNG, SVG or PDF by its name)."""
+    """Draw `values` [n] (NaN: missing) with the `active` [n] taxels framed, and save it as `path` (PNG, SVG or PDF by
+    its name).
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     rows = -(-len(hand.boards) // COLUMNS)
-    figure, axes = plt.subplots(rows, COLUMNS, figsize=(2.5 * COLUMNS, 2.75 * rows + 0.6), layout="constrained", squeeze=False)
+    figure, axes = plt.subplots(
+        rows, COLUMNS, figsize=(2.5 * COLUMNS, 2.75 * rows + 0.6), layout="constrained", squeeze=False
+    )
     limit = max(150.0, float(np.nanmax(values, initial=0.0)))
     image = None
     for board, axis in zip(hand.boards, axes.flat, strict=False):

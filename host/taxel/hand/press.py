@@ -19,8 +19,8 @@ SAMPLE_S = 0.01
 class Press:
     """A round probe pressed onto one board.
 
-    `tx`, `rx`: where, in electrode lines (fractions allowed; one line is one pitch). `force_n`: the probe's whole force,
-    newtons. `start_s`, `hold_s`: seconds. `diameter_m`: of the probe.
+    `tx`, `rx`: where, in electrode lines (fractions allowed; one line is one pitch). `force_n`: the probe's whole
+    force, newtons. `start_s`, `hold_s`: seconds. `diameter_m`: of the probe.
     """
 
     board: str
@@ -40,8 +40,8 @@ class Press:
 def share_of_force(hand: Hand, press: Press) -> NDArray[np.float64]:
     """Share [n] of the probe's force that each taxel of the hand carries.
 
-    Pressure falls from the middle of the contact as in Hertz's solution for a sphere, p ~ sqrt(1 - (r / a)^2). Shares add to
-    1; if the probe misses every taxel, all are 0.
+    Pressure falls from the middle of the contact as in Hertz's solution for a sphere, p ~ sqrt(1 - (r / a)^2). Shares
+    add to 1; if the probe misses every taxel, all are 0.
     """
     board = hand.board_named(press.board)
     distance = hand.pitch_m * np.hypot(board.kind.tx - press.tx, board.kind.rx - press.rx)

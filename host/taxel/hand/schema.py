@@ -125,9 +125,7 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
 def _check_header(document: dict[str, Any], top: Field) -> None:
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
-            top.key(key).fail(
-                shown(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file"
-            )
+            top.key(key).fail(shown(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file")
         # The type too: true == 1 and 1.0 == 1 in Python.
         if type(document[key]) is not type(expected) or document[key] != expected:
             top.key(key).fail(

@@ -9,9 +9,7 @@ from typing import Any
 from taxel.hand.errors import Field, HandDescriptionError, shown
 
 MAX_FILE_BYTES = 1 << 20  # 1 MiB; the 17 boards of allegro.toml take 6 kB
-MAX_LINE_BYTES = (
-    200  # a dotted key costs tomllib memory by the square of its parts: 1 MiB of one takes it all
-)
+MAX_LINE_BYTES = 200  # a dotted key costs tomllib memory by the square of its parts: 1 MiB of one takes it all
 
 _TOML_PLACE = re.compile(r"^(.*?) \(at (.*)\)$", re.DOTALL)
 
@@ -31,18 +29,14 @@ def parse_toml(data: bytes, file: str) -> dict[str, Any]:
         return tomllib.loads(data.decode("utf-8"))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        Field(file, f"line {line}").fail(
-            "UTF-8 text", f"byte 0x{data[error.start]:02X}", "save the file as UTF-8"
-        )
+        Field(file, f"line {line}").fail("UTF-8 text", f"byte 0x{data[error.start]:02X}", "save the file as UTF-8")
     except RecursionError:
         Field(file).fail("a few levels of lists", "hundreds, nested", "is it a hand description?")
     except ValueError as error:
         # TOMLDecodeError, or Python's own refusal of a number or a date.
         match = _TOML_PLACE.match(str(error))
         message, place = (match[1], match[2]) if match else (str(error), "file")
-        raise HandDescriptionError(
-            file, place, "valid TOML", shown(message), "correct the syntax there"
-        ) from None
+        raise HandDescriptionError(file, place, "valid TOML", shown(message), "correct the syntax there") from None
 
 
 def _check_size(data: bytes, file: str) -> None:
@@ -50,6 +44,4 @@ def _check_size(data: bytes, file: str) -> None:
         Field(file).fail(f"at most {MAX_FILE_BYTES} bytes", "more", "is it a hand description?")
     for number, line in enumerate(data.split(b"\n"), start=1):
         if len(line) > MAX_LINE_BYTES:
-            Field(file, f"line {number}").fail(
-                f"at most {MAX_LINE_BYTES} bytes", str(len(line)), "break the line"
-            )
+            Field(file, f"line {number}").fail(f"at most {MAX_LINE_BYTES} bytes", str(len(line)), "break the line")

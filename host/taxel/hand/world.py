@@ -22,9 +22,9 @@ class ScanSettings:
 class WorldSettings:
     """What surrounds the hand in the emulator.
 
-    `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is off by
-    up to this much (PSoC 4200: up to 2 %). `boot_ms`: from power to the first acknowledge. `faults`: lines of the world file
-    without the word `fault`, in order of time, such as "1.5 unplug 0x22".
+    `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is
+    off by up to this much (PSoC 4200: up to 2 %). `boot_ms`: from power to the first acknowledge. `faults`: lines of
+    the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22".
     """
 
     seed: int = 1

@@ -13,9 +13,9 @@ class Chunk(NamedTuple):
 class Link(Protocol):
     """A source of bytes that may also take some.
 
-    `name` goes into messages. `is_real_time`: the source does not wait for its reader, and arrival times are this machine's
-    monotonic clock. `is_recorded`: nobody answers, and the end is an end rather than a failure. `baud`: bits a second on
-    the wire.
+    `name` goes into messages. `is_real_time`: the source does not wait for its reader, and arrival times are this
+    machine's monotonic clock. `is_recorded`: nobody answers, and the end is an end rather than a failure. `baud`:
+    bits a second on the wire.
     """
 
     name: str

@@ -19,13 +19,16 @@ _RECORD = struct.Struct("<QI")
 
 
 class CaptureWriter:
-    """Write a capture; each record is handed to the operating system at once, so that a killed program loses nothing before it.
+    """Write a capture; each record is handed to the operating system at once, so that a killed program loses nothing
+    before it.
 
-    `header` is any JSON object (hand, baud, note). Raises `CaptureError` if the file exists and `overwrite` is False, or
-    cannot be written.
+    `header` is any JSON object (hand, baud, note). Raises `CaptureError` if the file exists and `overwrite` is False,
+    or cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False
+    ) -> None:
         self.path = Path(path)
         self.records = 0
         text = json.dumps(header or {}).encode()
@@ -33,7 +36,9 @@ class CaptureWriter:
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
             self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
         except FileExistsError:
-            raise CaptureError(str(path), "exists already; choose another name or ask for it to be overwritten") from None
+            raise CaptureError(
+                str(path), "exists already; choose another name or ask for it to be overwritten"
+            ) from None
         except OSError as error:
             raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
 
@@ -43,7 +48,9 @@ class CaptureWriter:
             self._file.write(_RECORD.pack(time_ns, len(data)) + data)
             self.records += 1
         except OSError as error:
-            raise CaptureError(str(self.path), f"cannot be written ({error.strerror}); what came before is kept") from error
+            raise CaptureError(
+                str(self.path), f"cannot be written ({error.strerror}); what came before is kept"
+            ) from error
 
     def close(self) -> None:
         """Close the file."""
@@ -52,14 +59,17 @@ class CaptureWriter:
     def __enter__(self) -> "CaptureWriter":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
 class CaptureLink:
     """Read a capture as if its bytes came from a port, as fast as they are asked for.
 
-    Raises `CaptureError` if the file is not a capture, and, after everything before it was read, if the file is cut short.
+    Raises `CaptureError` if the file is not a capture, and, after everything before it was read, if the file is cut
+    short.
     """
 
     is_real_time = False

@@ -29,8 +29,9 @@ def emulator_program() -> Path:
 class EmulatorLink:
     """An emulator process of our own, ended with the link.
 
-    `world` is the text of a world file; `stimulus` a stimulus file or None; `fast` runs as fast as the reader reads (virtual
-    time), else in real time. Raises `LinkError` with the emulator's own line if it refuses world or stimulus.
+    `world` is the text of a world file; `stimulus` a stimulus file or None; `fast` runs as fast as the reader reads
+    (virtual time), else in real time. Raises `LinkError` with the emulator's own line if it refuses world or
+    stimulus.
     """
 
     is_recorded = False
@@ -83,7 +84,13 @@ class EmulatorLink:
     def _complaint(self, status: int) -> str:
         assert self._process.stderr is not None
         lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
+        return (
+            lines[-1]
+            if lines
+            else "the emulator has ended"
+            if status == 0
+            else f"the emulator ended with status {status}"
+        )
 
     def write(self, data: bytes) -> None:
         """Send bytes to the hub."""
@@ -127,14 +134,21 @@ def run_emulator(
 ) -> dict[str, Any]:
     """Run an emulator from start to end without a host: virtual time only, repeatable to the byte.
 
-    `host_input` is a capture of what a host would send and when. The hub's bytes go to `capture`; returns the emulator's
-    statistics. Raises `LinkError` with the emulator's own line if it refuses its input.
+    `host_input` is a capture of what a host would send and when. The hub's bytes go to `capture`; returns the
+    emulator's statistics. Raises `LinkError` with the emulator's own line if it refuses its input.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world_path = Path(folder) / "world.txt"
         world_path.write_text(world)
         statistics = Path(folder) / "statistics.json"
-        arguments = [str(emulator_program()), "--fast", "--world", str(world_path), "--uart", f"capture:{os.fspath(capture)}"]
+        arguments = [
+            str(emulator_program()),
+            "--fast",
+            "--world",
+            str(world_path),
+            "--uart",
+            f"capture:{os.fspath(capture)}",
+        ]
         arguments += ["--duration", repr(duration_s), "--stats", str(statistics)]
         arguments += ["--host-input", os.fspath(host_input)] if host_input else []
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []

@@ -1,4 +1,6 @@
-"""A serial port, through pyserial: device names, and every URL that pyserial itself knows (socket://, rfc2217://, loop://)."""
+"""A serial port, through pyserial: device names, and every URL that pyserial itself knows (socket://, rfc2217://,
+loop://).
+"""
 
 import contextlib
 import time
@@ -14,8 +16,8 @@ READ_SIZE = 4096
 class SerialLink:
     """Bytes of a serial port, 8N1.
 
-    Parameters: `port` is a device (`/dev/ttyUSB0`) or a pyserial URL; `baud` in bits a second; `rtscts` asks for hardware
-    flow control and `low_latency` for the driver's 1 ms mode: where a port has neither, it is used without.
+    Parameters: `port` is a device (`/dev/ttyUSB0`) or a pyserial URL; `baud` in bits a second; `rtscts` asks for
+    hardware flow control and `low_latency` for the driver's 1 ms mode: where a port has neither, it is used without.
     Raises `PortMissingError` if the port cannot be opened.
     """
 
@@ -28,11 +30,13 @@ class SerialLink:
         try:
             self._port = serial.serial_for_url(port, baudrate=int(baud), timeout=0.1, exclusive=None)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise PortMissingError(port, f"cannot be opened ({_reason(error)}); is the hub plugged in and powered?") from error
+            raise PortMissingError(
+                port, f"cannot be opened ({_reason(error)}); is the hub plugged in and powered?"
+            ) from error
         self._prepare(rtscts, low_latency)
 
     def _prepare(self, rtscts: bool, low_latency: bool) -> None:
-        # A pseudo-terminal has no modem lines and many drivers have no low-latency mode: both are offers, not conditions.
+        # A pseudo-terminal has no modem lines, many drivers have no low-latency mode: both are offers, not conditions.
         with contextlib.suppress(serial.SerialException, OSError, ValueError, NotImplementedError):
             self._port.rtscts = rtscts
         if low_latency and hasattr(self._port, "set_low_latency_mode"):

@@ -19,7 +19,9 @@ def stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
 
 
 def stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
-    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds; a negative time means now (live only)."""
+    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds; a negative time means now (live
+    only).
+    """
     times = np.asarray(times_s, dtype="<f8")
     table = np.asarray(values, dtype="<f4")
     if times.ndim != 1 or table.ndim != 2 or len(times) != len(table):
@@ -33,8 +35,8 @@ def stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
 def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: ArrayLike, kind: Kind = "force") -> None:
     """Write a stimulus file: `values` [T, n] at `times_s` [T], n in the order of the hand's taxels.
 
-    Forces (newtons) are interpolated between records, counts are held. Raises ValueError for shapes that do not fit, values
-    that are negative or not finite, or times that go back.
+    Forces (newtons) are interpolated between records, counts are held. Raises ValueError for shapes that do not fit,
+    values that are negative or not finite, or times that go back.
     """
     times = np.asarray(times_s, dtype=float)
     table = np.asarray(values, dtype=float)

@@ -11,8 +11,9 @@ from taxel.link.serial_port import SerialLink
 def open_link(url: str) -> Link:
     """Open what `url` names.
 
-    `serial:///dev/ttyUSB0?baud=1000000` is a serial port (a bare `/dev/...` too), `file:capture.bin` a capture; every other
-    scheme goes to pyserial (`socket://`, `rfc2217://`, `loop://` ...). Raises `LinkError` with one line that says what to do.
+    `serial:///dev/ttyUSB0?baud=1000000` is a serial port (a bare `/dev/...` too), `file:capture.bin` a capture; every
+    other scheme goes to pyserial (`socket://`, `rfc2217://`, `loop://` ...). Raises `LinkError` with one line that
+    says what to do.
     """
     if url.startswith("file:"):
         path = url.removeprefix("file:")

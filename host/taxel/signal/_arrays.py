@@ -26,9 +26,7 @@ def raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None =
     return raw.astype(np.uint16)
 
 
-def check_shape(
-    name: str, array: npt.NDArray[np.generic], ndims: tuple[int, ...], n_taxels: int | None
-) -> None:
+def check_shape(name: str, array: npt.NDArray[np.generic], ndims: tuple[int, ...], n_taxels: int | None) -> None:
     """ValueError unless `array` has one of `ndims` axes and `n_taxels` columns (None: at least one)."""
     if array.ndim not in ndims:
         shapes = " or ".join("[n]" if ndim == 1 else "[T, n]" for ndim in ndims)

@@ -127,9 +127,7 @@ def _floor(floor: npt.ArrayLike | None, n_taxels: int) -> FloatArray:
         return np.zeros(n_taxels)
     values = np.asarray(floor, dtype=np.float64)
     if values.shape not in ((), (n_taxels,)):
-        raise ValueError(
-            f"saturation_floor_counts: expected a number or shape ({n_taxels},), found {values.shape}"
-        )
+        raise ValueError(f"saturation_floor_counts: expected a number or shape ({n_taxels},), found {values.shape}")
     if not (np.isfinite(values).all() and (values >= 0).all()):
         raise ValueError("saturation_floor_counts: expected finite counts of 0 or more")
     return np.broadcast_to(values, (n_taxels,)).copy()

@@ -49,18 +49,14 @@ class ActivationTracker:
         self.known: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
         self.suspect_baseline: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
 
-    def update(
-        self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None
-    ) -> tuple[ContactEvent, ...]:
+    def update(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> tuple[ContactEvent, ...]:
         """Take one frame and return its events, in the order of the taxels.
 
         raw_counts: u16[n]. valid: bool for the whole frame or bool[n]. Raises ValueError for a wrong shape
         or dtype; a frame that raises is not counted.
         """
         if np.ndim(raw_counts) != 1:
-            raise ValueError(
-                f"raw_counts: expected one frame of shape [n], found {np.ndim(raw_counts)} dimensions"
-            )
+            raise ValueError(f"raw_counts: expected one frame of shape [n], found {np.ndim(raw_counts)} dimensions")
         frame = self.activation(raw_counts, valid)
         changed = ~frame.missing & (frame.active != self.active)
         events = tuple(

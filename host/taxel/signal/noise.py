@@ -94,9 +94,7 @@ def snr(drop_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
     """
     sigma = np.asarray(noise_sigma, dtype=np.float64)
     if ((sigma <= 0) | np.isinf(sigma)).any():
-        raise ValueError(
-            "noise_sigma: expected finite counts above 0; a taxel without any noise is not measuring"
-        )
+        raise ValueError("noise_sigma: expected finite counts above 0; a taxel without any noise is not measuring")
     return np.asarray(np.asarray(drop_mean, dtype=np.float64) / sigma)
 
 
@@ -112,9 +110,7 @@ def snr_db(drop_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
 def _labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:
     labels = np.asarray(line_of)
     if labels.shape != (n_taxels,) or labels.dtype.kind not in "iu":
-        raise ValueError(
-            f"line_of: expected {n_taxels} integers, found {labels.dtype} of shape {labels.shape}"
-        )
+        raise ValueError(f"line_of: expected {n_taxels} integers, found {labels.dtype} of shape {labels.shape}")
     return labels.astype(np.int64)
 
 

@@ -11,8 +11,8 @@ from taxel.stream.decoder import ADDRESSES, StreamDecoder
 class BoardCount(NamedTuple):
     """One board's frames.
 
-    `received`: whole ones; `missing`: poll cycles without one between two that brought one; `damaged`: the board's own CRC
-    was wrong, so that they were not used.
+    `received`: whole ones; `missing`: poll cycles without one between two that brought one; `damaged`: the board's
+    own CRC was wrong, so that they were not used.
     """
 
     received: int
@@ -23,9 +23,9 @@ class BoardCount(NamedTuple):
 class LossAccount:
     """What a decoder has counted so far; always up to date.
 
-    Every frame that the hub puts onto the wire carries the next of 65,536 sequence numbers, so `lost_on_wire` is exact for
-    losses shorter than that; a board's frame also carries its poll cycle, so `boards[address].missing` counts every frame
-    that did not arrive, whatever the reason.
+    Every frame that the hub puts onto the wire carries the next of 65,536 sequence numbers, so `lost_on_wire` is
+    exact for losses shorter than that; a board's frame also carries its poll cycle, so `boards[address].missing`
+    counts every frame that did not arrive, whatever the reason.
     """
 
     def __init__(self, decoder: StreamDecoder) -> None:

@@ -1,17 +1,18 @@
 """From a board's clock, up to 2 % off, to the host's.
 
-Two steps. Board to hub: the hub reads each board's clock about once a second (TIME_SYNC); a line through the last readings maps
-the board's microseconds to the hub's. Hub to host: bytes can only be late, never early, so a line under all (departure, arrival)
-points, touching the earliest ones, maps the hub's clock to the host's.
+Two steps. Board to hub: the hub reads each board's clock about once a second (TIME_SYNC); a line through the last
+readings maps the board's microseconds to the hub's. Hub to host: bytes can only be late, never early, so a line under
+all (departure, arrival) points, touching the earliest ones, maps the hub's clock to the host's.
 """
 
 from collections import deque
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from taxel_protocol import FrameType
 
 from taxel.stream.frames import HubMessage
+from taxel_protocol import FrameType
 
 SYNC_WINDOW = 32
 """Clock readings of one board that a fit uses: about half a minute."""
@@ -38,7 +39,7 @@ class LowerEnvelope:
         number = x // BIN_US
         late = y - x * 1e-6
         if self._bins and self._bins[-1][0] == number:
-            if late < self._bins[-1][2] - self._bins[-1][1] * 1e-6 + 0.0:
+            if late < self._bins[-1][2] - self._bins[-1][1] * 1e-6:
                 self._bins[-1] = (number, x, y)
                 self._fit = None
             return
@@ -65,7 +66,7 @@ class LowerEnvelope:
                 hull.pop()
             hull.append(i)
         middle = 0.5 * (x[0] + x[-1])
-        for a, b in zip(hull, hull[1:], strict=False):
+        for a, b in pairwise(hull):
             if x[b] >= middle:
                 return x0 + x[a], y0 + y[a], float((y[b] - y[a]) / (x[b] - x[a]))
         return float(x0), float(y0), 1e-6
@@ -89,7 +90,8 @@ class ClockMap:
         self._rate = np.ones(128)
 
     def is_synchronised(self, address: int) -> bool:
-        """Whether the board's own timestamps are used: after its second clock reading, within two seconds of its first frame.
+        """Whether the board's own timestamps are used: after its second clock reading, within two seconds of its
+        first frame.
 
         Until then a frame's time is that of the hub's read, late by the age of the snapshot (at most two scans).
         """
@@ -162,7 +164,8 @@ class ClockMap:
         if not self._has_arrivals or len(rows) < 2:
             return
         begun = self._unwrap(rows["hub_time_us"])
-        consecutive = (rows["cycle"][1:] == rows["cycle"][:-1]) & (np.diff(rows["sequence"].astype(np.int64)) % 65536 == 1)
+        follows = np.diff(rows["sequence"]) == 1  # unsigned, so that it wraps with the sequence
+        consecutive = (rows["cycle"][1:] == rows["cycle"][:-1]) & follows
         departed = begun[1:] + (2.0 * rows["size"][:-1] + WIRE_OVERHEAD) * self._byte_us
         for i in np.flatnonzero(consecutive).tolist():
             self._envelope.add(float(departed[i]), float(arrivals_s[i]))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
 from taxel.stream.native import ROW_SIZE, BatchOutput, codec_library
 
 ROW = np.dtype(
@@ -75,12 +76,16 @@ class StreamDecoder:
             _ROWS, _COUNTS, _PAYLOADS,
         )  # fmt: skip
         self._output_address = ctypes.addressof(self._output)
-        self._counts_found = np.frombuffer(self._output, dtype=np.uint64)[-4:]  # the struct's last four members
+        self._counts_found = np.ctypeslib.as_array(
+            (ctypes.c_uint64 * 4).from_buffer(self._output, ctypes.sizeof(BatchOutput) - 32)  # the last four members
+        )
         self._library.taxel_batch_init(self._state, 1)
 
     @property
     def totals(self) -> NDArray[np.uint64]:
-        """`struct taxel_batch_totals` of firmware/codec/batch.h as it is now: frames, lost, restarts, then 3 x 128 by address."""
+        """`struct taxel_batch_totals` of firmware/codec/batch.h as it is now: frames, lost, restarts, then 3 x 128 by
+        address.
+        """
         address = self._library.taxel_batch_totals(self._state)
         return np.ctypeslib.as_array((ctypes.c_uint64 * TOTALS).from_address(address)).copy()
 

@@ -4,6 +4,8 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
+
 from taxel.link import Chunk, Link
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
@@ -48,7 +50,8 @@ class FrameStream:
     def poll(self, timeout_s: float = 0.1) -> bool:
         """Take in what has arrived, waiting at most `timeout_s`; True if anything had.
 
-        When the link has ended or failed, what had arrived is delivered first; then EOFError or the `LinkError` is raised.
+        When the link has ended or failed, what had arrived is delivered first; then EOFError or the `LinkError` is
+        raised.
         """
         if self._end is not None:
             raise self._end
@@ -111,7 +114,7 @@ class FrameStream:
         times = self.clock.host_times_s(self.clock.hub_times_us(taxels))
         self.frames.extend(taxel_frames_of(batch, taxels, times))
 
-    def _learn_arrivals(self, taxels: np.ndarray) -> None:  # type: ignore[type-arg]
+    def _learn_arrivals(self, taxels: NDArray[np.void]) -> None:
         if self._arrival_ends:
             index = np.searchsorted(self._arrival_ends, taxels["stream_position"], side="left")
             index = np.minimum(index, len(self._arrival_ends) - 1)

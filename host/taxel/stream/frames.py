@@ -4,19 +4,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taxel.stream.decoder import Batch
 from taxel_protocol import FrameType
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.layout import unpack
-
-from taxel.stream.decoder import Batch
 
 
 class TaxelFrame(NamedTuple):
     """One board's snapshot.
 
-    `raw_counts` u16[n] in the board's taxel order (TX by TX, RX by RX); contact lowers a count. `time_s`: when the scan
-    began, on the host's clock (seconds; see `Skin.clock`). `cycle`: the hub's poll cycle; the frames of one cycle show the
-    skin at one time. `sequence`: the board's scan number. `board_time_us`, `hub_time_us`: as sent, modulo 2^32.
+    `raw_counts` u16[n] in the board's taxel order (TX by TX, RX by RX); contact lowers a count. `time_s`: when the
+    scan began, on the host's clock (seconds; see `Skin.clock`). `cycle`: the hub's poll cycle; the frames of one
+    cycle show the skin at one time. `sequence`: the board's scan number. `board_time_us`, `hub_time_us`: as sent,
+    modulo 2^32.
     """
 
     address: int

@@ -4,7 +4,18 @@ import time
 from collections import deque
 from typing import Any
 
-from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, ReplyStatus, encode_frame
+from taxel.errors import TaxelError
+from taxel.link import Link
+from taxel.stream.frame_stream import FrameStream
+from taxel.stream.frames import HubMessage
+from taxel_protocol import (
+    PROTOCOL_VERSION,
+    PROTOCOL_VERSION_MIN,
+    Command,
+    FrameType,
+    ReplyStatus,
+    encode_frame,
+)
 from taxel_protocol.frames import (
     CommandPayload,
     GetBoardInfoArguments,
@@ -14,11 +25,6 @@ from taxel_protocol.frames import (
     TransferArguments,
 )
 from taxel_protocol.layout import pack
-
-from taxel.errors import TaxelError
-from taxel.link import Link
-from taxel.stream.frame_stream import FrameStream
-from taxel.stream.frames import HubMessage
 
 REPLY_TIMEOUT_S = 1.0
 ATTEMPTS = 4
@@ -36,8 +42,8 @@ class VersionError(HubError):
 class HubClient:
     """Commands to a hub, and everything that it tells.
 
-    `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS; `status` is
-    the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
+    `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS;
+    `status` is the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
     """
 
     def __init__(self, link: Link) -> None:
@@ -147,7 +153,9 @@ class HubClient:
         self.command(Command.GET_STATUS)
 
     def transfer(self, address: int, write: bytes = b"", read_length: int = 0) -> bytes:
-        """One I2C transfer by the hub: write, then read after a repeated start. Raises `HubError` on NACK or bus error."""
+        """One I2C transfer by the hub: write, then read after a repeated start. Raises `HubError` on NACK or bus
+        error.
+        """
         fields = {"address": address, "read_length": read_length}
         return self.command(Command.I2C_TRANSFER, pack(TransferArguments, fields, write))
 

@@ -18,7 +18,7 @@ ROW_SIZE = 40
 class BatchOutput(ctypes.Structure):
     """`struct taxel_batch_output`: where a call puts what it decodes, and how much that was."""
 
-    _fields_ = [  # noqa: RUF012 (ctypes wants a list)
+    _fields_ = [
         ("taxels", ctypes.c_void_p),
         ("others", ctypes.c_void_p),
         ("counts", ctypes.c_void_p),
@@ -40,7 +40,9 @@ def codec_library() -> ctypes.CDLL:
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
-        raise NativeLibraryError("the compiled codec is missing from the package; install taxel again (pip install .)") from error
+        raise NativeLibraryError(
+            "the compiled codec is missing from the package; install taxel again (pip install .)"
+        ) from error
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     library.taxel_batch_struct_size.restype = size
     library.taxel_batch_row_size.restype = size
@@ -55,5 +57,7 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_discarded_bytes.argtypes = [pointer]
     library.taxel_batch_discarded_bytes.restype = ctypes.c_uint64
     if library.taxel_batch_row_size() != ROW_SIZE:
-        raise NativeLibraryError("the compiled codec belongs to another version of the package; install taxel again (pip install .)")
+        raise NativeLibraryError(
+            "the compiled codec belongs to another version of the package; install taxel again (pip install .)"
+        )
     return library

@@ -9,8 +9,8 @@ from taxel.link import Chunk
 class RingBuffer:
     """First in, first out, at most `capacity` bytes; safe between one writer and one reader thread.
 
-    With `drop_oldest` a writer never waits: the oldest bytes make room, and are counted in `overrun_bytes` (a port does not
-    wait either). Without it the writer waits for the reader.
+    With `drop_oldest` a writer never waits: the oldest bytes make room, and are counted in `overrun_bytes` (a port
+    does not wait either). Without it the writer waits for the reader.
     """
 
     def __init__(self, capacity: int = 1 << 22, drop_oldest: bool = True) -> None:
@@ -31,7 +31,9 @@ class RingBuffer:
         return self._written - self._read
 
     def write(self, chunk: Chunk) -> None:
-        """Append a chunk; a chunk longer than the capacity goes through in parts. Returns at once if the reader has closed."""
+        """Append a chunk; a chunk longer than the capacity goes through in parts. Returns at once if the reader has
+        closed.
+        """
         data = chunk.data
         with self._condition:
             while data:

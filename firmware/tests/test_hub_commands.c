@@ -1,0 +1,258 @@
+/* Every command of the host, with right and with wrong arguments, streaming and not. */
+#include "check.h"
+#include "codec/crc32.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[4];
+
+static void begin(bool streaming)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, 3);
+    CHECK(fake_hub_start(&fake));
+    if (!streaming) {
+        CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_STOP, NULL, 0), 0);
+        fake_hub_run(&fake, 50000);
+        fake_hub_forget_frames(&fake);
+    }
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static int command(uint8_t code, const void *arguments, size_t size)
+{
+    return fake_hub_command(&fake, code, arguments, size);
+}
+
+static void nothing_is_done_before_hello(void)
+{
+    fake_hub_init(&fake);
+    fake_hub_boot(&fake);
+    for (unsigned code = 0; code < 256; code++) {
+        CHECK_EQUAL(command((uint8_t)code, NULL, 0), TAXEL_REPLY_STATUS_NO_HELLO);
+    }
+    CHECK(!fake.hub.streaming);
+    CHECK_EQUAL(fake.hub.inbox.commands_rejected, 256);
+    end();
+}
+
+static void versions_are_negotiated(void)
+{
+    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 1}, {0, 1, 1}, {2, 9, 0}, {0, 0, 0}, {2, 1, 0}};
+    fake_hub_init(&fake);
+    fake_hub_boot(&fake);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const uint8_t hello[3] = {(uint8_t)(100 + i), cases[i][0], cases[i][1]};
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+        fake_hub_run(&fake, 1000);
+        const struct fake_frame *answer = fake_hub_last(&fake, TAXEL_FRAME_TYPE_HUB_HELLO);
+        CHECK_EQUAL(answer->payload[0], 100 + i);
+        CHECK_EQUAL(answer->payload[TAXEL_HUB_HELLO_OFFSET_VERSION_CHOSEN], cases[i][2]);
+        CHECK_EQUAL(command(TAXEL_COMMAND_GET_TIME, NULL, 0), cases[i][2] ? 0 : TAXEL_REPLY_STATUS_NO_HELLO);
+    }
+    end();
+}
+
+static void wrong_lengths_and_unknown_commands_are_refused(void)
+{
+    static const struct {
+        uint8_t code, minimum, maximum;
+    } rules[] = {{TAXEL_COMMAND_START, 0, 0},        {TAXEL_COMMAND_STOP, 0, 0},       {TAXEL_COMMAND_SET_RATE, 4, 4},
+                 {TAXEL_COMMAND_SCAN_BUS, 0, 0},     {TAXEL_COMMAND_I2C_TRANSFER, 2, 66}, {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
+                 {TAXEL_COMMAND_REBOOT, 0, 0},       {TAXEL_COMMAND_GET_STATUS, 0, 0}, {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},
+                 {TAXEL_COMMAND_GET_TIME, 0, 0}};
+    const uint8_t zeros[66] = {0};
+    begin(false);
+    for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
+        for (size_t size = 0; size <= sizeof zeros; size++) {
+            if (size < rules[i].minimum || size > rules[i].maximum) {
+                CHECK_EQUAL(command(rules[i].code, zeros, size), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+            }
+        }
+    }
+    CHECK_EQUAL(command(0, NULL, 0), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
+    for (unsigned code = TAXEL_COMMAND_GET_TIME + 1; code < 256; code++) {
+        CHECK_EQUAL(command((uint8_t)code, zeros, 3), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
+    }
+    CHECK_EQUAL(fake.restarts, 0);
+    CHECK(!fake.hub.streaming);
+    end();
+}
+
+static void stop_ends_and_start_begins_the_stream(void)
+{
+    begin(true);
+    fake_hub_run(&fake, 10000);
+    CHECK_EQUAL(command(TAXEL_COMMAND_STOP, NULL, 0), 0);
+    fake_hub_run(&fake, 5000);
+    fake_hub_forget_frames(&fake);
+    fake_hub_run(&fake, 200000);
+    CHECK_EQUAL(fake.frame_count, 0);
+    CHECK_EQUAL(command(TAXEL_COMMAND_START, NULL, 0), 0);
+    CHECK(fake_hub_run_cycles(&fake, 3));
+    CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST), 3);
+    CHECK_EQUAL(command(TAXEL_COMMAND_START, NULL, 0), 0); /* no harm, and no new numbering */
+    CHECK(fake.hub.cycle.number >= 3);
+    end();
+}
+
+/* START while any transfer of an idle or of a streaming hub is in flight: cycle 0 still polls every board. */
+static void a_start_at_any_time_polls_every_board_in_cycle_zero(void)
+{
+    for (uint64_t after = 0; after < 30; after++) {
+        begin(true);
+        fake.devices[0].unplugged = fake.devices[1].unplugged = true;
+        CHECK(fake_hub_run_cycles(&fake, 5));
+        fake.devices[0].unplugged = fake.devices[1].unplugged = false;
+        const uint64_t until = fake.transfers + after;
+        while (fake.transfers < until && fake_hub_step(&fake, FAKE_NEVER)) {
+        }
+        const uint8_t stop[2] = {1, TAXEL_COMMAND_STOP}, start[2] = {2, TAXEL_COMMAND_START};
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, stop, sizeof stop);
+        fake_hub_forget_frames(&fake);
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, start, sizeof start);
+        CHECK_EQUAL(fake.hub.cycle.number, 0);
+        CHECK(fake_hub_run_cycles(&fake, 1));
+        for (uint8_t i = 0; i < 3; i++) {
+            CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + i)) >= 1);
+        }
+        end();
+    }
+}
+
+static void pass_through_reads_and_writes(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        uint8_t arguments[2 + TAXEL_TRANSFER_MAX] = {FIRST + 1, TAXEL_IDENTITY_SIZE, TAXEL_REGISTER_IDENTITY};
+        uint8_t identity[TAXEL_IDENTITY_SIZE];
+        begin(streaming);
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), 0);
+        CHECK_EQUAL(fake.reply_size, TAXEL_IDENTITY_SIZE);
+        CHECK(fake_read_at(&sensors[1], 0, identity, sizeof identity));
+        CHECK_BYTES(fake.reply, identity, sizeof identity);
+        arguments[1] = 0;
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 2), 0); /* nothing to write or read: a probe */
+        CHECK_EQUAL(fake.reply_size, 0);
+        memcpy(arguments + 2, (const uint8_t[]){TAXEL_REGISTER_COMMAND, 2, 0xFD}, 3);
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 5), 0);
+        CHECK_EQUAL(sensors[1].sensor.state, TAXEL_SENSOR_STOPPED);
+        arguments[0] = 0x60;
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_NACK);
+        arguments[0] = FIRST + 1;
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), TAXEL_REPLY_STATUS_NACK);
+        CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->crc_errors, 0);
+        end();
+    }
+}
+
+static void pass_through_refuses_what_it_cannot_do(void)
+{
+    uint8_t arguments[3] = {0x07, 1, 0};
+    begin(true);
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    arguments[0] = 0x78;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    arguments[0] = FIRST;
+    arguments[1] = TAXEL_TRANSFER_MAX + 1;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    end();
+}
+
+static int end_pass_through(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
+{
+    return transfer->read_size == 3 ? hub->script_state : FAKE_PROCEED;
+}
+
+static void pass_through_tells_how_it_failed(void)
+{
+    const uint8_t arguments[3] = {FIRST, 3, 0};
+    begin(true);
+    fake.script = end_pass_through;
+    fake.script_state = FAKE_HANG;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_TIMEOUT);
+    fake.script_state = TAXEL_I2C_NACK_DATA;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_NACK);
+    fake.script_state = TAXEL_I2C_BUS_ERROR;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_BUS_ERROR);
+    fake.script_state = TAXEL_I2C_ARBITRATION_LOST;
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, 3), TAXEL_REPLY_STATUS_BUS_ERROR);
+    end();
+}
+
+/* 64 bytes on a slow bus take longer than a short transfer's time limit. */
+static void the_longest_pass_through_fits_its_time_limit_on_a_slow_bus(void)
+{
+    const uint8_t arguments[2 + TAXEL_TRANSFER_MAX] = {0x60, 0, 1, 2, 3};
+    for (uint32_t scl_hz = 10000; scl_hz <= 400000; scl_hz *= 2) {
+        fake_hub_init(&fake);
+        fake.config.scl_hz = scl_hz;
+        fake_hub_add(&fake, 0x60, NULL)->foreign = 0x11;
+        fake_hub_boot(&fake);
+        fake_hub_run(&fake, 500000);
+        CHECK(fake_hub_hello(&fake));
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
+        end();
+    }
+}
+
+static void scan_bus_lists_what_answers(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        const uint8_t expected[] = {FIRST, FIRST + 2, 0x77};
+        begin(streaming);
+        (void)fake_hub_add(&fake, 0x77, NULL);
+        fake.devices[1].unplugged = true;
+        CHECK_EQUAL(command(TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0);
+        CHECK_EQUAL(fake.reply_size, sizeof expected);
+        CHECK_BYTES(fake.reply, expected, sizeof expected);
+        end();
+    }
+}
+
+static void get_time_and_status(void)
+{
+    begin(true);
+    CHECK_EQUAL(command(TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    CHECK_EQUAL(fake.reply_size, 8);
+    CHECK_BETWEEN((double)(fake.now_us - taxel_get_u64(fake.reply)), 0, 100);
+    fake_hub_run(&fake, 50000);
+    fake_hub_forget_frames(&fake);
+    CHECK_EQUAL(command(TAXEL_COMMAND_GET_STATUS, NULL, 0), 0);
+    struct taxel_hub_status status;
+    struct taxel_board_status board;
+    taxel_hub_status_unpack(&status, fake_hub_last(&fake, TAXEL_FRAME_TYPE_HUB_STATUS)->payload);
+    CHECK_EQUAL(status.boards_streaming, 3);
+    CHECK_EQUAL(status.streaming, 1);
+    CHECK_EQUAL(status.commands, 3); /* START, GET_TIME and this one */
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_STATUS), 3);
+    taxel_board_status_unpack(&board, fake_hub_last(&fake, TAXEL_FRAME_TYPE_BOARD_STATUS)->payload);
+    CHECK_EQUAL(board.address, FIRST + 2);
+    CHECK_EQUAL(board.state, TAXEL_BOARD_STATE_STREAMING);
+    CHECK(board.polls > 5);
+    CHECK_BETWEEN(board.polls - board.forwarded, 0, 1);
+    end();
+}
+
+int main(void)
+{
+    RUN(nothing_is_done_before_hello);
+    RUN(versions_are_negotiated);
+    RUN(wrong_lengths_and_unknown_commands_are_refused);
+    RUN(stop_ends_and_start_begins_the_stream);
+    RUN(a_start_at_any_time_polls_every_board_in_cycle_zero);
+    RUN(pass_through_reads_and_writes);
+    RUN(pass_through_refuses_what_it_cannot_do);
+    RUN(pass_through_tells_how_it_failed);
+    RUN(the_longest_pass_through_fits_its_time_limit_on_a_slow_bus);
+    RUN(scan_bus_lists_what_answers);
+    RUN(get_time_and_status);
+    return check_summary();
+}

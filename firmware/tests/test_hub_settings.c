@@ -1,0 +1,210 @@
+/* Scan settings and board information through the hub: one board, all, unknown, refused, gone. */
+#include "check.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[4];
+static const struct taxel_scan_settings good = {80, 40, 1, 12, 96};
+static const struct taxel_scan_settings bad = {0, 40, 1, 12, 96};
+
+static void begin(bool streaming)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, 3);
+    CHECK(fake_hub_start(&fake));
+    if (!streaming) {
+        CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_STOP, NULL, 0), 0);
+        fake_hub_run(&fake, 50000);
+    }
+    fake_hub_forget_frames(&fake);
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static int set_settings(uint8_t address, const struct taxel_scan_settings *settings)
+{
+    uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {address};
+    taxel_scan_settings_pack(settings, arguments + 1);
+    return fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments);
+}
+
+static int get_board_info(uint8_t address)
+{
+    return fake_hub_command(&fake, TAXEL_COMMAND_GET_BOARD_INFO, &address, 1);
+}
+
+static uint16_t settings_of(size_t board)
+{
+    fake_scan(&sensors[board], 1);
+    return sensors[board].front_end.sub_conversions;
+}
+
+static void settings_of_one_board(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        begin(streaming);
+        CHECK_EQUAL(set_settings(FIRST + 1, &good), 0);
+        CHECK_EQUAL(settings_of(0), 160);
+        CHECK_EQUAL(settings_of(1), 80);
+        CHECK_EQUAL(settings_of(2), 160);
+        end();
+    }
+}
+
+static void settings_of_all_boards(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        begin(streaming);
+        CHECK_EQUAL(set_settings(0, &good), 0);
+        for (size_t i = 0; i < 3; i++) {
+            CHECK_EQUAL(settings_of(i), 80);
+        }
+        CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
+        end();
+    }
+}
+
+static void settings_of_an_unknown_board(void)
+{
+    begin(true);
+    CHECK_EQUAL(set_settings(0x60, &good), TAXEL_REPLY_STATUS_UNKNOWN_BOARD);
+    CHECK_EQUAL(get_board_info(0x60), TAXEL_REPLY_STATUS_UNKNOWN_BOARD);
+    end();
+}
+
+static void settings_that_the_board_refuses(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        begin(streaming);
+        CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+        CHECK_EQUAL(settings_of(1), 160);
+        CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_SETTINGS_REJECTED), 1);
+        CHECK_EQUAL(set_settings(FIRST + 1, &good), 0);
+        CHECK_EQUAL(settings_of(1), 80);
+        end();
+    }
+}
+
+static void a_refusal_of_long_ago_does_not_spoil_a_later_command(void)
+{
+    begin(true);
+    CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+    fake.devices[1].unplugged = true;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_EQUAL(set_settings(0, &good), 0);
+    CHECK_EQUAL(settings_of(0), 80);
+    end();
+}
+
+static void refused_settings_are_not_written_again_after_a_restart(void)
+{
+    begin(true);
+    CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
+    fake.devices[1].unplugged = true;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    fake.devices[1].unplugged = false;
+    fake_hub_forget_frames(&fake);
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_SETTINGS_REJECTED), 0);
+    end();
+}
+
+static int lose_settings_write(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
+{
+    if (transfer->address == FIRST + 1 && transfer->write_size == 1u + TAXEL_SETTINGS_REGISTER_SIZE && hub->script_state) {
+        hub->script_state--;
+        return TAXEL_I2C_NACK_ADDRESS;
+    }
+    return FAKE_PROCEED;
+}
+
+static void a_lost_write_of_settings_is_no_silent_success(void)
+{
+    begin(true);
+    fake.script = lose_settings_write;
+    fake.script_state = 1;
+    const int status = set_settings(FIRST + 1, &good);
+    CHECK(status == 0 ? settings_of(1) == 80 : settings_of(1) == 160);
+    end();
+}
+
+static void a_board_that_goes_while_settings_are_written_ends_the_command(void)
+{
+    begin(true);
+    fake.script = lose_settings_write;
+    fake.script_state = 1000;
+    fake.devices[1].nacks = 1000;
+    CHECK(set_settings(0, &good) > 0);
+    CHECK_EQUAL(settings_of(0), 80);
+    CHECK_EQUAL(settings_of(2), 80);
+    end();
+}
+
+static void board_info_of_one_and_of_all(void)
+{
+    for (unsigned streaming = 0; streaming < 2; streaming++) {
+        begin(streaming);
+        CHECK_EQUAL(get_board_info(FIRST + 2), 0);
+        CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 1);
+        const struct fake_frame *info = fake_hub_last(&fake, TAXEL_FRAME_TYPE_BOARD_INFO);
+        CHECK_EQUAL(info->payload[TAXEL_IDENTITY_OFFSET_ADDRESS], FIRST + 2);
+        CHECK_EQUAL(taxel_get_u16(info->payload + TAXEL_IDENTITY_SIZE), 160);
+        CHECK_EQUAL(get_board_info(0), 0);
+        CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 4);
+        end();
+    }
+}
+
+static void board_info_tells_the_settings_in_force(void)
+{
+    begin(true);
+    CHECK_EQUAL(set_settings(FIRST, &good), 0);
+    CHECK_EQUAL(get_board_info(FIRST), 0);
+    const struct fake_frame *info = fake_hub_last(&fake, TAXEL_FRAME_TYPE_BOARD_INFO);
+    CHECK_EQUAL(taxel_get_u16(info->payload + TAXEL_IDENTITY_SIZE), 80);
+    end();
+}
+
+/* At one cycle a minute the hub still answers, and can be told to go faster. */
+static void commands_do_not_wait_for_a_slow_cycle(void)
+{
+    uint8_t period[4];
+    begin(true);
+    taxel_put_u32(period, 60000000);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period), 0);
+    fake_hub_run(&fake, 20000);
+    CHECK_EQUAL(get_board_info(FIRST), 0);
+    CHECK_EQUAL(set_settings(0, &good), 0);
+    CHECK_EQUAL(settings_of(2), 80);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_STATUS, NULL, 0), 0);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0);
+    taxel_put_u32(period, 0);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period), 0);
+    fake_hub_forget_frames(&fake);
+    fake_hub_run(&fake, 20000);
+    CHECK(fake_hub_count(&fake, TAXEL_FRAME_TYPE_TAXELS) > 5);
+    end();
+}
+
+int main(void)
+{
+    RUN(settings_of_one_board);
+    RUN(settings_of_all_boards);
+    RUN(settings_of_an_unknown_board);
+    RUN(settings_that_the_board_refuses);
+    RUN(a_refusal_of_long_ago_does_not_spoil_a_later_command);
+    RUN(refused_settings_are_not_written_again_after_a_restart);
+    RUN(a_lost_write_of_settings_is_no_silent_success);
+    RUN(a_board_that_goes_while_settings_are_written_ends_the_command);
+    RUN(board_info_of_one_and_of_all);
+    RUN(board_info_tells_the_settings_in_force);
+    RUN(commands_do_not_wait_for_a_slow_cycle);
+    return check_summary();
+}

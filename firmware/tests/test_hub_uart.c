@@ -1,0 +1,211 @@
+/* The hub's UART: garbage in, too much in, and nobody who takes what comes out. */
+#include "check.h"
+#include "codec/encoder.h"
+#include "emulator/random.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[4];
+
+static void begin(size_t boards)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, boards);
+    CHECK(fake_hub_start(&fake));
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    CHECK_EQUAL(fake.deframer.discarded_bytes, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static void garbage_between_commands_costs_no_command(void)
+{
+    struct random_source random;
+    uint8_t noise[200];
+    random_init(&random, 5, 0);
+    begin(2);
+    const uint32_t commands = fake.hub.inbox.commands;
+    for (unsigned round = 0; round < 300; round++) {
+        const size_t size = random_u64(&random) % sizeof noise;
+        for (size_t i = 0; i < size; i++) {
+            noise[i] = (uint8_t)random_u64(&random);
+        }
+        fake_hub_receive(&fake, noise, size);
+        fake_hub_forget_frames(&fake);
+        CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    }
+    CHECK_EQUAL(fake.hub.inbox.commands - commands, 300);
+    end();
+}
+
+static void frames_of_the_hub_itself_are_not_taken_as_commands(void)
+{
+    const uint8_t status[TAXEL_REPLY_HEADER_SIZE] = {1, TAXEL_COMMAND_REBOOT, 0};
+    begin(1);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_REPLY, status, sizeof status);
+    fake_hub_run(&fake, 10000);
+    CHECK_EQUAL(fake.restarts, 0);
+    end();
+}
+
+static void a_command_with_any_bit_flipped_is_not_obeyed(void)
+{
+    const uint8_t payload[2] = {1, TAXEL_COMMAND_REBOOT};
+    uint8_t bytes[64], damaged[64];
+    struct taxel_encoder encoder;
+    taxel_encoder_begin(&encoder, bytes, sizeof bytes, 0, TAXEL_FRAME_TYPE_COMMAND, 0, sizeof payload);
+    taxel_encoder_put(&encoder, payload, sizeof payload);
+    const size_t size = taxel_encoder_end(&encoder);
+    begin(1);
+    for (size_t bit = 8; bit < 8u * (size - 1u); bit++) {
+        memcpy(damaged, bytes, size);
+        damaged[bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
+        fake_hub_receive(&fake, damaged, size);
+        fake_hub_run(&fake, 1000);
+        fake_hub_forget_frames(&fake);
+    }
+    CHECK_EQUAL(fake.restarts, 0);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    end();
+}
+
+static void a_full_receive_ring_drops_bytes_and_counts_them(void)
+{
+    begin(1);
+    for (unsigned i = 0; i < 1000; i++) {
+        taxel_hub_on_uart_byte(&fake.hub, (uint8_t)(i | 1u));
+    }
+    CHECK_EQUAL(fake.hub.inbox.overruns, 1000 - 255);
+    const uint8_t zero = 0;
+    fake_hub_receive(&fake, &zero, 1);
+    fake_hub_receive(&fake, &zero, 1);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    end();
+}
+
+static void several_commands_at_once_are_obeyed_in_order(void)
+{
+    uint8_t bytes[255];
+    size_t size = 0;
+    begin(2);
+    fake_hub_run(&fake, 1000);
+    fake_hub_forget_frames(&fake);
+    static const uint8_t codes[] = {TAXEL_COMMAND_GET_TIME, TAXEL_COMMAND_SCAN_BUS, TAXEL_COMMAND_STOP,
+                                    TAXEL_COMMAND_GET_STATUS, TAXEL_COMMAND_START};
+    for (size_t i = 0; i < sizeof codes; i++) {
+        const uint8_t payload[2] = {(uint8_t)i, codes[i]};
+        struct taxel_encoder encoder;
+        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0, sizeof payload);
+        taxel_encoder_put(&encoder, payload, sizeof payload);
+        size += taxel_encoder_end(&encoder);
+    }
+    fake_hub_receive(&fake, bytes, size);
+    fake_hub_run(&fake, 200000);
+    uint8_t answered = 0;
+    for (size_t i = 0; i < fake.frame_count; i++) {
+        if (fake.frames[i].type == TAXEL_FRAME_TYPE_REPLY) {
+            CHECK_EQUAL(fake.frames[i].payload[0], answered);
+            CHECK_EQUAL(fake.frames[i].payload[2], 0);
+            answered++;
+        }
+    }
+    CHECK_EQUAL(answered, sizeof codes);
+    end();
+}
+
+static void without_a_reader_whole_frames_are_dropped_and_counted(void)
+{
+    begin(4);
+    CHECK(fake_hub_run_cycles(&fake, 3));
+    fake_hub_run(&fake, 100);
+    const uint16_t frames_before = (uint16_t)fake.hub.outbox.frames_sent;
+    fake_hub_forget_frames(&fake);
+    fake.drain_bytes = 0;
+    CHECK(fake_hub_run_cycles(&fake, 200));
+    CHECK_EQUAL(fake.frame_count, 0);
+    uint32_t dropped = 0;
+    for (uint8_t i = 0; i < 4; i++) {
+        const struct taxel_hub_slot *slot = fake_hub_slot(&fake, (uint8_t)(FIRST + i));
+        CHECK(slot->dropped > 100);
+        CHECK_EQUAL(slot->nacks + slot->timeouts + slot->crc_errors + slot->bus_errors, 0);
+        dropped += slot->dropped;
+    }
+    CHECK(fake.hub.outbox.frames_dropped >= dropped);
+    const size_t waiting = taxel_hub_uart_pending(&fake.hub);
+    CHECK_BETWEEN(waiting, FAKE_RING / 2, FAKE_RING - TAXEL_HUB_REPLY_RESERVE);
+    fake.drain_bytes = FAKE_RING;
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
+    CHECK(fake.hub.outbox.frames_sent > frames_before);
+    end();
+}
+
+static void without_a_reader_commands_are_still_obeyed_and_answered(void)
+{
+    const uint8_t identify[5] = {33, TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64, 0};
+    begin(4);
+    fake.drain_bytes = 0;
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, identify, sizeof identify);
+    CHECK(fake_hub_run_cycles(&fake, 20));
+    fake_hub_forget_frames(&fake);
+    fake.drain_bytes = FAKE_RING;
+    fake_hub_run(&fake, 1000);
+    const struct fake_frame *reply = fake_hub_last(&fake, TAXEL_FRAME_TYPE_REPLY);
+    if (CHECK(reply)) {
+        CHECK_EQUAL(reply->payload[0], 33);
+        CHECK_EQUAL(reply->payload[2], 0);
+        CHECK_EQUAL(reply->length, 3 + 64);
+    }
+    end();
+}
+
+/* Commands that come while there is no room for another answer wait; none is lost. */
+static void commands_wait_for_room(void)
+{
+    begin(4);
+    fake.drain_bytes = 0;
+    CHECK(fake_hub_run_cycles(&fake, 100));
+    for (uint8_t i = 0; i < 12; i++) {
+        const uint8_t command[2] = {i, TAXEL_COMMAND_GET_TIME};
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, command, sizeof command);
+        fake_hub_run(&fake, 1000);
+    }
+    fake_hub_forget_frames(&fake);
+    fake.drain_bytes = FAKE_RING;
+    fake_hub_run(&fake, 10000);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), 12);
+    end();
+}
+
+static void a_slow_reader_gets_whole_frames_of_every_board(void)
+{
+    begin(4);
+    fake.drain_bytes = 20; /* a pass of the main loop */
+    fake_hub_run(&fake, 500000);
+    CHECK(fake_hub_slot(&fake, FIRST)->dropped > 0);
+    for (uint8_t i = 0; i < 4; i++) {
+        CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + i)) > 10);
+    }
+    end();
+}
+
+int main(void)
+{
+    RUN(garbage_between_commands_costs_no_command);
+    RUN(frames_of_the_hub_itself_are_not_taken_as_commands);
+    RUN(a_command_with_any_bit_flipped_is_not_obeyed);
+    RUN(a_full_receive_ring_drops_bytes_and_counts_them);
+    RUN(several_commands_at_once_are_obeyed_in_order);
+    RUN(without_a_reader_whole_frames_are_dropped_and_counted);
+    RUN(without_a_reader_commands_are_still_obeyed_and_answered);
+    RUN(commands_wait_for_room);
+    RUN(a_slow_reader_gets_whole_frames_of_every_board);
+    return check_summary();
+}

@@ -1,0 +1,76 @@
+"""Measured touches on a panel of 27 x 15 cells: the CapFingerId recordings (data/capfingerid.ORIGIN)."""
+
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
+
+from taxel.recording.errors import RecordingError
+
+ROWS = 27
+COLUMNS = 15
+"""Cells of the panel (Le, Mayer and Henze 2019, doi 10.1145/3301275.3302295)."""
+
+_FILE = "capfingerid.npz"
+_VALUES = ".values"
+
+
+@dataclass(frozen=True, eq=False)
+class TouchRecording:
+    """Frames of a touch panel.
+
+    name: such as "P2_index_right".
+    time_s: f64[T], seconds since the first frame, never going back.
+    values: int16[T, 27, 15], counts above the baseline; larger = touched.
+    task: str[T], what the participant was asked to do: TAP, SCROLL, DRAG or PAUSE.
+
+    Raises ValueError for shapes that do not fit or times that go back.
+    """
+
+    name: str
+    time_s: NDArray[np.float64]
+    values: NDArray[np.int16]
+    task: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        frames = len(self.values)
+        if self.values.shape != (frames, ROWS, COLUMNS) or self.values.dtype != np.int16:
+            raise ValueError(f"values: expected int16 [T, 27, 15], found {self.values.dtype} {self.values.shape}")
+        if self.time_s.shape != (frames,) or self.task.shape != (frames,):
+            raise ValueError(f"time_s and task: expected [{frames}], found {self.time_s.shape} and {self.task.shape}")
+        if not np.isfinite(self.time_s).all() or (np.diff(self.time_s) < 0.0).any():
+            raise ValueError("time_s: goes back or is not finite")
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first frame to the last."""
+        return float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) else 0.0
+
+    def between(self, start_s: float, stop_s: float) -> "TouchRecording":
+        """The frames with start_s <= time < stop_s; their times stay as they are."""
+        part = slice(*np.searchsorted(self.time_s, [start_s, stop_s]).tolist())
+        return TouchRecording(self.name, self.time_s[part], self.values[part], self.task[part])
+
+
+def recordings() -> list[str]:
+    """Names of the recordings that come with the library, sorted."""
+    with _open() as archive:
+        return sorted(name.removesuffix(_VALUES) for name in archive.files if name.endswith(_VALUES))
+
+
+def load_recording(name: str) -> TouchRecording:
+    """A recording that comes with the library. Raises `RecordingError` if there is none of that name."""
+    known = recordings()
+    if name not in known:
+        raise RecordingError(f"recording {name!r}: there is none of that name; known are {', '.join(known)}")
+    with _open() as archive:
+        return TouchRecording(name, archive[f"{name}.time_s"], archive[f"{name}{_VALUES}"], archive[f"{name}.task"])
+
+
+def _open() -> NpzFile:
+    file = files("taxel.recording").joinpath("data", _FILE).open("rb")
+    archive: NpzFile = np.load(file, allow_pickle=False)
+    archive.fid = file  # closed with the archive
+    return archive

@@ -1,0 +1,178 @@
+"""A URL names a port, an emulator or a file; a mistake in it is one line that says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import taxel
+from taxel.link import (
+    CaptureError,
+    CaptureLink,
+    CaptureWriter,
+    LinkError,
+    PortMissingError,
+    SerialLink,
+    open_link,
+)
+
+EMULATOR_OPTIONS = (
+    "baud", "clock_spread_ppm", "duration_s", "noise_counts", "scl_hz", "seed", "speed", "stimulus", "usb_latency_ms",
+)  # fmt: skip
+
+
+def one_line(error: BaseException) -> str:
+    text = str(error)
+    assert text
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize("form", ["serial://{}", "{}", "serial:{}"])
+def test_a_serial_port_has_three_spellings(terminal, form):
+    link = open_link(form.format(terminal.name))
+    assert isinstance(link, SerialLink)
+    assert (link.baud, link.is_real_time, link.is_recorded) == (1e6, True, False)
+    link.close()
+
+
+def test_options_of_a_serial_url_reach_the_port(terminal):
+    link = open_link(f"serial://{terminal.name}?baud=115200&rtscts=0&low_latency=0")
+    assert link.baud == 115200
+    link.close()
+
+
+@pytest.mark.parametrize("form", ["file:{}", "file://{}"])
+def test_a_capture_has_two_spellings(tmp_path, form):
+    path = tmp_path / "a.bin"
+    CaptureWriter(path, {"baud": 500_000}).close()
+    link = open_link(form.format(path))
+    assert isinstance(link, CaptureLink)
+    assert (link.baud, link.is_real_time, link.is_recorded) == (5e5, False, True)
+    link.close()
+
+
+def test_a_capture_may_be_named_by_a_relative_path(tmp_path, monkeypatch):
+    CaptureWriter(tmp_path / "a.bin").close()
+    monkeypatch.chdir(tmp_path)
+    open_link("file:a.bin").close()
+
+
+@pytest.mark.parametrize("url", ["", "x", "capture.bin", "emulator", "EMULATOR:", "COM3"])
+def test_what_is_no_url_is_refused_with_the_urls_that_there_are(url):
+    with pytest.raises(LinkError) as caught:
+        taxel.open(url)
+    text = one_line(caught.value)
+    assert all(scheme in text for scheme in ("serial:", "emulator:", "file:"))
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [
+        ("baud=fast", "baud"),
+        ("baud=", "baud"),
+        ("baud=nan", "baud"),
+        ("baud=999", "baud"),
+        ("baud=1e9", "baud"),
+        ("rtscts=yes", "rtscts"),
+        ("low_latency=2", "low_latency"),
+        ("parity=odd", "parity"),
+    ],
+)
+def test_a_wrong_serial_option_is_named_with_the_url(query, field):
+    url = f"serial:///dev/ttyUSB0?{query}"
+    with pytest.raises(LinkError) as caught:
+        open_link(url)
+    text = one_line(caught.value)
+    assert text.startswith(url)
+    assert f"'{field}'" in text
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [
+        ("speed=fast", "speed"),
+        ("speed", "speed"),
+        ("seed=-1", "seed"),
+        ("seed=1.5", "seed"),
+        ("scl_hz=1", "scl_hz"),
+        ("baud=x", "baud"),
+        ("duration_s=nan", "duration_s"),
+        ("duration_s=0", "duration_s"),
+        ("noise_counts=inf", "noise_counts"),
+        ("clock_spread_ppm=1e6", "clock_spread_ppm"),
+        ("stimulus=", "stimulus"),
+    ],
+)
+def test_a_wrong_emulator_option_is_named_with_the_url(query, field):
+    url = f"emulator:?{query}"
+    with pytest.raises(LinkError) as caught:
+        taxel.open(url)
+    text = one_line(caught.value)
+    assert text.startswith(url)
+    assert f"'{field}'" in text
+
+
+def test_an_unknown_emulator_option_is_answered_with_all_that_are_known():
+    with pytest.raises(LinkError) as caught:
+        taxel.open("emulator:?hand=flat8")
+    text = one_line(caught.value)
+    assert "'hand'" in text
+    assert all(option in text for option in EMULATOR_OPTIONS)
+
+
+@pytest.mark.parametrize("url", ["emulator:speed=max", "emulator://host", "emulator:/a/b"])
+def test_an_emulator_has_no_place(url):
+    with pytest.raises(LinkError, match="expected emulator:"):
+        taxel.open(url)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "serial://[", "emulator://[", "serial:", "serial://", "file:", "file:a\0b", "emulator:?stimulus=%00", "foo://x",
+        "hwgrep://[", "hwgrep://no such port", "loop://?x=1", "socket://127.0.0.1", "socket://127.0.0.1:99999", "socket://",
+        "rfc2217://127.0.0.1:99999", "serial:///dev/\0",
+    ],
+)  # fmt: skip
+def test_no_url_however_broken_ends_in_a_traceback(url):
+    with pytest.raises(LinkError) as caught:
+        taxel.open(url)
+    assert not one_line(caught.value).startswith(":")  # it names something
+
+
+@pytest.mark.parametrize("url", ["serial:///dev/ttyNOPE", "/dev/ttyNOPE", "serial://dev/ttyNOPE"])
+def test_a_missing_port_is_named_as_the_user_wrote_it(url):
+    with pytest.raises(PortMissingError) as caught:
+        taxel.open(url)
+    text = one_line(caught.value)
+    assert url.removeprefix("serial:").removeprefix("//") in text
+    assert "plugged in" in text
+
+
+def test_a_missing_capture_is_named(tmp_path):
+    with pytest.raises(CaptureError, match="cannot be read") as caught:
+        taxel.open(f"file:{tmp_path / 'none.bin'}")
+    assert one_line(caught.value).startswith(str(tmp_path / "none.bin"))
+
+
+def test_a_folder_is_not_a_capture(tmp_path):
+    with pytest.raises(CaptureError, match="directory"):
+        open_link(f"file:{tmp_path}")
+
+
+def test_a_file_that_is_no_terminal_is_not_a_port(tmp_path):
+    path = Path(tmp_path / "plain")
+    path.write_bytes(b"")
+    with pytest.raises(PortMissingError) as caught:
+        open_link(f"serial://{path}")
+    assert str(path) in one_line(caught.value)
+
+
+def test_errors_of_links_can_cross_processes():
+    import pickle
+
+    for kind in (LinkError, PortMissingError, CaptureError):
+        error = pickle.loads(pickle.dumps(kind("port", "is gone")))
+        assert (type(error), error.name, error.problem, str(error)) == (kind, "port", "is gone", "port: is gone")
