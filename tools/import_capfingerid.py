@@ -143,7 +143,10 @@ def packed(name: str, recording: Recording) -> dict[str, NDArray[np.generic]]:
 
 
 def import_folder(source: Path, data: Path) -> str:
-    """Read `source`, write `capfingerid.npz` and its licence to `data`; returns what was done. Raises FormatError, OSError."""
+    """Read `source`, write `capfingerid.npz` and its licence to `data`; returns what was done.
+
+    Raises FormatError, and OSError for files that cannot be read or written.
+    """
     found = sorted((match[1], path) for path in source.iterdir() if (match := _FILE_NAME.fullmatch(path.name)))
     if not found:
         raise FormatError(f"{source}: holds no CapMatrix_<name>.txt")

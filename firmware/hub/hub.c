@@ -1,5 +1,7 @@
 #include "hub/internal.h"
 
+#define DRAIN_POLL_US 1000u
+
 uint64_t taxel_hub_clock(const struct taxel_hub *hub)
 {
     return hub->config->hal->clock_us(hub->config->hal->context);
@@ -61,13 +63,18 @@ static void take_job_outcome(struct taxel_hub *hub)
 void taxel_hub_run(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = hub->config->hal;
+    if (hub->restart_wanted) { /* nothing new is begun; what has been said goes out first */
+        if (taxel_hub_uart_pending(hub)) {
+            hal->wake_at(hal->context, taxel_hub_clock(hub) + DRAIN_POLL_US);
+        } else {
+            hal->restart(hal->context);
+        }
+        return;
+    }
     take_job_outcome(hub);
     taxel_hub_read_inbox(hub);
     if (hub->job.kind == TAXEL_JOB_NONE) {
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
-    if (hub->restart_wanted && !taxel_hub_uart_pending(hub)) {
-        hal->restart(hal->context);
-    }
 }

@@ -104,8 +104,8 @@ static void stop_ends_and_start_begins_the_stream(void)
     end();
 }
 
-/* START while any transfer of an idle or of a streaming hub is in flight: cycle 0 still polls every board. */
-static void a_start_at_any_time_polls_every_board_in_cycle_zero(void)
+/* START while any transfer of an idle or of a streaming hub is in flight: the first cycle still polls every board. */
+static void a_start_at_any_time_polls_every_board_in_its_first_cycle(void)
 {
     for (uint64_t after = 0; after < 30; after++) {
         begin(true);
@@ -119,7 +119,6 @@ static void a_start_at_any_time_polls_every_board_in_cycle_zero(void)
         fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, stop, sizeof stop);
         fake_hub_forget_frames(&fake);
         fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, start, sizeof start);
-        CHECK_EQUAL(fake.hub.cycle.number, 0);
         CHECK(fake_hub_run_cycles(&fake, 1));
         for (uint8_t i = 0; i < 3; i++) {
             CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + i)) >= 1);
@@ -247,7 +246,7 @@ int main(void)
     RUN(versions_are_negotiated);
     RUN(wrong_lengths_and_unknown_commands_are_refused);
     RUN(stop_ends_and_start_begins_the_stream);
-    RUN(a_start_at_any_time_polls_every_board_in_cycle_zero);
+    RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);
     RUN(pass_through_reads_and_writes);
     RUN(pass_through_refuses_what_it_cannot_do);
     RUN(pass_through_tells_how_it_failed);

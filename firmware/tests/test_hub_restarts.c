@@ -97,7 +97,7 @@ static void board_info_is_right_whenever_it_is_asked_for(void)
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {0};
     const struct taxel_scan_settings wanted = {80, 40, 1, 12, 96};
     const uint8_t all[1] = {0};
-    for (uint64_t after = 0; after < 12; after++) {
+    for (uint64_t after = 0; after < 40; after++) {
         begin(2);
         taxel_scan_settings_pack(&wanted, arguments + 1);
         CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments), 0);

@@ -58,9 +58,7 @@ class Codec:
             getattr(self.library, f"taxel_batch_{name}").restype = ctypes.c_size_t
         self.library.taxel_batch_decode.restype = ctypes.c_size_t
         self.library.taxel_batch_discarded_bytes.restype = ctypes.c_uint64
-        assert self.library.taxel_batch_row_size() == ctypes.sizeof(Row), (
-            "batch.h has another row than this test"
-        )
+        assert self.library.taxel_batch_row_size() == ctypes.sizeof(Row), "batch.h has another row than this test"
         self._batch = ctypes.create_string_buffer(self.library.taxel_batch_struct_size())
         self._rows = (Row * ROWS)()
         self._counts = (ctypes.c_uint16 * COUNTS)()
@@ -96,9 +94,7 @@ class Codec:
             taken = 0
             while taken < len(piece):
                 rest = piece[taken:]
-                taken += self.library.taxel_batch_decode(
-                    self._batch, rest, ctypes.c_size_t(len(rest)), *self._output()
-                )
+                taken += self.library.taxel_batch_decode(self._batch, rest, ctypes.c_size_t(len(rest)), *self._output())
                 frames += self._found()
         self.library.taxel_batch_finish(self._batch, *self._output())
         self.discarded_bytes = self.library.taxel_batch_discarded_bytes(self._batch)

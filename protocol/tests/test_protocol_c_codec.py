@@ -45,9 +45,7 @@ def test_c_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None
 
 @every_stream
 @pytest.mark.parametrize("piece", [1, 7, 509, 1 << 20])
-def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(
-    codec: Any, vector: dict[str, Any], piece: int
-) -> None:
+def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: dict[str, Any], piece: int) -> None:
     stream = bytes.fromhex(vector["stream"])
     pieces = [stream[i : i + piece] for i in range(0, len(stream), piece)]
     found = codec.decode(pieces, vector["directions"])

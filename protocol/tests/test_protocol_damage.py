@@ -19,9 +19,7 @@ from taxel_protocol.names import FrameType
 
 Frame = tuple[int, int, bytes]
 EXAMPLES = int(os.environ.get("TAXEL_DAMAGE_EXAMPLES", "4000"))
-thorough = settings(
-    max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
-)
+thorough = settings(max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 some = settings(thorough, max_examples=max(EXAMPLES // 4, 1))
 
 
@@ -38,9 +36,7 @@ class Damage:
 
 
 damages = st.lists(
-    st.builds(
-        Damage, st.sampled_from(["flip", "drop", "insert"]), st.integers(0, 1 << 20), st.integers(0, 255)
-    ),
+    st.builds(Damage, st.sampled_from(["flip", "drop", "insert"]), st.integers(0, 1 << 20), st.integers(0, 255)),
     min_size=1,
     max_size=2,
 )
@@ -108,10 +104,7 @@ def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]
 def allowed_outputs(frames: list[Frame], touched: set[int]) -> list[list[Frame]]:
     """Every untouched frame in order, with any of the touched ones."""
     subsets = chain.from_iterable(combinations(sorted(touched), n) for n in range(len(touched) + 1))
-    return [
-        [frame for i, frame in enumerate(frames) if i not in touched or i in kept]
-        for kept in map(set, subsets)
-    ]
+    return [[frame for i, frame in enumerate(frames) if i not in touched or i in kept] for kept in map(set, subsets)]
 
 
 def cut(stream: bytes, cuts: list[int]) -> list[bytes]:
@@ -136,9 +129,7 @@ def test_untouched_frames_come_out_and_no_other(
 
 
 @some
-@given(
-    frames=frame_lists(), cuts=st.lists(st.integers(0, 1 << 20), max_size=6), garbage=st.binary(max_size=1500)
-)
+@given(frames=frame_lists(), cuts=st.lists(st.integers(0, 1 << 20), max_size=6), garbage=st.binary(max_size=1500))
 def test_frames_come_out_of_garbage(codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes) -> None:
     stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
     found = reference_frames(cut(stream, cuts))

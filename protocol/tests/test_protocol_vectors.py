@@ -80,9 +80,7 @@ def packed(vector: Mapping[str, Any]) -> bytes:
     definition = FRAMES[FrameType(vector["type"])].payload
     flat = flat_of(vector)
     if vector["type"] == FrameType.TAXELS:
-        return pack(
-            definition, flat, counts_bytes(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little")
-        )
+        return pack(definition, flat, counts_bytes(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little"))
     return pack(definition, flat, flat["tail"])
 
 
@@ -139,9 +137,7 @@ def test_structs_inside_a_tail_give_its_bytes(vector: dict[str, Any]) -> None:
     data = pack(definition, values_of(inner["fields"]), bytes.fromhex(inner["tail"]))
     assert data.hex() == vector["tail"]
     assert (
-        definition.build(
-            nested(definition, values_of(inner["fields"]) | {"tail": bytes.fromhex(inner["tail"])})
-        )
+        definition.build(nested(definition, values_of(inner["fields"]) | {"tail": bytes.fromhex(inner["tail"])}))
         == data
     )
 
@@ -168,9 +164,7 @@ def test_register_bytes(vector: dict[str, Any]) -> None:
 def test_vectors_hold_every_frame_type_from_shortest_to_longest() -> None:
     for frame_type, spec in FRAMES.items():
         sizes = [
-            len(p.values[0]["payload"]) // 2
-            for p in vectors("frames", "frames")
-            if p.values[0]["type"] == frame_type
+            len(p.values[0]["payload"]) // 2 for p in vectors("frames", "frames") if p.values[0]["type"] == frame_type
         ]
         assert (min(sizes), max(sizes)) == (spec.minimum, spec.maximum), frame_type.name
 
@@ -199,7 +193,5 @@ def test_stuffing_is_undone(length: int, zero_at: int | None) -> None:
 @pytest.mark.parametrize("generator", GENERATORS)
 def test_generated_files_are_not_stale(generator: str) -> None:
     script = ROOT / "tools" / "codegen" / generator
-    result = subprocess.run(
-        [sys.executable, str(script), "--check"], capture_output=True, text=True, timeout=60
-    )
+    result = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, timeout=60)
     assert result.returncode == 0, result.stderr

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from importlib.resources import files
+from io import BytesIO
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
@@ -70,7 +71,6 @@ def load_recording(name: str) -> TouchRecording:
 
 
 def _open() -> NpzFile:
-    file = files("taxel.recording").joinpath("data", _FILE).open("rb")
-    archive: NpzFile = np.load(file, allow_pickle=False)
-    archive.fid = file  # closed with the archive
+    packed = files("taxel.recording").joinpath("data", _FILE).read_bytes()
+    archive: NpzFile = np.load(BytesIO(packed), allow_pickle=False)
     return archive

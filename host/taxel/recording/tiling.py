@@ -1,9 +1,9 @@
 """A touch panel's cells laid over the taxels of a hand.
 
-A recording from a panel has to go through several boards. The panel is cut into equal rectangles, and each is laid on a
-window of a board where every crossing is a taxel: what touched neighbouring cells touches neighbouring taxels, panel rows
-along TX, panel columns along RX. The largest rectangle that fits is taken; windows are found board by board in the order of
-the taxels, TX by TX, so the same hand always gives the same tiling.
+A recording from a panel has to go through several boards. The panel is cut into equal rectangles, and each is laid on
+a window of a board where every crossing is a taxel: what touched neighbouring cells touches neighbouring taxels, panel
+rows along TX, panel columns along RX. The largest rectangle that fits is taken; windows are taken board by board in the
+order of addresses, on a board lowest RX first, then lowest TX, so the same hand always gives the same tiling.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ BOARDS_MIN = 4
 """A touch has to cross from board to board: no board takes more than a quarter of the tiles."""
 
 REST_COUNTS = 2440
-"""Raw count of a taxel that nothing touches: about the mean of the emulated front end (firmware/emulator/front_end.c)."""
+"""Raw count of an untouched taxel: about the mean of the emulated front end (firmware/emulator/front_end.c)."""
 
 RAW_COUNT_MAX = 65_535
 
@@ -60,8 +60,9 @@ class Tiling:
             if len(tiles) >= needed:
                 return cls(hand.n_taxels, _cells_of(np.stack(tiles[:needed]), shape), shape)
         raise RecordingError(
-            f"hand '{hand.name}' is too small for a panel of {ROWS} x {COLUMNS} cells: expected {ROWS * COLUMNS} taxels "
-            f"with no more than a quarter of them on one board, found {hand.n_taxels} on {len(hand.boards)} boards; use a larger hand"
+            f"hand '{hand.name}' is too small for a panel of {ROWS} x {COLUMNS} cells: expected {ROWS * COLUMNS} "
+            f"taxels with no more than a quarter of them on one board, found {hand.n_taxels} on {len(hand.boards)} "
+            "boards; use a larger hand"
         )
 
     def spread(self, values: npt.ArrayLike) -> NDArray[np.int64]:
@@ -74,8 +75,9 @@ class Tiling:
         return result
 
     def to_counts(self, values: npt.ArrayLike, rest: int = REST_COUNTS) -> NDArray[np.uint16]:
-        """Raw counts u16[T, n_taxels] of panel values [T, 27, 15]: rest - value, clipped to 0..65,535; other taxels rest.
+        """Raw counts u16[T, n_taxels] of panel values [T, 27, 15]: rest - value, clipped to 0..65,535.
 
+        Taxels without a cell have `rest`.
         Raises ValueError for a wrong shape or dtype, or a rest outside 0..65,535.
         """
         if not 0 <= rest <= RAW_COUNT_MAX:
@@ -84,7 +86,10 @@ class Tiling:
         return counts
 
     def from_counts(self, counts: npt.ArrayLike, rest: int = REST_COUNTS) -> NDArray[np.int64]:
-        """Panel values int64[T, 27, 15] = rest - count of raw counts [T, n_taxels]. Raises ValueError for another shape."""
+        """Panel values int64[T, 27, 15] = rest - count of raw counts [T, n_taxels].
+
+        Raises ValueError for another shape.
+        """
         raw = np.asarray(counts)
         if raw.ndim != 2 or raw.shape[1] != self.n_taxels:
             raise ValueError(f"counts: expected [T, {self.n_taxels}], found {raw.shape}")
@@ -93,7 +98,7 @@ class Tiling:
 
 
 def _tile_shapes() -> list[tuple[int, int]]:
-    """Rectangles that divide the panel into `BOARDS_MIN` tiles or more, largest first, the squarer first among equals."""
+    """Rectangles that divide the panel into `BOARDS_MIN` tiles or more: largest first, squarer first among equals."""
     shapes = product(
         [rows for rows in range(1, ROWS + 1) if ROWS % rows == 0],
         [columns for columns in range(1, COLUMNS + 1) if COLUMNS % columns == 0],
@@ -110,7 +115,8 @@ def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> It
     taxel = np.full(free.shape, -1, dtype=np.int64)
     taxel[free] = np.arange(hand.n_taxels)[hand.slice_of(board.address)]
     found = 0
-    for tx, rx in np.argwhere(sliding_window_view(free, shape).all(axis=(2, 3))).tolist():
+    windows = sliding_window_view(free, shape).all(axis=(2, 3))
+    for rx, tx in np.argwhere(windows.T).tolist():
         window = (slice(tx, tx + shape[0]), slice(rx, rx + shape[1]))
         if found < most and free[window].all():
             free[window] = False

@@ -28,7 +28,10 @@ from taxel_protocol.layout import pack
 
 REPLY_TIMEOUT_S = 1.0
 ATTEMPTS = 4
+REBOOT_TIMEOUT_S = 5.0
 KEPT_MESSAGES = 1024
+
+_GREETING_OF_ITS_OWN = 0  # key of the HUB_HELLO that nobody asked for: tag 0
 
 
 class HubError(TaxelError):
@@ -165,5 +168,11 @@ class HubClient:
         self.command(Command.SET_SCAN_SETTINGS, pack(SetScanSettingsArguments, fields))
 
     def reboot(self) -> None:
-        """Restart the hub; it must be greeted again."""
+        """Restart the hub and wait until it is back; it must be greeted again. Raises `HubError` if it stays away."""
+        self._replies.pop(_GREETING_OF_ITS_OWN, None)
         self.command(Command.REBOOT)
+        deadline = time.monotonic() + REBOOT_TIMEOUT_S
+        while _GREETING_OF_ITS_OWN not in self._replies:
+            if time.monotonic() > deadline:
+                raise HubError(f"{self._link.name}: the hub has not come back from a reboot; check its power")
+            self.stream.poll(0.02)

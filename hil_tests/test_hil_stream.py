@@ -1,0 +1,58 @@
+"""Frames of every board flow, in order, and none is lost."""
+
+import itertools
+
+import numpy as np
+from taxel.skin import Skin
+
+SECONDS_OF_SCANS = 60
+
+
+def test_no_frame_is_lost_in_sixty_scans(skin: Skin) -> None:
+    for _ in itertools.islice(skin.scans(), SECONDS_OF_SCANS):
+        pass
+    assert skin.losses.lost_on_wire == 0
+    assert {address: count.missing for address, count in skin.losses.boards.items()} == {
+        board.address: 0 for board in skin.hand.boards
+    }
+
+
+def test_every_scan_holds_every_board(skin: Skin) -> None:
+    scans = list(itertools.islice(skin.scans(), 10))
+    assert all(scan.valid.all() for scan in scans[1:])
+
+
+def test_board_timestamps_and_cycles_go_forward(skin: Skin) -> None:
+    last: dict[int, tuple[int, int]] = {}
+    for frame in itertools.islice(skin, 200):
+        if frame.address in last:
+            cycle, board_time = last[frame.address]
+            assert (frame.cycle - cycle) % 65536 == 1
+            assert 0 < (frame.board_time_us - board_time) % 2**32 < 1_000_000
+        last[frame.address] = (frame.cycle, frame.board_time_us)
+
+
+def test_the_hub_accounts_for_every_poll(skin: Skin) -> None:
+    for _ in itertools.islice(skin.scans(), 30):
+        pass
+    skin.hub.read_status()
+    for fields in skin.hub.board_status.values():
+        outcomes = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
+        in_flight = fields["polls"] - sum(fields[name] for name in outcomes)
+        assert in_flight in {0, 1}, fields
+
+
+def test_a_rate_limit_is_kept(skin: Skin) -> None:
+    skin.hub.set_rate(5.0)
+    times = [scan.time_s for scan in itertools.islice(skin.scans(), 24)][12:]
+    assert np.isclose(np.median(np.diff(times)), 0.2, rtol=0.05)
+
+
+def test_a_rebooted_hub_is_found_again(skin: Skin) -> None:
+    skin.hub.reboot()
+    skin.hub.greet()
+    skin.hub.read_boards()
+    skin.hub.start()
+    for _ in itertools.islice(skin.scans(), 5):
+        pass
+    assert skin.losses.restarts >= 1

@@ -1,0 +1,119 @@
+"""Frames as a hub would send them, and links that give prepared chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+from taxel_protocol import FrameType, crc32, encode_frame
+from taxel_protocol.frames import FRAMES, TaxelHeader
+from taxel_protocol.layout import pack
+from taxel_protocol.registers import SnapshotHeader
+
+from taxel.link import Chunk
+
+
+class Hub:
+    """Encodes frames with sequence numbers that go on, as a hub does."""
+
+    def __init__(self, sequence: int = 0) -> None:
+        self.sequence = sequence
+
+    def frame(self, kind: FrameType, payload: bytes) -> bytes:
+        data = encode_frame(kind, self.sequence, payload)
+        self.sequence = (self.sequence + 1) % 65536
+        return data
+
+    def message(self, kind: FrameType, tail: bytes = b"", **fields: object) -> bytes:
+        return self.frame(kind, pack(FRAMES[kind].payload, fields, tail))
+
+    def taxels(
+        self, address: int, cycle: int, counts: Iterable[int] = (1, 2, 3), board_sequence: int = 0, board_us: int = 0,
+        hub_us: int = 0, damage: int = 0,
+    ) -> bytes:  # fmt: skip
+        values = np.asarray(list(counts), dtype="<u2")
+        snapshot = pack(
+            SnapshotHeader, {"sequence": board_sequence % 65536, "timestamp_us": board_us % 2**32}, values.tobytes()
+        )
+        crc = crc32(bytes([address]) + snapshot) ^ damage
+        header = {"address": address, "taxel_count": len(values), "cycle": cycle % 65536, "hub_time_us": hub_us % 2**32}
+        return self.frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
+
+    def hello(self, tag: int = 0, uptime_us: int = 0) -> bytes:
+        fields = {name: 0 for name in ("reset_cause", "firmware_major", "firmware_minor", "firmware_patch")}
+        fields |= {"tag": tag, "version_min": 1, "version_max": 1, "version_chosen": 1, "unique_id": bytes(8)}
+        return self.message(FrameType.HUB_HELLO, **fields, uptime_us=uptime_us)
+
+    def log(self, text: bytes = b"x") -> bytes:
+        return self.message(FrameType.LOG, text, level=1, code=0, hub_time_us=0)
+
+    def sync(self, address: int, board_us: int, hub_us: int) -> bytes:
+        return self.message(FrameType.TIME_SYNC, address=address, board_time_us=board_us % 2**32, hub_time_us=hub_us)
+
+
+class PreparedLink:
+    """Gives prepared chunks. With `one_at_a_time` each is all that there is when the reader looks, as with a live port."""
+
+    name = "prepared"
+    is_recorded = True
+
+    def __init__(
+        self, chunks: Iterable[Chunk], end: Exception | None = None, one_at_a_time: bool = False, paced: bool = True
+    ) -> None:
+        self._chunks = iter(chunks)
+        self._end = end or EOFError()
+        self._one_at_a_time = one_at_a_time
+        self._pause = False
+        self.is_real_time = False
+        self.is_recorded = paced
+        self.baud = 1e6
+        self.closed = False
+
+    def read(self, timeout_s: float) -> Chunk | None:
+        if self._one_at_a_time:
+            self._pause = not self._pause
+            if not self._pause:
+                return None
+        chunk = next(self._chunks, None)
+        if chunk is None:
+            raise self._end
+        return chunk
+
+    def write(self, data: bytes) -> None:
+        raise AssertionError("nobody writes to prepared chunks")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def hub() -> Hub:
+    return Hub()
+
+
+@pytest.fixture
+def make_hub() -> type[Hub]:
+    return Hub
+
+
+@pytest.fixture
+def prepared() -> type[PreparedLink]:
+    return PreparedLink
+
+
+@pytest.fixture
+def cut() -> Callable[..., list[Chunk]]:
+    """Divide bytes into chunks of the given sizes, which repeat."""
+
+    def divide(data: bytes, sizes: Iterable[int] = (1000,), arrival_ns: int = 0) -> list[Chunk]:
+        chunks = []
+        sizes = list(sizes)
+        position = 0
+        while position < len(data):
+            size = sizes[len(chunks) % len(sizes)]
+            chunks.append(Chunk(data[position : position + size], arrival_ns))
+            position += size
+        return chunks
+
+    return divide

@@ -1,0 +1,167 @@
+"""The ring buffer against a simple model: first in, first out, never more than its capacity, every lost byte counted."""
+
+from __future__ import annotations
+
+import random
+import threading
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from taxel.link import Chunk, PortVanishedError
+from taxel.stream import RingBuffer
+
+PATIENCE_S = 20.0
+
+
+class RingAgainstModel(RuleBasedStateMachine):
+    """The model is a list of (byte, arrival) pairs."""
+
+    @initialize(capacity=st.integers(1, 40), drop_oldest=st.booleans())
+    def begin(self, capacity, drop_oldest):
+        self.capacity = capacity
+        self.drop_oldest = drop_oldest
+        self.ring = RingBuffer(capacity, drop_oldest)
+        self.model = []
+        self.lost = 0
+        self.written = 0
+        self.read_bytes = 0
+        self.arrival = 0
+        self.failure = None
+
+    @rule(data=st.binary(max_size=100), same_time=st.booleans())
+    def write(self, data, same_time):
+        if not self.drop_oldest:
+            data = data[: self.capacity - len(self.model)]  # more would wait for a reader
+        self.arrival += not same_time
+        self.ring.write(Chunk(data, self.arrival))
+        self.written += len(data)
+        self.model += [(byte, self.arrival) for byte in data]
+        excess = max(len(self.model) - self.capacity, 0)
+        del self.model[:excess]
+        self.lost += excess
+
+    @rule()
+    @precondition(lambda self: self.model)
+    def read(self):
+        chunks = self.ring.read(0.0)
+        assert [(byte, chunk.arrival_ns) for chunk in chunks for byte in chunk.data] == self.model
+        assert all(chunk.data for chunk in chunks)
+        self.read_bytes += len(self.model)
+        self.model = []
+
+    @rule()
+    @precondition(lambda self: not self.model)
+    def read_nothing(self):
+        if self.failure is None:
+            assert self.ring.read(0.0) == []
+        else:
+            with pytest.raises(PortVanishedError) as caught:
+                self.ring.read(0.0)
+            assert caught.value is self.failure
+
+    @rule()
+    @precondition(lambda self: self.failure is None)
+    def fail(self):
+        self.failure = PortVanishedError("port", "is gone")
+        self.ring.fail(self.failure)
+
+    @invariant()
+    def every_byte_is_somewhere(self):
+        assert len(self.ring) == len(self.model) <= self.capacity
+        assert self.ring.overrun_bytes == self.lost
+        assert self.written == self.read_bytes + self.lost + len(self.ring)
+
+
+RingAgainstModel.TestCase.settings = settings(max_examples=150, stateful_step_count=30, deadline=None)
+TestRingAgainstModel = RingAgainstModel.TestCase
+
+
+def run_writer(ring, data, sizes, end=None):
+    """A thread that writes `data` in pieces, then ends the ring."""
+
+    def write():
+        position = 0
+        for number in range(len(data)):
+            if position >= len(data):
+                break
+            size = sizes[number % len(sizes)]
+            ring.write(Chunk(data[position : position + size], number))
+            position += size
+        ring.fail(end or EOFError())
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    return thread
+
+
+def read_to_the_end(ring):
+    data, arrivals = bytearray(), []
+    while True:
+        try:
+            chunks = ring.read(PATIENCE_S)
+        except Exception as end:
+            return bytes(data), arrivals, end
+        assert chunks, "the writer has stopped without a word"
+        assert sum(len(chunk.data) for chunk in chunks) <= 4096
+        for chunk in chunks:
+            data += chunk.data
+            arrivals.append(chunk.arrival_ns)
+
+
+@pytest.mark.parametrize("capacity", [1, 7, 64, 4096])
+def test_a_waiting_writer_loses_nothing(capacity):
+    random_bytes = random.Random(capacity).randbytes(100 * capacity + 50)
+    ring = RingBuffer(capacity, drop_oldest=False)
+    thread = run_writer(ring, random_bytes, [3, 1, 500, 64])
+    data, arrivals, end = read_to_the_end(ring)
+    thread.join(PATIENCE_S)
+    assert data == random_bytes
+    assert arrivals == sorted(arrivals)
+    assert isinstance(end, EOFError)
+    assert ring.overrun_bytes == 0
+
+
+def test_a_writer_that_never_waits_loses_only_what_is_counted():
+    size = 200_000
+    ring = RingBuffer(512)
+    thread = run_writer(ring, random.Random(5).randbytes(size), [40, 700, 3])
+    data, arrivals, _ = read_to_the_end(ring)
+    thread.join(PATIENCE_S)
+    assert len(data) + ring.overrun_bytes == size
+    assert arrivals == sorted(arrivals)
+
+
+def test_the_newest_bytes_are_the_ones_kept():
+    ring = RingBuffer(10)
+    ring.write(Chunk(b"0123456789abc", 1))
+    ring.write(Chunk(b"de", 2))
+    assert ring.read(0.0) == [Chunk(b"56789abc", 1), Chunk(b"de", 2)]
+    assert ring.overrun_bytes == 5
+
+
+def test_a_reader_is_woken_by_a_failure():
+    ring = RingBuffer(10)
+    failure = PortVanishedError("port", "is gone")
+    timer = threading.Timer(0.05, ring.fail, [failure])
+    timer.start()
+    with pytest.raises(PortVanishedError):
+        ring.read(PATIENCE_S)
+    timer.join()
+
+
+def test_a_waiting_writer_goes_home_when_the_reader_has_closed():
+    ring = RingBuffer(4, drop_oldest=False)
+    thread = run_writer(ring, bytes(100), [100])
+    ring.read(PATIENCE_S)
+    ring.close()
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("capacity", [0, -1])
+def test_a_ring_holds_at_least_a_byte(capacity):
+    with pytest.raises(ValueError, match="at least 1 byte"):
+        RingBuffer(capacity)

@@ -1,0 +1,90 @@
+"""The tables of SPEC.md say what the definitions say."""
+
+import re
+from pathlib import Path
+
+import pytest
+from construct import Struct
+
+from taxel_protocol import frames, names, registers
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import fields_of
+
+SPEC = (Path(__file__).resolve().parents[1] / "SPEC.md").read_text()
+MODULES = {"frames": frames, "registers": registers}
+TAXELS_AS_TEXT = {"Taxels"}  # a header and a snapshot, which have tables of their own
+NAMED_IN_TEXT = {"FrameType", "LogLevel"}
+
+
+def table_after(mark: str) -> list[list[str]]:
+    """Cells of the rows of the table that follows `<!-- mark -->`."""
+    _, found, rest = SPEC.partition(f"<!-- {mark} -->")
+    assert found, f"SPEC.md has no table marked {mark}"
+    lines = rest.lstrip().splitlines()
+    rows = [line for line in lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]]
+    return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
+
+
+def structs() -> dict[str, Struct]:
+    found = {}
+    for module_name, module in MODULES.items():
+        for name, value in vars(module).items():
+            is_own = f"\n{name} = Struct(" in Path(str(module.__file__)).read_text()
+            if isinstance(value, Struct) and is_own and name not in TAXELS_AS_TEXT:
+                found[f"{module_name}.{name}"] = value
+    return found
+
+
+def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, str]]:
+    """(offset, size, field) of the rows, with the fields of a nested struct in place of its one row."""
+    nested = {renamed.name: renamed.subcon for renamed in definition.subcons if isinstance(renamed.subcon, Struct)}
+    fields: list[tuple[int, int, str]] = []
+    for offset, size, name, *_ in rows:
+        if name in nested:
+            inner = fields_of(nested[name])
+            assert sum(field.size for field in inner) == int(size), name
+            fields += [(int(offset) + field.offset, field.size, f"{name}_{field.name}") for field in inner]
+        else:
+            fields.append((int(offset), int(size), name))
+    return fields
+
+
+@pytest.mark.parametrize("name", structs())
+def test_layout_tables(name: str) -> None:
+    definition = structs()[name]
+    expected = [(field.offset, field.size, field.name) for field in fields_of(definition)]
+    assert expanded(definition, table_after(f"layout: {name}")) == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name for name, value in vars(names).items() if isinstance(value, type) and value.__module__ == names.__name__],
+)
+def test_tables_of_names(name: str) -> None:
+    if name in NAMED_IN_TEXT:
+        return
+    rows = table_after(f"names: {name}")
+    assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in getattr(names, name)}
+
+
+def test_table_of_frames() -> None:
+    rows = {int(row[0], 16): (row[1], row[2]) for row in table_after("frames")}
+    for frame_type, spec in frames.FRAMES.items():
+        sizes = f"{spec.minimum}" if spec.minimum == spec.maximum else f"{spec.minimum} to {spec.maximum}"
+        assert rows.pop(frame_type) == (frame_type.name, sizes)
+    assert not rows
+
+
+def test_example_frame_is_a_vector() -> None:
+    from taxel_protocol.framing import encode_frame, whiten
+
+    lines = {
+        word: bytes.fromhex(text)
+        for word, text in re.findall(r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC, re.M)
+    }
+    assert encode_frame(names.FrameType.HOST_HELLO, 0, bytes([7, 1, 1])) == lines["wire"]
+    assert whiten(lines["body"]) == lines["whitened"]
+
+
+def test_check_value_of_the_crc() -> None:
+    assert f"0x{crc32(b'123456789'):08X}" in SPEC
