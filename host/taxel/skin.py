@@ -88,8 +88,8 @@ class Skin:
         if found != wanted or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
             raise BoardMismatchError(
                 f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand "
-                f"'{self.hand.name}' has {board.name} ({board.kind.name}: {wanted[2]} on {wanted[0]} x {wanted[1]}) there; "
-                "exchange the board or use the hand description that fits"
+                f"'{self.hand.name}' has {board.name} ({board.kind.name}: {wanted[2]} on {wanted[0]} x {wanted[1]}) "
+                "there; exchange the board or use the hand description that fits"
             )
 
     @property

@@ -54,7 +54,7 @@ ENCODED_MAX = BODY_MAX + BODY_MAX // 254 + 1
 WHITENING_SEED = 0xA5
 WHITENING_FACTOR = 5
 WHITENING_INCREMENT = 0x6B
-"""The whitening sequence is k[0] = seed, k[i+1] = (factor * k[i] + increment) mod 256: full period 256 (Hull-Dobell)."""
+"""The whitening sequence is k[0] = seed, k[i+1] = (factor * k[i] + increment) mod 256; period 256 (Hull-Dobell)."""
 
 REGISTER_IDENTITY = 0x00
 REGISTER_STATUS = 0x40

@@ -12,15 +12,58 @@ import pytest
 
 from taxel_protocol import crc32
 from taxel_protocol.frames import TaxelHeader
+from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
 from taxel_protocol.names import FrameType
 from taxel_protocol.registers import SnapshotHeader
 
 LIBRARY_VARIABLE = "TAXEL_CODEC_LIBRARY"
 BOARD_CRC_BAD = 1
-ROWS, COUNTS, PAYLOAD_BYTES = 1024, 65_536, 65_536
+ROWS, COUNTS, PAYLOAD_BYTES = 2048, 65_536, 65_536
+
+Frame = tuple[int, int, bytes]
 
 
-class Row(ctypes.Structure):
+class _Frame(ctypes.Structure):
+    """`struct taxel_frame` of firmware/codec/deframer.h."""
+
+    _fields_ = [
+        ("payload", ctypes.POINTER(ctypes.c_uint8)),
+        ("length", ctypes.c_uint16),
+        ("sequence", ctypes.c_uint16),
+        ("type", ctypes.c_uint8),
+    ]
+
+
+_Handler = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
+
+
+class _DeframerConfig(ctypes.Structure):
+    """`struct taxel_deframer_config`."""
+
+    _fields_ = [
+        ("chunk", ctypes.c_void_p),
+        ("chunk_capacity", ctypes.c_size_t),
+        ("body", ctypes.c_void_p),
+        ("payload_max", ctypes.c_uint16),
+        ("directions", ctypes.c_uint8),
+        ("handler", _Handler),
+        ("context", ctypes.c_void_p),
+    ]
+
+
+class _Deframer(ctypes.Structure):
+    """`struct taxel_deframer`."""
+
+    _fields_ = [
+        ("config", _DeframerConfig),
+        ("fill", ctypes.c_size_t),
+        ("position", ctypes.c_uint64),
+        ("discarded_bytes", ctypes.c_uint64),
+        ("frames", ctypes.c_uint64),
+    ]
+
+
+class _Row(ctypes.Structure):
     """`struct taxel_batch_row` of firmware/codec/batch.h."""
 
     _fields_ = [
@@ -32,6 +75,8 @@ class Row(ctypes.Structure):
         ("sequence", ctypes.c_uint16),
         ("cycle", ctypes.c_uint16),
         ("board_sequence", ctypes.c_uint16),
+        ("lost_before", ctypes.c_uint16),
+        ("missing_before", ctypes.c_uint16),
         ("type", ctypes.c_uint8),
         ("address", ctypes.c_uint8),
         ("flags", ctypes.c_uint8),
@@ -39,90 +84,135 @@ class Row(ctypes.Structure):
     ]
 
 
-@dataclass(frozen=True)
-class Seen:
-    """A decoded frame as the batch decoder shows it: of a taxel frame all but the board's CRC itself."""
+class _Output(ctypes.Structure):
+    """`struct taxel_batch_output`."""
 
-    type: int
+    _fields_ = [
+        ("taxels", ctypes.POINTER(_Row)),
+        ("others", ctypes.POINTER(_Row)),
+        ("counts", ctypes.POINTER(ctypes.c_uint16)),
+        ("payloads", ctypes.POINTER(ctypes.c_uint8)),
+        ("row_capacity", ctypes.c_size_t),
+        ("count_capacity", ctypes.c_size_t),
+        ("payload_capacity", ctypes.c_size_t),
+        ("taxel_count", ctypes.c_size_t),
+        ("other_count", ctypes.c_size_t),
+        ("count_count", ctypes.c_size_t),
+        ("payload_count", ctypes.c_size_t),
+    ]
+
+
+@dataclass(frozen=True)
+class Taxels:
+    """A taxel frame as a batch shows it: everything but the board's CRC itself."""
+
     sequence: int
-    payload: bytes
+    payload_without_crc: bytes
     board_crc_ok: bool
 
 
+@dataclass
+class Batch:
+    """What a batch decoder found, taxel frames and others apart, each in order."""
+
+    taxels: list[Taxels]
+    others: list[Frame]
+
+
 class Codec:
-    """The C codec: one call encodes a frame, one decodes a stream that arrives in pieces."""
+    """The C codec: encode a frame, decode a stream that arrives in pieces, frame by frame or as a batch."""
 
     def __init__(self, path: Path) -> None:
         self.library = ctypes.CDLL(str(path))
-        for name in ("struct_size", "row_size", "encode"):
+        for name in ("struct_size", "row_size", "encode", "decode"):
             getattr(self.library, f"taxel_batch_{name}").restype = ctypes.c_size_t
-        self.library.taxel_batch_decode.restype = ctypes.c_size_t
-        self.library.taxel_batch_discarded_bytes.restype = ctypes.c_uint64
-        assert self.library.taxel_batch_row_size() == ctypes.sizeof(Row), "batch.h has another row than this test"
+        row_size = self.library.taxel_batch_row_size()
+        assert row_size == ctypes.sizeof(_Row), f"{path}: batch.h has another row than this test"
         self._batch = ctypes.create_string_buffer(self.library.taxel_batch_struct_size())
-        self._rows = (Row * ROWS)()
-        self._counts = (ctypes.c_uint16 * COUNTS)()
-        self._payloads = (ctypes.c_uint8 * PAYLOAD_BYTES)()
-        self._row_count = ctypes.c_size_t()
+        self._arrays = (
+            (_Row * ROWS)(),
+            (_Row * ROWS)(),
+            (ctypes.c_uint16 * COUNTS)(),
+            (ctypes.c_uint8 * PAYLOAD_BYTES)(),
+        )
         self.discarded_bytes = 0
-
-    @staticmethod
-    def seen(frame: tuple[int, int, bytes]) -> Seen:
-        """A frame of the reference decoder, in the batch decoder's terms."""
-        frame_type, sequence, payload = frame
-        if frame_type != FrameType.TAXELS:
-            return Seen(frame_type, sequence, payload, True)
-        expected = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
-        return Seen(frame_type, sequence, payload[:-4], expected == int.from_bytes(payload[-4:], "little"))
 
     def encode(self, frame_type: int, sequence: int, payload: bytes) -> bytes:
         out = ctypes.create_string_buffer(1024)
-        size = self.library.taxel_batch_encode(
-            ctypes.c_uint8(frame_type),
-            ctypes.c_uint16(sequence),
-            payload,
-            ctypes.c_uint16(len(payload)),
-            out,
-            ctypes.c_size_t(len(out)),
-        )
+        numbers = (ctypes.c_uint8(frame_type), ctypes.c_uint16(sequence))
+        length = ctypes.c_uint16(len(payload))
+        size = self.library.taxel_batch_encode(*numbers, payload, length, out, ctypes.c_size_t(len(out)))
         return out.raw[:size]
 
-    def decode(self, pieces: Iterable[bytes], directions: int = 3) -> list[Seen]:
-        frames: list[Seen] = []
+    def decode(self, pieces: Iterable[bytes], directions: int = 3) -> list[Frame]:
+        """Frames of the deframer, as the hub and the batch decoder use it."""
+        frames: list[Frame] = []
+
+        def take(_: Any, frame: Any) -> None:
+            found = frame.contents
+            frames.append((found.type, found.sequence, bytes(found.payload[: found.length])))
+
+        chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
+        body = ctypes.create_string_buffer(BODY_MAX)
+        memory = (ctypes.addressof(chunk), len(chunk), ctypes.addressof(body))
+        config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(take), None)
+        deframer = _Deframer()
+        self.library.taxel_deframer_init(ctypes.byref(deframer), ctypes.byref(config))
+        for piece in pieces:
+            self.library.taxel_deframer_push(ctypes.byref(deframer), piece, ctypes.c_size_t(len(piece)))
+        self.library.taxel_deframer_finish(ctypes.byref(deframer))
+        self.discarded_bytes = deframer.discarded_bytes
+        return frames
+
+    def decode_batch(self, pieces: Iterable[bytes], directions: int = 3, rows: int = ROWS) -> Batch:
+        """Frames of the batch decoder, which is told that each array of rows has room for `rows`."""
+        batch = Batch([], [])
         self.library.taxel_batch_init(self._batch, ctypes.c_uint8(directions))
         for piece in pieces:
             taken = 0
             while taken < len(piece):
                 rest = piece[taken:]
-                taken += self.library.taxel_batch_decode(self._batch, rest, ctypes.c_size_t(len(rest)), *self._output())
-                frames += self._found()
-        self.library.taxel_batch_finish(self._batch, *self._output())
-        self.discarded_bytes = self.library.taxel_batch_discarded_bytes(self._batch)
-        return frames + self._found()
+                output = self._output(rows)
+                taken += self.library.taxel_batch_decode(
+                    self._batch, rest, ctypes.c_size_t(len(rest)), ctypes.byref(output)
+                )
+                self._collect(output, batch)
+        output = self._output(rows)
+        self.library.taxel_batch_finish(self._batch, ctypes.byref(output))
+        self._collect(output, batch)
+        return batch
 
-    def _output(self) -> tuple[Any, ...]:
-        sizes = (ctypes.c_size_t(size) for size in (ROWS, COUNTS, PAYLOAD_BYTES))
-        pairs = zip((self._rows, self._counts, self._payloads), sizes, strict=True)
-        return (*(part for pair in pairs for part in pair), ctypes.byref(self._row_count))
+    def _output(self, rows: int) -> _Output:
+        taxels, others, counts, payloads = self._arrays
+        return _Output(taxels, others, counts, payloads, rows, COUNTS, PAYLOAD_BYTES)
 
-    def _found(self) -> list[Seen]:
-        return [self._seen(self._rows[i]) for i in range(self._row_count.value)]
+    def _collect(self, output: _Output, batch: Batch) -> None:
+        assert max(output.taxel_count, output.other_count) <= output.row_capacity, "rows beyond the caller's array"
+        batch.taxels += [self._taxels(output, output.taxels[i]) for i in range(output.taxel_count)]
+        for i in range(output.other_count):
+            row = output.others[i]
+            batch.others.append((row.type, row.sequence, bytes(output.payloads[row.offset : row.offset + row.size])))
 
-    def _seen(self, row: Row) -> Seen:
-        if row.type != FrameType.TAXELS:
-            payload = bytes(self._payloads[row.offset : row.offset + row.size])
-            return Seen(row.type, row.sequence, payload, True)
-        head = TaxelHeader.build(
-            {
-                "address": row.address,
-                "taxel_count": row.size,
-                "cycle": row.cycle,
-                "hub_time_us": row.hub_time_us,
-            }
-        )
-        snapshot = SnapshotHeader.build({"sequence": row.board_sequence, "timestamp_us": row.board_time_us})
-        counts = b"".join(n.to_bytes(2, "little") for n in self._counts[row.offset : row.offset + row.size])
-        return Seen(row.type, row.sequence, head + snapshot + counts, not row.flags & BOARD_CRC_BAD)
+    @staticmethod
+    def _taxels(output: _Output, row: _Row) -> Taxels:
+        head = {"address": row.address, "taxel_count": row.size, "cycle": row.cycle, "hub_time_us": row.hub_time_us}
+        snapshot = {"sequence": row.board_sequence, "timestamp_us": row.board_time_us}
+        counts = b"".join(n.to_bytes(2, "little") for n in output.counts[row.offset : row.offset + row.size])
+        payload = TaxelHeader.build(head) + SnapshotHeader.build(snapshot) + counts
+        return Taxels(row.sequence, payload, not row.flags & BOARD_CRC_BAD)
+
+    @staticmethod
+    def as_batch(frames: Iterable[Frame]) -> Batch:
+        """Frames as the batch decoder should show them."""
+        batch = Batch([], [])
+        for frame_type, sequence, payload in frames:
+            if frame_type == FrameType.TAXELS:
+                crc = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
+                is_right = crc == int.from_bytes(payload[-4:], "little")
+                batch.taxels.append(Taxels(sequence, payload[:-4], is_right))
+            else:
+                batch.others.append((frame_type, sequence, payload))
+        return batch
 
 
 def library_path() -> Path:

@@ -33,14 +33,15 @@ def test_c_encodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
 
 @every_frame
 def test_c_decodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
-    assert codec.decode([bytes.fromhex(vector["wire"])]) == [codec.seen(sent_frame(vector))]
+    assert codec.decode([bytes.fromhex(vector["wire"])]) == [sent_frame(vector)]
     assert codec.discarded_bytes == 0
 
 
 @every_frame
-def test_c_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
-    (frame,) = codec.decode([bytes.fromhex(vector["wire"])])
-    assert frame.board_crc_ok == vector.get("board_crc_ok", True)
+def test_c_batch_holds_the_vector_and_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
+    batch = codec.decode_batch([bytes.fromhex(vector["wire"])])
+    assert batch == codec.as_batch([sent_frame(vector)])
+    assert [taxels.board_crc_ok for taxels in batch.taxels] == [vector["board_crc_ok"] for _ in batch.taxels]
 
 
 @every_stream
@@ -48,20 +49,31 @@ def test_c_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None
 def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: dict[str, Any], piece: int) -> None:
     stream = bytes.fromhex(vector["stream"])
     pieces = [stream[i : i + piece] for i in range(0, len(stream), piece)]
-    found = codec.decode(pieces, vector["directions"])
-    assert found == [codec.seen(sent_frame(vector["sent"][i])) for i in vector["expected"]]
+    expected = [sent_frame(vector["sent"][i]) for i in vector["expected"]]
+    assert codec.decode(pieces, vector["directions"]) == expected
+    assert codec.decode_batch(pieces, vector["directions"]) == codec.as_batch(expected)
 
 
 def test_c_and_reference_discard_the_same_bytes(codec: Any) -> None:
-    rng = random.Random(7)
-    print("seed 7")
+    seed = 7
+    rng = random.Random(seed)
+    print(f"seed {seed}")
     for _ in range(40):
         stream = bytes(rng.choices(range(256), weights=[1] + [2] * 255, k=rng.randrange(2500)))
         reference = ReferenceDecoder()
         frames = reference.push(stream) + reference.finish()
-        assert codec.decode([stream]) == [codec.seen(frame) for frame in frames]
+        assert codec.decode([stream]) == frames
         assert codec.discarded_bytes == reference.discarded_bytes
 
 
 def test_no_room_for_a_frame_is_no_frame(codec: Any) -> None:
     assert codec.library.taxel_batch_encode(FrameType.HOST_HELLO, 0, bytes(3), 3, bytes(8), 8) == 0
+
+
+@pytest.mark.xfail(strict=True, reason="batch.c: one step can search one and a half chunks, room is promised for one")
+def test_glued_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:
+    """The arrays are larger than the decoder is told, so that a write past the end is seen and harmless."""
+    frame = (int(FrameType.REPLY), 0x0101, b"\1\2\3")
+    stream = codec.encode(*frame)[1:-1] * 115 + b"\0"
+    for rows in range(130, 86, -1):
+        codec.decode_batch([stream], rows=rows)

@@ -7,7 +7,7 @@ import pytest
 from construct import Struct
 
 from taxel_protocol import frames, names, registers
-from taxel_protocol.framing import crc32
+from taxel_protocol.framing import crc32, encode_frame, whiten
 from taxel_protocol.layout import fields_of
 
 SPEC = (Path(__file__).resolve().parents[1] / "SPEC.md").read_text()
@@ -21,7 +21,7 @@ def table_after(mark: str) -> list[list[str]]:
     _, found, rest = SPEC.partition(f"<!-- {mark} -->")
     assert found, f"SPEC.md has no table marked {mark}"
     lines = rest.lstrip().splitlines()
-    rows = [line for line in lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]]
+    rows = lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]
     return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
@@ -76,8 +76,6 @@ def test_table_of_frames() -> None:
 
 
 def test_example_frame_is_a_vector() -> None:
-    from taxel_protocol.framing import encode_frame, whiten
-
     lines = {
         word: bytes.fromhex(text)
         for word, text in re.findall(r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC, re.M)

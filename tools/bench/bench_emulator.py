@@ -1,4 +1,4 @@
-"""The emulator against real time: 17 boards, 400 kHz, plain frames, noise on, and a press on every board all the time."""
+"""The emulator against real time: 17 boards, 400 kHz, plain frames, noise, a press on every board all the time."""
 
 import statistics
 import tempfile

@@ -14,13 +14,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel_protocol import crc32, encode_frame
 from taxel_protocol.framing import whiten
-from taxel_protocol.limits import BODY_MAX
+from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
 from taxel_protocol.names import FrameType
 
 Bytes = NDArray[np.uint8]
@@ -30,15 +31,33 @@ BATCH = 50_000
 SAMPLE = 1_000
 """Frames of each batch that are taken apart in Python, to see what refuses them."""
 
-ROW = np.dtype(
-    {
-        "names": ["type", "sequence", "cycle", "address", "offset", "size", "flags"],
-        "formats": ["u1", "<u2", "<u2", "u1", "<u4", "<u2", "u1"],
-        "offsets": [28, 22, 24, 29, 16, 20, 30],
-        "itemsize": 32,
-    }
-)
-"""`struct taxel_batch_row` of firmware/codec/batch.h, what is needed of it."""
+
+class _Frame(ctypes.Structure):
+    """`struct taxel_frame` of firmware/codec/deframer.h."""
+
+    _fields_ = (
+        ("payload", ctypes.POINTER(ctypes.c_uint8)),
+        ("length", ctypes.c_uint16),
+        ("sequence", ctypes.c_uint16),
+        ("type", ctypes.c_uint8),
+    )
+
+
+_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
+
+
+class _Config(ctypes.Structure):
+    """`struct taxel_deframer_config`."""
+
+    _fields_ = (
+        ("chunk", ctypes.c_void_p),
+        ("chunk_capacity", ctypes.c_size_t),
+        ("body", ctypes.c_void_p),
+        ("payload_max", ctypes.c_uint16),
+        ("directions", ctypes.c_uint8),
+        ("handler", _HANDLER),
+        ("context", ctypes.c_void_p),
+    )
 
 
 def load_codec() -> ctypes.CDLL:
@@ -49,51 +68,34 @@ def load_codec() -> ctypes.CDLL:
         library = ctypes.CDLL(str(path))
     except (ModuleNotFoundError, OSError) as error:
         sys.exit(f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so")
-    library.taxel_batch_struct_size.restype = ctypes.c_size_t
-    library.taxel_batch_row_size.restype = ctypes.c_size_t
-    library.taxel_batch_decode.restype = ctypes.c_size_t
-    if library.taxel_batch_row_size() != ROW.itemsize:
-        sys.exit("batch.h has another row than tools/crc/damage.py")
     return library
 
 
 class Decoder:
-    """The C batch decoder over whole streams."""
+    """The C deframer over whole streams."""
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
-        self._state = ctypes.create_string_buffer(library.taxel_batch_struct_size())
-        self._rows = np.zeros(8192, ROW)
-        self._counts = np.zeros(1 << 20, np.uint16)
-        self._payloads = np.zeros(1 << 20, np.uint8)
+        self._state = ctypes.create_string_buffer(1024)
+        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
+        self._body = ctypes.create_string_buffer(BODY_MAX)
+        self._handler = _HANDLER(self._take)
+        self._frames: list[tuple[int, int, bytes]] = []
+
+    def _take(self, _: int | None, frame: Any) -> None:
+        found = frame.contents
+        self._frames.append((found.type, found.sequence, bytes(found.payload[: found.length])))
 
     def decode(self, stream: Bytes) -> list[tuple[int, int, bytes]]:
-        """(type, sequence, counts or payload) of every frame that a host would believe."""
-        frames: list[tuple[int, int, bytes]] = []
-        self._library.taxel_batch_init(self._state, ctypes.c_uint8(1))
-        taken = 0
-        while taken < len(stream):
-            rest = stream[taken:]
-            found = ctypes.c_size_t()
-            output = [
-                part
-                for array in (self._rows, self._counts, self._payloads)
-                for part in (ctypes.c_void_p(array.ctypes.data), ctypes.c_size_t(len(array)))
-            ]
-            taken += self._library.taxel_batch_decode(
-                self._state,
-                ctypes.c_void_p(rest.ctypes.data),
-                ctypes.c_size_t(len(rest)),
-                *output,
-                ctypes.byref(found),
-            )
-            frames += [self._content(row) for row in self._rows[: found.value]]
-        return frames
-
-    def _content(self, row: np.void) -> tuple[int, int, bytes]:
-        source = self._counts if row["type"] == FrameType.TAXELS else self._payloads
-        data = source[row["offset"] : int(row["offset"]) + int(row["size"])].tobytes()
-        return int(row["type"]), int(row["sequence"]), data
+        """(type, sequence, payload) of every frame that a host would believe."""
+        self._frames = []
+        memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
+        config = _Config(*memory, PAYLOAD_MAX, 1, self._handler, None)
+        self._library.taxel_deframer_init(self._state, ctypes.byref(config))
+        size = ctypes.c_size_t(len(stream))
+        self._library.taxel_deframer_push(self._state, ctypes.c_void_p(stream.ctypes.data), size)
+        self._library.taxel_deframer_finish(self._state)
+        return self._frames
 
 
 @dataclass
@@ -198,7 +200,7 @@ def taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple[int, 
     snapshot = rng.bytes(6) + counts
     payload = head + snapshot + crc32(snapshot, crc32(head[:1])).to_bytes(4, "little")
     sequence = int(rng.integers(0, 1 << 16))
-    return (FrameType.TAXELS, sequence, counts), encode_frame(FrameType.TAXELS, sequence, payload)[1:-1]
+    return (FrameType.TAXELS, sequence, payload), encode_frame(FrameType.TAXELS, sequence, payload)[1:-1]
 
 
 def reaches_crc(stuffed: bytes) -> bool:

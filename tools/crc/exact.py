@@ -212,7 +212,8 @@ def print_lengths() -> None:
         share_bits = in_bits / math.comb(bits, 4)
         share_bytes = in_three / (math.comb(length, 3) * 255**3)
         print(
-            f"  {length:4d} {distance:4d} {in_bits:8d}    {share_bits:13.2e} {in_two:9d} {in_three:9d}    {share_bytes:13.2e}"
+            f"  {length:4d} {distance:4d} {in_bits:8d}    {share_bits:13.2e}"
+            f" {in_two:9d} {in_three:9d}    {share_bytes:13.2e}"
         )
     print(f"  (2^-32 = {2.0**-32:.2e})\n")
 

@@ -59,7 +59,8 @@ def _presses(console: Console, out: Path, seed: int) -> None:
         result = press_the_skin(hand, seed, advance)
     console.print(
         f"hub firmware {result.firmware}, protocol version {result.protocol_version}; "
-        f"{result.boards_found} boards found, {result.boards_missing} missing; {result.rate_hz:.2f} scans a second at 400 kHz I2C"
+        f"{result.boards_found} boards found, {result.boards_missing} missing; "
+        f"{result.rate_hz:.2f} scans a second at 400 kHz I2C"
     )
     console.print(
         f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
@@ -82,8 +83,8 @@ def _presses(console: Console, out: Path, seed: int) -> None:
 
 def _press_table(presses: list[PressOutcome]) -> Table:
     table = Table(title="presses")
-    for heading in ("board", "probe", "felt after", "active taxels", "largest drop"):
-        table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right")
+    for heading in ("board", "probe", "felt after", "active", "drop"):
+        table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
     for outcome in presses:
         press = outcome.press
         felt = "not felt" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"

@@ -61,8 +61,8 @@ def replay_touches(
 ) -> ReplayScore:
     """Send frames of a recording through an emulated skin of `hand` and score what comes out.
 
-    start_s, stop_s: which frames, in the recording's seconds; stop_s None: to the end. seconds: instead of `stop_s`, how
-    long from `start_s`. folder: where stimulus, host script and capture are left for another look; None: nowhere.
+    start_s, stop_s: which frames, in the recording's seconds; stop_s None: to the end. seconds: instead of `stop_s`,
+    how long from `start_s`. folder: where stimulus, host script and capture are left for another look; None: nowhere.
     threshold: counts, of the skin and of the source alike. rest: raw count of an untouched taxel. settings: None: the
     default world, I2C at 400 kHz.
 
@@ -71,9 +71,10 @@ def replay_touches(
     """
     if seconds is not None:
         stop_s = start_s + seconds
-    part = recording.between(start_s, np.inf if stop_s is None else stop_s)
+    end_s = np.inf if stop_s is None else stop_s
+    part = recording.between(start_s, end_s)
     if not len(part.time_s):
-        wanted = f"no frame from {start_s:g} s to {stop_s or np.inf:g} s"
+        wanted = f"no frame from {start_s:g} s to {end_s:g} s"
         raise RecordingError(f"recording {recording.name!r}: {wanted}; it lasts {recording.duration_s:.1f} s")
     settings = settings or WorldSettings()
     tiling = Tiling.of(hand)

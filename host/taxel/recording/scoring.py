@@ -38,7 +38,7 @@ class SourceTouches:
         self.time_s = time_s[lasting]
         self.values = np.concatenate([np.zeros((1, values.shape[1]), dtype=np.int64), values[lasting]])  # row 0: before
         self.active: NDArray[np.bool_] = self.values > threshold
-        touched: NDArray[np.bool_] = self.active.any(axis=1)
+        touched = np.asarray(self.active.any(axis=1))
         begins = touched & ~np.append(False, touched[:-1])
         self.touch_of_row = np.where(touched, np.cumsum(begins) - 1, -1)
         self.onset_s = self.time_s[np.flatnonzero(begins) - 1]
@@ -163,7 +163,8 @@ class _BoardComparison:
 
     @cached_property
     def at_step(self) -> NDArray[np.bool_]:
-        return self._was != self._becomes
+        """Touched before or after, but not both."""
+        return self._was ^ self._becomes
 
     @cached_property
     def touched(self) -> NDArray[np.bool_]:

@@ -138,7 +138,7 @@ class ClockMap:
         self._known[address] = True
 
     def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
-        """When the scans of taxel frames (dtype `ROW`) began, on the hub's clock, microseconds since the hub's start."""
+        """When the scans of taxel frames (dtype `ROW`) began: microseconds since the hub's start, by its clock."""
         if not len(rows):
             return np.zeros(0)
         address = rows["address"].astype(np.intp)  # numpy indexes ten times faster with its own index type

@@ -98,8 +98,8 @@ class HubClient:
                 if key in self._replies:
                     return self._replies.pop(key)
         raise HubError(
-            f"{self._link.name}: no answer from a hub after {ATTEMPTS} attempts; is this the hub's port, and its baud rate "
-            f"{self._link.baud:.0f}?"
+            f"{self._link.name}: no answer from a hub after {ATTEMPTS} attempts; is this the hub's port, and its "
+            f"baud rate {self._link.baud:.0f}?"
         )
 
     def greet(self) -> int:
@@ -109,8 +109,8 @@ class HubClient:
         fields = self._ask(FrameType.HOST_HELLO, payload, -tag).fields
         if fields["version_chosen"] == 0:
             raise VersionError(
-                f"{self._link.name}: the hub speaks protocol {fields['version_min']} to {fields['version_max']}, this program "
-                f"{PROTOCOL_VERSION_MIN} to {PROTOCOL_VERSION}; update the older of the two"
+                f"{self._link.name}: the hub speaks protocol {fields['version_min']} to {fields['version_max']}, this "
+                f"program {PROTOCOL_VERSION_MIN} to {PROTOCOL_VERSION}; update the older of the two"
             )
         return int(fields["version_chosen"])
 

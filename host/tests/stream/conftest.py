@@ -92,17 +92,17 @@ def hub() -> Hub:
     return Hub()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_hub() -> type[Hub]:
     return Hub
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def prepared() -> type[PreparedLink]:
     return PreparedLink
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def cut() -> Callable[..., list[Chunk]]:
     """Divide bytes into chunks of the given sizes, which repeat."""
 

@@ -1,0 +1,178 @@
+/* The emulated world without faults: the same bytes each time, the rate that the bus allows, and all frames whole. */
+#include "check.h"
+#include "fake_world.h"
+
+#define HAND_BOARDS 17
+
+static struct fake_world fake;
+
+/* As many boards and taxels as the hand: 15 x 63 + 2 x 64 = 1073. */
+static void describe_hand(void)
+{
+    fake_world_describe(&fake, HAND_BOARDS, 63);
+    for (size_t i = 0; i < 2; i++) {
+        fake.description.boards[i].taxel_count = 64;
+        fake.description.boards[i].crossing_map[7] |= 0x80;
+    }
+}
+
+static void settle(void)
+{
+    fake_world_command(&fake, TAXEL_COMMAND_STOP, NULL, 0);
+    CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
+    CHECK_EQUAL(fake.world.uart.packet_fill, 0);
+    CHECK(fake_world_adds_up(&fake));
+}
+
+static void a_hand_streams_at_the_rate_that_the_bus_allows(void)
+{
+    describe_hand();
+    CHECK_EQUAL(world_taxels(&fake.description), 1073);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    const uint32_t cycles = fake.world.hub.hub.cycle.count;
+    CHECK_EQUAL(fake_world_run(&fake, 2.0), 0);
+    const double rate = (fake.world.hub.hub.cycle.count - cycles) / 2.0;
+    /* 17 x (1 + 10) + 2 x 1073 bytes of nine clocks are 52.5 ms; probes and one clock read come on top. */
+    CHECK_BETWEEN(rate, 17.5, 19.1);
+    for (uint8_t i = 0; i < HAND_BOARDS; i++) {
+        CHECK(fake_world_slot(&fake, (uint8_t)(0x20 + i))->forwarded >= 34);
+        CHECK_EQUAL(fake_world_slot(&fake, (uint8_t)(0x20 + i))->crc_errors, 0);
+    }
+    settle();
+    fake_world_close(&fake);
+}
+
+static uint32_t stream_of(double seconds, vtime step, uint64_t seed, uint64_t *bytes)
+{
+    fake_world_describe(&fake, 6, 20);
+    fake.description.seed = seed;
+    fake.description.boards[1].clock_ppm = 800.0;
+    fake.description.hub_clock_ppm = -50.0;
+    fake_world_fault(&fake, 0.8, FAULT_CORRUPT, 0x21, 3);
+    fake_world_fault(&fake, 0.9, FAULT_HOLD_SDA, 0x22, 5);
+    fake_world_fault(&fake, 0.95, FAULT_UNPLUG, 0x23, 0);
+    fake_world_fault(&fake, 1.1, FAULT_PLUG, 0x23, 0);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    CHECK_EQUAL(fake_world_run_in_steps(&fake, seconds, step), 0);
+    settle();
+    *bytes = fake.stream_bytes;
+    const uint32_t crc = fake.stream_crc;
+    fake_world_close(&fake);
+    return crc;
+}
+
+static void two_runs_send_the_same_bytes(void)
+{
+    uint64_t bytes[3];
+    const uint32_t first = stream_of(1.0, 2 * VTIME_MS, 7, &bytes[0]);
+    const uint32_t second = stream_of(1.0, 2 * VTIME_MS, 7, &bytes[1]);
+    CHECK(bytes[0] > 10000);
+    CHECK_EQUAL(bytes[0], bytes[1]);
+    CHECK_EQUAL(first, second);
+    CHECK(stream_of(1.0, 2 * VTIME_MS, 8, &bytes[2]) != first);
+}
+
+static void the_length_of_the_steps_changes_nothing(void)
+{
+    uint64_t bytes[2];
+    const uint32_t whole = stream_of(1.0, VTIME_SECOND, 7, &bytes[0]);
+    static const vtime steps[] = {37 * VTIME_US, VTIME_MS, 2 * VTIME_MS, 17 * VTIME_MS};
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        const uint32_t stepped = stream_of(1.0, steps[i], 7, &bytes[1]);
+        CHECK_EQUAL(bytes[1], bytes[0]);
+        CHECK_EQUAL(stepped, whole);
+    }
+}
+
+/* A host's bytes reach the hub while a transfer is under way: how far the world was run ahead must not matter. */
+static uint32_t stream_with_commands(vtime step)
+{
+    fake_world_describe(&fake, 4, 200);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    for (unsigned i = 0; i < 20; i++) {
+        fake_world_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0);
+        CHECK_EQUAL(fake_world_run_in_steps(&fake, 0.034, step), 0);
+    }
+    CHECK_EQUAL(fake.replies, 21);
+    settle();
+    const uint32_t crc = fake.stream_crc;
+    fake_world_close(&fake);
+    return crc;
+}
+
+static void the_length_of_the_steps_changes_nothing_for_commands(void)
+{
+    const uint32_t fine = stream_with_commands(50 * VTIME_US);
+    CHECK_EQUAL(stream_with_commands(VTIME_MS), fine);
+    CHECK_EQUAL(stream_with_commands(34 * VTIME_MS), fine);
+}
+
+static void the_smallest_and_the_largest_world(void)
+{
+    fake_world_describe(&fake, 1, 1);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
+    CHECK(fake.frames_of[0x20] > 100);
+    settle();
+    fake_world_close(&fake);
+    fake_world_describe(&fake, 32, 240);
+    fake.description.scl_hz = 1e6;
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    CHECK_EQUAL(fake_world_run(&fake, 0.6), 0);
+    for (uint8_t i = 0; i < 32; i++) {
+        CHECK(fake.frames_of[0x20 + i] >= 2);
+    }
+    settle();
+    fake_world_close(&fake);
+}
+
+static void a_uart_slower_than_the_bus_drops_whole_frames(void)
+{
+    fake_world_describe(&fake, 8, 60);
+    fake.description.baud = 115200.0;
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    CHECK_EQUAL(fake_world_run(&fake, 1.0), 0);
+    uint32_t dropped = 0;
+    for (uint8_t i = 0; i < 8; i++) {
+        dropped += fake_world_slot(&fake, (uint8_t)(0x20 + i))->dropped;
+    }
+    CHECK(dropped > 50);
+    CHECK(fake.taxel_frames > 50);
+    CHECK(fake_world_adds_up(&fake));
+    fake_world_command(&fake, TAXEL_COMMAND_STOP, NULL, 0);
+    CHECK_EQUAL(fake_world_run(&fake, 0.5), 0);
+    CHECK(fake_world_adds_up(&fake));
+    fake_world_close(&fake);
+}
+
+static void a_reboot_of_the_hub(void)
+{
+    fake_world_describe(&fake, 3, 30);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    fake_world_command(&fake, TAXEL_COMMAND_REBOOT, NULL, 0);
+    CHECK_EQUAL(fake_world_run(&fake, 0.6), 0);
+    CHECK_EQUAL(fake.restarts, 2);
+    CHECK(!fake.world.hub.hub.streaming);
+    CHECK_EQUAL(fake.world.hub.hub.slot_count, 3);
+    CHECK(fake.world.hub.hub.swept_once);
+    fake_world_close(&fake);
+}
+
+int main(void)
+{
+    RUN(a_hand_streams_at_the_rate_that_the_bus_allows);
+    RUN(two_runs_send_the_same_bytes);
+    RUN(the_length_of_the_steps_changes_nothing);
+    RUN(the_length_of_the_steps_changes_nothing_for_commands);
+    RUN(the_smallest_and_the_largest_world);
+    RUN(a_uart_slower_than_the_bus_drops_whole_frames);
+    RUN(a_reboot_of_the_hub);
+    return check_summary();
+}

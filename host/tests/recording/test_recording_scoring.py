@@ -1,0 +1,171 @@
+"""A score says what was right, what was wrong, and what could not be decided."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.recording.scoring import DecodedBoard, SourceTouches, score_replay
+
+FRAME_S = 0.1
+SAMPLE_S = 0.03
+TAXELS = 6
+
+
+def source_of(values):
+    values = np.asarray(values)
+    return SourceTouches(FRAME_S * np.arange(len(values)), values, 150.0)
+
+
+def decoded(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample_s=SAMPLE_S):
+    """A board that samples its taxels every `sample_s`, 1 ms apart, and shows the source as it was `delay_s` before."""
+    n = taxels.stop - taxels.start
+    start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
+    sampled_s = start_s[:, None] + 1e-3 * np.arange(n)
+    drop = source.values[source.row_at(sampled_s - delay_s), np.arange(taxels.start, taxels.stop)].astype(float)
+    return DecodedBoard(taxels, np.arange(len(start_s)), sampled_s, drop, drop > 150.0)
+
+
+@pytest.fixture
+def two_touches():
+    """Taxel 1 for 2 frames, then taxels 3 and 4 (4 stays a frame longer); taxel 5 never exceeds the threshold."""
+    values = np.zeros((12, TAXELS), dtype=int)
+    values[2:4, 1] = 200
+    values[6:8, 3] = 180
+    values[6:9, 4] = 151
+    values[:, 5] = 150
+    return source_of(values)
+
+
+def test_touches_are_runs_of_frames_with_an_active_taxel(two_touches):
+    assert two_touches.n_touches == 2
+    assert two_touches.onset_s.tolist() == pytest.approx([0.2, 0.6])
+
+
+def test_a_value_at_the_threshold_is_no_touch():
+    assert source_of([[150], [151], [150]]).onset_s.tolist() == pytest.approx([0.1])
+
+
+def test_a_touch_in_the_first_frame_begins_there():
+    source = source_of([[200], [0]])
+    assert source.onset_s.tolist() == [0.0]
+    assert not source.active[source.row_at(np.array([-0.01]))].any()
+
+
+def test_of_frames_with_one_time_the_last_counts():
+    source = SourceTouches(np.array([0.0, 0.1, 0.1, 0.2]), np.array([[0], [200], [0], [0]]), 150.0)
+    assert source.n_touches == 0
+
+
+def test_a_perfect_decode_scores_one(two_touches):
+    score = score_replay(two_touches, [decoded(two_touches)])
+    assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
+    assert score.precision == score.recall == score.f1 == 1.0
+    assert (score.touches, score.touches_found, score.touches_missed, score.touches_spurious) == (2, 2, 0, 0)
+    assert score.samples == score.frames * TAXELS
+    assert (score.onset_delay_s >= 0.0).all()
+    assert (score.onset_delay_s <= SAMPLE_S).all()
+
+
+def test_samples_are_counted_one_by_one():
+    source = source_of([[0, 0], [200, 0], [0, 0]])
+    at = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
+    active = np.array([[False, False], [True, False], [False, True], [False, True]])
+    drop = np.where(active, 200.0, 0.0)
+    score = score_replay(source, [DecodedBoard(slice(0, 2), np.arange(4), at, drop, active)])
+    assert score.true_positives == 1
+    assert score.false_negatives == 1
+    assert score.false_positives == 2
+    assert score.true_negatives == 4
+    assert score.wrong_counts == 3
+    assert score.precision == pytest.approx(1 / 3)
+    assert score.recall == 0.5
+    assert score.f1 == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_at_a_step_either_frame_is_right(shows):
+    source = source_of([[0], [200], [0]])
+    at = np.array([[0.0995], [0.15], [0.2014]])
+    active = np.array([[shows], [True], [shows]])
+    score = score_replay(source, [DecodedBoard(slice(0, 1), np.arange(3), at, 200.0 * active, active)])
+    assert (score.at_steps, score.true_positives) == (2, 1)
+    assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
+
+
+def test_beyond_the_tolerance_a_step_is_decided():
+    source = source_of([[0], [200], [0]])
+    at = np.array([[0.098], [0.15], [0.202]])
+    score = score_replay(
+        source, [DecodedBoard(slice(0, 1), np.arange(3), at, np.full((3, 1), 200.0), np.ones((3, 1), bool))]
+    )
+    assert (score.at_steps, score.true_positives, score.false_positives) == (0, 1, 2)
+
+
+def test_a_decode_shifted_by_one_taxel_scores_badly(two_touches):
+    good = decoded(two_touches)
+    shifted = replace(good, drop=np.roll(good.drop, 1, axis=1), active=np.roll(good.active, 1, axis=1))
+    score = score_replay(two_touches, [shifted])
+    assert score.f1 < 0.5
+    assert score.false_positives > 0
+    assert score.false_negatives > 0
+    assert score.wrong_counts > 0
+    assert (score.touches_found, score.touches_missed) == (1, 1)  # of two neighbours one lands on the other
+
+
+def test_a_decode_a_frame_late_scores_badly(two_touches):
+    score = score_replay(two_touches, [decoded(two_touches, delay_s=FRAME_S)])
+    assert score.f1 < 0.8
+    assert score.false_positives > 0
+    assert score.false_negatives > 0
+    assert score.onset_delay_s.min() >= FRAME_S
+
+
+def test_a_blind_skin_misses_every_touch(two_touches):
+    good = decoded(two_touches)
+    score = score_replay(two_touches, [replace(good, active=np.zeros_like(good.active))])
+    assert (score.touches_found, score.touches_missed, score.touches_spurious) == (0, 2, 0)
+    assert (score.recall, score.f1) == (0.0, 0.0)
+    assert "no onset" in str(score)
+
+
+def test_activity_far_from_any_touch_is_spurious(two_touches):
+    good = decoded(two_touches)
+    active = good.active.copy()
+    active[(good.sampled_s > 0.45) & (good.sampled_s < 0.55)] = True
+    score = score_replay(two_touches, [replace(good, active=active)])
+    assert (score.touches_found, score.touches_spurious) == (2, 1)
+    assert score.precision < 1.0
+    assert score.recall == 1.0
+
+
+def test_a_touch_between_two_samples_is_missed_and_said_to_be_unsampled(two_touches):
+    score = score_replay(two_touches, [decoded(two_touches, sample_s=0.5)])
+    assert (score.touches_found, score.touches_missed, score.touches_unsampled) == (0, 2, 2)
+    assert score.f1 == 1.0
+
+
+def test_boards_are_scored_together(two_touches):
+    parts = [decoded(two_touches, taxels=slice(0, 3)), decoded(two_touches, taxels=slice(3, 6), first_s=0.0202)]
+    score = score_replay(two_touches, parts)
+    assert (score.boards, score.touches_found, score.f1) == (2, 2, 1.0)
+    assert score.map_active.tolist() == [False, False, False, True, True, False]
+    assert score.map_drop.tolist() == [0.0, 0.0, 0.0, 180.0, 151.0, 150.0]
+
+
+def test_a_board_without_a_frame_is_missing_in_the_map(two_touches):
+    board = decoded(two_touches, taxels=slice(3, 6))
+    score = score_replay(two_touches, [board])
+    assert np.isnan(score.map_drop).tolist() == [True, True, True, False, False, False]
+
+
+def test_nothing_to_score_is_refused(two_touches):
+    with pytest.raises(ValueError, match="at least one board frame"):
+        score_replay(two_touches, [])
+
+
+def test_a_score_is_one_line(two_touches):
+    text = str(score_replay(two_touches, [decoded(two_touches)]))
+    assert "\n" not in text
+    assert "F1 1.0000" in text
+    assert "touches 2 of 2 found, 0 missed, 0 spurious" in text

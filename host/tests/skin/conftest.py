@@ -1,0 +1,109 @@
+"""Worlds whose taxels measure known counts, and hubs that are no more than prepared answers."""
+
+from __future__ import annotations
+
+import os
+import threading
+import tty
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
+from taxel_protocol.frames import FRAMES, HubHello, Reply
+from taxel_protocol.layout import pack, unpack
+
+from taxel.hand import Hand, load_hand
+
+
+@pytest.fixture(scope="session")
+def allegro() -> Hand:
+    return load_hand("allegro")
+
+
+@pytest.fixture(scope="session")
+def flat8() -> Hand:
+    return load_hand("flat8")
+
+
+@pytest.fixture(scope="session")
+def known_counts() -> Callable[[Hand], NDArray[np.uint16]]:
+    """A count for each taxel that no other taxel has, u16[n]."""
+
+    def counts(hand: Hand) -> NDArray[np.uint16]:
+        return (1000 + 37 * np.arange(hand.n_taxels)).astype(np.uint16)
+
+    return counts
+
+
+class FakeHub:
+    """Answers on a pseudo-terminal: hello with `version_chosen`, every command with OK; `on_start` bytes follow START."""
+
+    def __init__(self, version_chosen: int = 1, version_min: int = 1, version_max: int = 1, on_start: bytes = b"") -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.url = f"serial://{os.ttyname(self._slave)}"
+        self._versions = {"version_min": version_min, "version_max": version_max, "version_chosen": version_chosen}
+        self._on_start = on_start
+        self._sequence = 0
+        self.commands: list[int] = []
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _frame(self, kind: FrameType, payload: bytes) -> bytes:
+        self._sequence += 1
+        return encode_frame(kind, self._sequence - 1, payload)
+
+    def _serve(self) -> None:
+        decoder = ReferenceDecoder()
+        while True:
+            try:
+                data = os.read(self._master, 4096)
+            except OSError:
+                return
+            for kind, _, payload in decoder.push(data):
+                self._answer(FrameType(kind), payload)
+
+    def _answer(self, kind: FrameType, payload: bytes) -> None:
+        if kind is FrameType.HOST_HELLO:
+            fields = {name: 0 for name in ("reset_cause", "firmware_major", "firmware_minor", "firmware_patch", "uptime_us")}
+            fields |= {"tag": payload[0], "unique_id": bytes(8)} | self._versions
+            os.write(self._master, self._frame(FrameType.HUB_HELLO, pack(HubHello, fields)))
+        elif kind is FrameType.COMMAND:
+            fields, _ = unpack(FRAMES[kind].payload, payload)
+            self.commands.append(fields["command"])
+            reply = pack(Reply, {"tag": fields["tag"], "command": fields["command"], "status": 0})
+            os.write(self._master, self._frame(FrameType.REPLY, reply))
+            if fields["command"] == 1:
+                os.write(self._master, self._on_start)
+
+    def vanish(self) -> None:
+        """Unplug."""
+        for descriptor in (self._slave, self._master):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self._slave = self._master = -1
+
+
+@pytest.fixture
+def fake_hub() -> Iterator[Callable[..., FakeHub]]:
+    hubs: list[FakeHub] = []
+
+    def make(**options: object) -> FakeHub:
+        hubs.append(FakeHub(**options))  # type: ignore[arg-type]
+        return hubs[-1]
+
+    yield make
+    for hub in hubs:
+        hub.vanish()
+
+
+@pytest.fixture
+def silence() -> Iterator[str]:
+    """URL of a port on which nobody answers."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    yield f"serial://{os.ttyname(slave)}"
+    os.close(master)
+    os.close(slave)

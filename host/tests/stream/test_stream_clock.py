@@ -1,0 +1,254 @@
+"""A frame's time is when its scan began, on the host's clock, within a millisecond: whatever the boards' clocks do.
+
+In the synthetic streams truth is built in; in those of the emulator it follows from the world: a board's clock starts when it
+has booted and runs at its own rate.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from taxel_protocol import FrameType, encode_frame
+from taxel_protocol.frames import CommandPayload, HostHello
+from taxel_protocol.layout import pack
+
+from taxel.hand import load_hand
+from taxel.hand.world import WorldSettings, board_clocks_ppm, world_text
+from taxel.link import CaptureLink, CaptureWriter, Chunk, run_emulator
+from taxel.stream import FrameStream
+
+TOLERANCE_S = 1e-3
+SETTLED_S = 3.0
+BYTE_S = 1e-5
+READ_S = 2.4e-3
+SNAPSHOT_AGE_S = 0.03
+
+
+class Board:
+    """A clock that is off by `ppm` and has counted from `boot_s`, beginning at `begin_us`."""
+
+    def __init__(self, ppm, boot_s=0.04, begin_us=0):
+        self.rate, self.boot_s, self.begin_us = 1.0 + ppm * 1e-6, boot_s, begin_us
+
+    def us(self, truth_s):
+        return int(self.begin_us + (truth_s - self.boot_s) * self.rate * 1e6)
+
+
+class Delivered(NamedTuple):
+    chunks: list
+    truth: dict  # (address, board sequence) -> seconds, host clock
+
+
+def deliver(parts, jitter_s, rng):
+    """Chunks of (departure on the host's clock, bytes): the host looks at intervals of up to `jitter_s`."""
+    chunks, free, look = [], 0.0, 0.0
+    for departure, data in parts:
+        free = max(free, departure) + len(data) * BYTE_S
+        while look < free:
+            look = max(look + rng.uniform(0.0, jitter_s), free - jitter_s) if jitter_s else free
+        chunks.append(Chunk(data, round(look * 1e9)))
+    return chunks
+
+
+def skin_stream(hub, boards, seconds, jitter_s, seed=1, hub_ppm=0.0, hub_begin_us=0, host_offset_s=1000.0, begin_s=0.1):
+    """A hub that polls `boards` {address: [(from truth_s, Board)]} in cycles, and reads one board's clock a cycle."""
+    rng = random.Random(seed)
+    parts, truth = [], {}
+    rate = 1.0 + hub_ppm * 1e-6
+    now, cycle, sequence = begin_s, 0, 0
+    addresses = sorted(boards)
+
+    def hub_us(t):
+        return int(hub_begin_us + t * rate * 1e6)
+
+    def board_at(address, t):
+        return [board for since, board in boards[address] if since <= t][-1]
+
+    while now < seconds:
+        for address in addresses:
+            scan = now - rng.uniform(0.2, 1.0) * SNAPSHOT_AGE_S
+            board = board_at(address, scan)
+            if scan >= board.boot_s:
+                sequence += 1
+                data = hub.taxels(
+                    address, cycle, range(60), board_sequence=sequence, board_us=board.us(scan), hub_us=hub_us(now)
+                )
+                truth[address, sequence % 65536, cycle % 65536] = scan + host_offset_s
+                parts.append((now + READ_S + host_offset_s, data))
+            now += READ_S + 2e-5
+        address = addresses[cycle % len(addresses)]
+        latched = now + 7e-5
+        now += 2.5e-4
+        board = board_at(address, latched)
+        if latched >= board.boot_s:
+            parts.append((now + host_offset_s, hub.sync(address, board.us(latched), hub_us(latched))))
+        cycle += 1
+    return Delivered(deliver(parts, jitter_s, rng), truth)
+
+
+def errors_of(link, truth, first_s, end=EOFError):
+    """(true time, error) of every frame, seconds since the first true time."""
+    stream = FrameStream(link, lambda message: None)
+    rows = []
+    with pytest.raises(end):
+        while True:
+            stream.poll()
+            while stream.frames:
+                frame = stream.frames.popleft()
+                true = truth(frame)
+                rows.append((true - first_s, frame.time_s - true))
+    return np.array(rows)
+
+
+def worst_after(rows, since_s):
+    settled = rows[rows[:, 0] >= since_s, 1]
+    assert len(settled) > 50
+    return float(np.abs(settled).max())
+
+
+PPMS = [-20_000, -7_000, 0, 3, 12_000, 20_000]
+
+
+@pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
+@pytest.mark.parametrize("jitter_ms", [0.0, 1.0, 16.0])
+@pytest.mark.parametrize("hub_ppm", [-20_000.0, 0.0, 20_000.0])
+def test_board_clocks_off_by_two_percent_are_mapped_to_the_host(hub, prepared, one_at_a_time, jitter_ms, hub_ppm):
+    boards = {0x20 + i: [(-1.0, Board(ppm))] for i, ppm in enumerate(PPMS)}
+    sent = skin_stream(hub, boards, 8.0, jitter_ms * 1e-3, hub_ppm=hub_ppm)
+    link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
+    rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
+    assert worst_after(rows, SETTLED_S) < TOLERANCE_S
+
+
+@pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
+@pytest.mark.parametrize("jitter_ms", [0.0, 16.0])
+def test_a_skin_of_one_board_is_mapped_to_the_host_too(hub, prepared, one_at_a_time, jitter_ms):
+    sent = skin_stream(hub, {0x40: [(-1.0, Board(15_000))]}, 8.0, jitter_ms * 1e-3, hub_ppm=300.0)
+    link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
+    rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
+    assert worst_after(rows, SETTLED_S) < TOLERANCE_S
+
+
+@pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
+@pytest.mark.parametrize("which", ["boards", "hub"])
+def test_clocks_that_wrap_at_2_to_the_32_go_on(hub, prepared, one_at_a_time, which):
+    begin = 2**32 - 5_000_000
+    boards = {0x20 + i: [(-1.0, Board(ppm, begin_us=begin if which == "boards" else 0))] for i, ppm in enumerate(PPMS)}
+    sent = skin_stream(hub, boards, 9.0, 2e-3, hub_begin_us=begin if which == "hub" else 0)
+    link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
+    rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
+    assert worst_after(rows, SETTLED_S) < TOLERANCE_S
+
+
+@pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
+@pytest.mark.parametrize("begin_us", [0, 1_000_000_000])
+def test_a_board_that_restarts_is_mapped_before_and_after(hub, prepared, one_at_a_time, begin_us):
+    """Between its restart and its next clock readings a board's frames have the time of their reading."""
+    boards = {0x20 + i: [(-1.0, Board(ppm))] for i, ppm in enumerate(PPMS)}
+    boards[0x22] = [(-1.0, Board(-9_000, begin_us=begin_us)), (5.0, Board(-9_000, boot_s=5.04))]
+    sent = skin_stream(hub, boards, 12.0, 2e-3)
+    link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
+    rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
+    calm = (rows[:, 0] < 4.9) | (rows[:, 0] > 7.0)
+    assert worst_after(rows[calm], SETTLED_S) < TOLERANCE_S
+    assert np.abs(rows[rows[:, 0] >= SETTLED_S, 1]).max() < 2 * SNAPSHOT_AGE_S + TOLERANCE_S
+
+
+@pytest.mark.parametrize("period_s", [0.0, 0.5], ids=["fast cycles", "slow cycles"])
+def test_a_restart_deep_inside_one_large_batch_does_not_touch_the_frames_before_it(hub, prepared, period_s):
+    """A recording is decoded in large pieces, and a reader that was busy finds much at once."""
+    board = {0x20: [(-1.0, Board(5_000, begin_us=3_000_000_000)), (20.0, Board(5_000, boot_s=20.04))]}
+    sent = skin_stream(hub, board, 40.0, 0.0)
+    keep = sent.chunks if not period_s else sent.chunks[:: round(period_s / 3e-3) | 1]
+    rows = errors_of(prepared(keep), lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
+    assert np.abs(rows[:, 1]).max() < 60.0  # an hour would be the other clock
+
+
+@pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
+def test_a_hub_that_restarts_begins_a_new_clock(make_hub, prepared, one_at_a_time):
+    boards = {0x20 + i: [(-1.0, Board(ppm, boot_s=-3.0))] for i, ppm in enumerate(PPMS)}
+    first, second = make_hub(100), make_hub(0)
+    before = skin_stream(first, boards, 6.0, 2e-3, hub_begin_us=50_000_000)
+    hello = Chunk(second.hello(tag=0, uptime_us=50), before.chunks[-1].arrival_ns + 10_000_000)
+    boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
+    after = skin_stream(second, boards, 8.0, 2e-3, host_offset_s=1006.5)
+    truth = before.truth | {(a, s, c + 10_000): t for (a, s, c), t in after.truth.items()}
+    restarted = []
+
+    def true_time(frame):
+        if frame.hub_time_us < 49_000_000:
+            restarted.append(True)
+        return truth[frame.address, frame.sequence, frame.cycle + (10_000 if restarted else 0)]
+
+    rows = errors_of(prepared([*before.chunks, hello, *after.chunks], one_at_a_time=one_at_a_time), true_time, 1000.0)
+    settled = ((rows[:, 0] > 3.0) & (rows[:, 0] < 5.5)) | (rows[:, 0] > 10.0)
+    assert worst_after(rows[settled], 0.0) < TOLERANCE_S
+
+
+def test_without_arrivals_the_hubs_clock_is_the_time_base(hub, prepared):
+    sent = skin_stream(hub, {0x20: [(-1.0, Board(-20_000))], 0x21: [(-1.0, Board(9_000))]}, 6.0, 0.0)
+    link = prepared([Chunk(chunk.data, 7) for chunk in sent.chunks], paced=False)
+    link.is_recorded = False
+    rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle] - 1000.0, 0.0)
+    assert worst_after(rows, SETTLED_S) < TOLERANCE_S
+
+
+def write_host_input(path):
+    hello = pack(HostHello, {"tag": 1, "version_min": 1, "version_max": 1})
+    start = pack(CommandPayload, {"tag": 2, "command": 1})
+    with CaptureWriter(path) as writer:
+        writer.write(encode_frame(FrameType.HOST_HELLO, 0, hello), 200_000_000)
+        writer.write(encode_frame(FrameType.COMMAND, 1, start), 250_000_000)
+
+
+class Trickle(CaptureLink):
+    """A capture whose chunks come one at a time, as from a port that is read whenever something has come."""
+
+    pause = False
+
+    def read(self, timeout_s=0.0):
+        self.pause = not self.pause
+        return super().read() if self.pause else None
+
+
+@pytest.mark.parametrize("reader", [CaptureLink, Trickle], ids=["much at once", "as it arrives"])
+@pytest.mark.parametrize("latency_ms", [1.0, 16.0])
+@pytest.mark.parametrize(("hand", "hub_ppm"), [("allegro", 0.0), ("allegro", 12_000.0), ("flat8", -8_000.0)])
+def test_frames_of_the_emulator_have_their_true_times(tmp_path, hand, hub_ppm, latency_ms, reader):
+    description = load_hand(hand)
+    settings = WorldSettings(usb_latency_ms=latency_ms, hub_clock_ppm=hub_ppm)
+    write_host_input(tmp_path / "host.bin")
+    run_emulator(world_text(description, settings), tmp_path / "a.bin", 8.0, host_input=tmp_path / "host.bin")
+    clocks = zip(description.boards, board_clocks_ppm(description, settings), strict=True)
+    rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
+
+    def truth(frame):
+        return settings.boot_ms * 1e-3 + frame.board_time_us * 1e-6 / rates[frame.address]
+
+    rows = errors_of(reader(tmp_path / "a.bin"), truth, 0.0)
+    worst = worst_after(rows, SETTLED_S)
+    print(f"{hand}, USB latency {latency_ms:g} ms, hub {hub_ppm:g} ppm: worst error {worst * 1e6:.0f} us")
+    assert worst < TOLERANCE_S
+
+
+@pytest.mark.parametrize("reader", [CaptureLink, Trickle], ids=["much at once", "as it arrives"])
+def test_a_board_of_the_emulator_that_restarts_is_mapped_again(tmp_path, reader):
+    description = load_hand("allegro")
+    settings = WorldSettings(faults=("4.0 restart 0x22",))
+    write_host_input(tmp_path / "host.bin")
+    run_emulator(world_text(description, settings), tmp_path / "a.bin", 9.0, host_input=tmp_path / "host.bin")
+    clocks = zip(description.boards, board_clocks_ppm(description, settings), strict=True)
+    rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
+
+    def truth(frame):
+        restarted = frame.address == 0x22 and frame.hub_time_us > 4_030_000
+        boot = 4.0 + settings.boot_ms * 1e-3 if restarted else settings.boot_ms * 1e-3
+        return boot + frame.board_time_us * 1e-6 / rates[frame.address]
+
+    rows = errors_of(reader(tmp_path / "a.bin"), truth, 0.0)
+    calm = (rows[:, 0] < 3.9) | (rows[:, 0] > 6.2)
+    assert worst_after(rows[calm], SETTLED_S) < TOLERANCE_S
+    assert np.abs(rows[rows[:, 0] >= SETTLED_S, 1]).max() < 0.15

@@ -1,0 +1,195 @@
+"""Every frame that was sent is received or counted as lost, and every board's missing frames are known."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taxel.link import CaptureError
+from taxel.stream import FrameStream, HubClient
+
+BOARDS = (0x20, 0x23, 0x77)
+
+
+@pytest.fixture(scope="session")
+def account_of(prepared, cut):
+    """Count a stream that comes in pieces of the given sizes, which repeat."""
+
+    def count(data, sizes=(10_000,)):
+        stream = FrameStream(prepared(cut(data, sizes), one_at_a_time=True), lambda message: None)
+        with pytest.raises(EOFError):
+            while True:
+                stream.poll()
+                stream.frames.clear()
+        return stream.losses
+
+    return count
+
+
+def cycles(hub, count, first=0, boards=BOARDS):
+    """(board or None, wire bytes) of every frame of `count` poll cycles."""
+    sent = []
+    for cycle in range(first, first + count):
+        sent += [(board, hub.taxels(board, cycle)) for board in boards]
+        if cycle % 7 == 0:
+            sent.append((None, hub.log()))
+    return sent
+
+
+def test_a_whole_stream_has_no_losses(account_of, hub):
+    account = account_of(b"".join(wire for _, wire in cycles(hub, 20)))
+    assert (account.received, account.lost_on_wire, account.restarts) == (63, 0, 0)
+    assert account.frames_sent == 63
+    assert {a: (c.received, c.missing, c.damaged) for a, c in account.boards.items()} == dict.fromkeys(BOARDS, (20, 0, 0))
+
+
+def test_a_stream_heard_from_its_middle_has_no_losses_before(account_of, make_hub):
+    hub = make_hub(40_000)
+    assert account_of(b"".join(wire for _, wire in cycles(hub, 5, first=600))).lost_on_wire == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), first=st.sampled_from([0, 65_400, 65_535]), rate=st.sampled_from([0.01, 0.2, 0.9]))
+def test_dropped_frames_are_counted_exactly(account_of, make_hub, seed, first, rate):
+    rng = random.Random(seed)
+    hub = make_hub(first)  # sequence and cycle numbers wrap at 65,536 in most examples
+    sent = cycles(hub, 100, first)
+    kept = [0, *(i for i in range(1, len(sent)) if rng.random() > rate)]
+    sizes = [rng.randrange(1, 300) for _ in range(5)]
+    account = account_of(b"".join(sent[i][1] for i in kept), sizes)
+    span = kept[-1] + 1  # what was dropped after the last one that arrived, nobody can know
+    assert account.received == len(kept)
+    assert account.frames_sent == account.received + account.lost_on_wire == span
+    for board in BOARDS:
+        all_of_it = [i for i, (address, _) in enumerate(sent) if address == board]
+        arrived = [i for i in all_of_it if i in set(kept)]
+        if not arrived:
+            assert board not in account.boards
+            continue
+        between = [i for i in all_of_it if arrived[0] <= i <= arrived[-1]]
+        count = account.boards[board]
+        assert (count.received, count.missing) == (len(arrived), len(between) - len(arrived))
+
+
+@pytest.mark.parametrize("lost", [1, 2, 1000, 65_535])
+def test_a_gap_is_exact_up_to_65535_frames(account_of, make_hub, lost):
+    hub = make_hub(65_000)
+    first = hub.log()
+    hub.sequence = (hub.sequence + lost) % 65536
+    assert account_of(first + hub.log()).lost_on_wire == lost
+
+
+def test_bytes_damaged_on_the_wire_are_a_lost_frame(account_of, hub):
+    parts = [hub.taxels(0x20, cycle) for cycle in range(5)]
+    parts[2] = parts[2][:10] + bytes([parts[2][10] ^ 4 or 1]) + parts[2][11:]
+    account = account_of(b"".join(parts))
+    assert (account.received, account.lost_on_wire) == (4, 1)
+    assert account.boards[0x20].missing == 1
+
+
+def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, prepared, cut):
+    parts = [hub.taxels(0x20, cycle, damage=cycle == 2) for cycle in range(5)]
+    stream = FrameStream(prepared(cut(b"".join(parts))), lambda message: None)
+    stream.poll()
+    assert [frame.cycle for frame in stream.frames] == [0, 1, 3, 4]
+    count = stream.losses.boards[0x20]
+    assert (count.received, count.missing, count.damaged) == (4, 0, 1)
+    assert (stream.losses.received, stream.losses.lost_on_wire) == (5, 0)
+
+
+@pytest.mark.parametrize("size", [1, 50, 10_000], ids=["byte by byte", "in pieces", "at once"])
+def test_a_hub_that_restarts_begins_anew_and_loses_nothing(account_of, make_hub, size):
+    before = make_hub(500)
+    after = make_hub(0)
+    data = b"".join(wire for _, wire in cycles(before, 10, first=900))
+    data += after.hello(tag=0) + after.hello(tag=1) + b"".join(wire for _, wire in cycles(after, 10, first=0))
+    account = account_of(data, [size])
+    assert account.restarts == 1
+    assert account.lost_on_wire == 0
+    assert all((count.received, count.missing) == (20, 0) for count in account.boards.values())
+
+
+def test_losses_just_before_a_restart_do_not_blur_it(account_of, make_hub):
+    before, after = make_hub(10), make_hub(0)
+    data = before.taxels(0x20, 5)
+    before.log()  # lost, and with the hub its number
+    data += after.hello() + after.taxels(0x20, 0)
+    account = account_of(data)
+    assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
+
+
+def test_the_first_greeting_of_a_hub_is_no_restart(account_of, hub):
+    assert account_of(hub.hello() + hub.hello(tag=1) + hub.log()).restarts == 0
+
+
+def test_an_answered_greeting_whose_number_is_0_is_no_restart(account_of, make_hub):
+    hub = make_hub(65_535)
+    account = account_of(hub.taxels(0x20, 1) + hub.hello(tag=5) + hub.taxels(0x20, 2))
+    assert (account.restarts, account.lost_on_wire) == (0, 0)
+
+
+def test_a_board_that_goes_and_comes_back_misses_the_cycles_between(account_of, hub):
+    data = b"".join(wire for _, wire in cycles(hub, 3, 0))
+    data += b"".join(wire for _, wire in cycles(hub, 4, 3, boards=BOARDS[1:]))
+    data += b"".join(wire for _, wire in cycles(hub, 2, 7))
+    account = account_of(data)
+    assert account.boards[0x20].missing == 4
+    assert account.boards[0x23].missing == 0
+    assert account.lost_on_wire == 0
+
+
+@settings(max_examples=40, deadline=None)
+@given(sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5), one=st.booleans())
+def test_frames_come_out_the_same_however_they_arrive(make_hub, prepared, cut, sizes, one):
+    hub = make_hub()
+    data = b"".join(wire for _, wire in cycles(hub, 30))
+    stream = FrameStream(prepared(cut(data, sizes), one_at_a_time=one), lambda message: None)
+    frames = []
+    with pytest.raises(EOFError):
+        while True:
+            stream.poll()
+            frames += [stream.frames.popleft() for _ in range(len(stream.frames))]
+    assert [(frame.cycle, frame.address) for frame in frames] == [(c, a) for c in range(30) for a in BOARDS]
+    assert stream.bytes_received == len(data)
+    assert stream.bytes_discarded == 0
+
+
+def test_a_failure_comes_after_every_frame_that_stands_before_it(hub, prepared, cut):
+    data = b"".join(wire for _, wire in cycles(hub, 10))
+    failure = CaptureError("a.bin", "is cut short")
+    link = prepared(cut(data, [100]), end=failure)
+    stream = FrameStream(link, lambda message: None)
+    frames = []
+    with pytest.raises(CaptureError) as caught:
+        while True:
+            stream.poll()
+            frames += [stream.frames.popleft() for _ in range(len(stream.frames))]
+    assert caught.value is failure
+    assert len(frames) == 30
+    with pytest.raises(CaptureError):
+        stream.poll()
+    stream.close()
+    assert link.closed
+
+
+def test_a_last_frame_without_its_delimiter_is_delivered(hub, prepared, cut):
+    data = hub.taxels(0x20, 1)[:-1]
+    stream = FrameStream(prepared(cut(data)), lambda message: None)
+    frames = []
+    with pytest.raises(EOFError):
+        while True:
+            stream.poll()
+            frames += [stream.frames.popleft() for _ in range(len(stream.frames))]
+    assert len(frames) == 1
+
+
+def test_messages_are_told_in_order_with_their_fields(hub, prepared, cut):
+    data = hub.hello(tag=3, uptime_us=17) + hub.log(b"one") + hub.taxels(0x20, 1) + hub.sync(0x20, 5, 6) + hub.log(b"two")
+    client = HubClient(prepared(cut(data)))
+    client.stream.poll()
+    assert client.hello is not None
+    assert (client.hello["tag"], client.hello["uptime_us"]) == (3, 17)
+    assert list(client.logs) == ["one", "two"]
