@@ -50,22 +50,23 @@ static void put_le(uint8_t *bytes, uint64_t value, size_t size)
 }
 
 /* The capture format is described in protocol/SPEC.md. */
-static int open_capture(struct endpoint *endpoint, const char *path)
+static int open_capture(struct endpoint *endpoint, const char *path, double baud)
 {
-    static const char header[] = "{\"source\": \"emulator\"}";
+    char header[64];
+    const int size = snprintf(header, sizeof header, "{\"source\": \"emulator\", \"baud\": %.0f}", baud);
     uint8_t start[16] = "TAXELCAP";
     endpoint->capture = fopen(path, "wb");
     if (!endpoint->capture) {
         return complain(path, strerror(errno));
     }
     put_le(start + 8, 1, 2);
-    put_le(start + 12, sizeof header - 1u, 4);
+    put_le(start + 12, (uint64_t)size, 4);
     fwrite(start, sizeof start, 1, endpoint->capture);
-    fwrite(header, sizeof header - 1u, 1, endpoint->capture);
+    fwrite(header, (size_t)size, 1, endpoint->capture);
     return 0;
 }
 
-int endpoint_open(struct endpoint *endpoint, const char *what)
+int endpoint_open(struct endpoint *endpoint, const char *what, double baud)
 {
     memset(endpoint, 0, sizeof *endpoint);
     endpoint->fd = -1;
@@ -83,7 +84,7 @@ int endpoint_open(struct endpoint *endpoint, const char *what)
     }
     if (strncmp(what, "capture:", 8) == 0) {
         endpoint->kind = ENDPOINT_CAPTURE;
-        return open_capture(endpoint, what + 8);
+        return open_capture(endpoint, what + 8, baud);
     }
     return complain(what, "expected none, pty, fd:N or capture:FILE");
 }

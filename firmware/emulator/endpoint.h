@@ -27,8 +27,8 @@ struct endpoint {
     uint64_t bytes_delivered;
 };
 
-/* `what`: none, pty, fd:N or capture:FILE. Returns 0, or -1 after one line on stderr. */
-int endpoint_open(struct endpoint *endpoint, const char *what);
+/* `what`: none, pty, fd:N or capture:FILE; `baud` is noted in a capture. Returns 0, or -1 after one line on stderr. */
+int endpoint_open(struct endpoint *endpoint, const char *what, double baud);
 void endpoint_close(struct endpoint *endpoint);
 
 /* Bytes taken: fewer than `size` when nobody reads. */

@@ -157,7 +157,7 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     layer_init();
     if (world_file_read(&description, options.world) ||
-        open_stimulus(&stimulus, &options, world_taxels(&description)) || endpoint_open(&endpoint, options.uart) ||
+        open_stimulus(&stimulus, &options, world_taxels(&description)) || endpoint_open(&endpoint, options.uart, description.baud) ||
         host_script_open(&script, options.host_input)) {
         return 1;
     }

@@ -53,7 +53,9 @@ static void take_job_outcome(struct taxel_hub *hub)
     hub->job.kind = TAXEL_JOB_NONE;
     hub->job_done = false;
     if (job.kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
+        hub->unframed_size = job.read_size;
         taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */
+        hub->unframed_size = 0;
         taxel_hub_take_snapshot(hub, &job);
         return;
     }

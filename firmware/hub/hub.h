@@ -22,7 +22,7 @@
 #define TAXEL_HUB_COMMAND_PAYLOAD_MAX 68u
 #define TAXEL_HUB_COMMAND_ENCODED_MAX (2u * 80u)
 #define TAXEL_HUB_RECEIVE_RING 256u
-#define TAXEL_HUB_REPLY_RESERVE 160u
+#define TAXEL_HUB_REPLY_RESERVE 200u
 
 struct taxel_hub_slot {
     uint8_t address;
@@ -156,6 +156,9 @@ struct taxel_hub {
     struct taxel_outbox outbox;
     struct taxel_inbox inbox;
     uint64_t bus_down_until_us;
+    uint64_t room_wanted_since_us; /* 0: nobody waits for room in the transmit ring */
+    size_t room_wanted_tail;
+    size_t unframed_size; /* of a snapshot that has been read but is not in the ring yet */
     uint32_t bus_recoveries;
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a hello */

@@ -21,6 +21,8 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
 /* recovery.c: 0, or the fault that remains (enum taxel_board_fault) */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
+/* Whether a taxel frame with that much snapshot would fit after the one that is still to be framed. */
+bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size);
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub);
 
 /* outbox.c: one frame of a head and a tail (either may be empty); false if there is no room for it now */

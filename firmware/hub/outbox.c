@@ -24,15 +24,36 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
     return pulled;
 }
 
-/* Room that only answers to the host may use, so that a full ring never costs an answer. */
-static size_t reserve_for(uint8_t type)
+static size_t taxel_frame_size(size_t snapshot_size)
 {
-    return type == TAXEL_FRAME_TYPE_REPLY || type == TAXEL_FRAME_TYPE_HUB_HELLO ? 0 : TAXEL_HUB_REPLY_RESERVE;
+    return snapshot_size ? taxel_encoded_size_max(TAXEL_TAXEL_HEADER_SIZE + snapshot_size) : 0;
+}
+
+/* Room that a frame of this type must leave: taxel frames leave some for answers and for small frames that cannot wait, and
+ * status frames, which can, leave the room that the snapshots under way were promised. */
+static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
+{
+    switch (type) {
+    case TAXEL_FRAME_TYPE_TAXELS:
+        return TAXEL_HUB_REPLY_RESERVE;
+    case TAXEL_FRAME_TYPE_HUB_STATUS:
+    case TAXEL_FRAME_TYPE_BOARD_STATUS:
+        return TAXEL_HUB_REPLY_RESERVE + taxel_frame_size(hub->unframed_size) +
+               taxel_frame_size(hub->job.kind == TAXEL_JOB_POLL ? hub->job.read_size : 0);
+    default:
+        return 0;
+    }
 }
 
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
 {
     return used_bytes(hub) + TAXEL_HUB_REPLY_RESERVE < hub->config->transmit_ring_size;
+}
+
+bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
+{
+    const size_t wanted = taxel_frame_size(snapshot_size) + taxel_frame_size(hub->unframed_size) + TAXEL_HUB_REPLY_RESERVE;
+    return used_bytes(hub) + wanted < hub->config->transmit_ring_size;
 }
 
 bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
@@ -42,7 +63,7 @@ bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
     const size_t length = head_size + tail_size;
-    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(type) >= hub->config->transmit_ring_size) {
+    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(hub, type) >= hub->config->transmit_ring_size) {
         return false;
     }
     taxel_encoder_begin(&encoder, hub->config->transmit_ring, hub->config->transmit_ring_size, outbox->head, type,

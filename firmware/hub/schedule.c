@@ -4,6 +4,8 @@
 #include "hub/internal.h"
 
 #define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
+#define ROOM_POLL_US 100u        /* how often a full transmit ring is looked at again */
+#define UART_STALL_US 100000u    /* a UART that takes nothing for so long has no reader: go on, and drop */
 #define INCOMPATIBLE_RETRY_CYCLES 64u
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
 #define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
@@ -107,7 +109,31 @@ static bool launch_retry(struct taxel_hub *hub)
     return false;
 }
 
-static bool launch_from_polls(struct taxel_hub *hub)
+/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that
+ * takes nothing at all must not stop the hub. */
+static bool must_wait_for_room(struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    const uint64_t now = taxel_hub_clock(hub);
+    if (taxel_hub_has_room_for_snapshot(hub, TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count)) {
+        hub->room_wanted_since_us = 0;
+        return false;
+    }
+    if (!hub->room_wanted_since_us || hub->room_wanted_tail != hub->outbox.tail) {
+        hub->room_wanted_since_us = now;
+        hub->room_wanted_tail = hub->outbox.tail;
+    }
+    if (now - hub->room_wanted_since_us >= UART_STALL_US) {
+        return false;
+    }
+    hal->wake_at(hal->context, now + ROOM_POLL_US);
+    return true;
+}
+
+/* LAUNCH_WAIT: there is a poll to make, but not now. */
+enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
+
+static enum launch launch_from_polls(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
     while (cycle->position < hub->slot_count) {
@@ -117,22 +143,25 @@ static bool launch_from_polls(struct taxel_hub *hub)
             board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
         }
         if (launch_upkeep(hub, slot)) {
-            return true; /* and then this board's poll */
+            return LAUNCH_STARTED; /* and then this board's poll */
+        }
+        if (board->state == TAXEL_BOARD_STATE_STREAMING && must_wait_for_room(hub, board)) {
+            return LAUNCH_WAIT;
         }
         cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
             board->polls++;
             board->attempts = 0;
             launch_poll(hub, slot);
-            return true;
+            return LAUNCH_STARTED;
         }
         if (board->state == TAXEL_BOARD_STATE_ABSENT) {
             board->polls++;
             launch_probe(hub, TAXEL_JOB_PROBE_SLOT, slot, board->address);
-            return true;
+            return LAUNCH_STARTED;
         }
     }
-    return false;
+    return LAUNCH_NOTHING;
 }
 
 static bool launch_clock(struct taxel_hub *hub)
@@ -190,11 +219,13 @@ static bool launch_from_cycle(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = hub->config->hal;
     struct taxel_cycle *cycle = &hub->cycle;
+    enum launch launched;
     for (;;) {
         switch (cycle->stage) {
         case TAXEL_STAGE_POLLS:
-            if (launch_from_polls(hub)) {
-                return true;
+            launched = launch_from_polls(hub);
+            if (launched != LAUNCH_NOTHING) {
+                return launched == LAUNCH_STARTED;
             }
             cycle->stage = TAXEL_STAGE_CLOCK;
             break;

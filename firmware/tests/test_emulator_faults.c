@@ -115,13 +115,18 @@ static void the_clock_stretched_beyond_the_time_limit_is_given_up(void)
     }
 }
 
-/* Also while the status frames of a second are being sent, when the hub runs for other reasons than the bus. */
+/* Also when the hub has meanwhile run for another reason than the bus: here bytes from a host that then falls silent. */
 static void a_clock_stretched_for_ever_does_not_stop_the_hub(void)
 {
-    for (unsigned i = 0; i < 24; i++) {
+    for (unsigned i = 0; i < 20; i++) {
         begin();
-        fake_world_fault(&fake, 1.501 + 0.00025 * i, FAULT_STRETCH, BAD, 1e9);
-        run(1.2);
+        fake_world_fault(&fake, 0.7, FAULT_STRETCH, BAD, 1e9);
+        CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+        CHECK(fake_world_start(&fake));
+        CHECK_EQUAL(fake_world_run(&fake, 0.18 + 0.0007 * i), 0);
+        fake_world_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0);
+        CHECK_EQUAL(fake_world_run(&fake, 0.3), 0);
+        CHECK(fake.world.hub.hub.bus_recoveries >= 1);
         check_recovered();
         end();
     }
