@@ -3,8 +3,11 @@
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 
-/* One chunk of the longest kind can hold this many frames at most (the shortest frame is 14 stuffed bytes). */
-#define FRAMES_PER_CHUNK ((2u * (TAXEL_ENCODED_MAX + 2u)) / 12u)
+/* One step searches at most a full chunk buffer and the step itself. Frames without delimiters between them may fill it, and
+ * the shortest is 12 stuffed bytes. */
+#define STEP (TAXEL_BATCH_CHUNK_SIZE / 2u)
+#define SEARCHED_MAX (TAXEL_BATCH_CHUNK_SIZE + STEP)
+#define FRAMES_MAX (SEARCHED_MAX / 12u)
 
 size_t taxel_batch_struct_size(void)
 {
@@ -109,34 +112,35 @@ static void set_output(struct taxel_batch *batch, struct taxel_batch_output *out
     output->taxel_count = output->other_count = output->count_count = output->payload_count = 0;
 }
 
-/* A chunk of `length` stuffed bytes decodes to fewer than `length` bytes of payload, and half as many counts. */
+/* n stuffed bytes decode to fewer than n bytes of payload, and half as many counts. */
 static bool has_room(const struct taxel_batch *batch)
 {
     const struct taxel_batch_output *output = batch->output;
-    return output->row_capacity - output->taxel_count > FRAMES_PER_CHUNK &&
-           output->row_capacity - output->other_count > FRAMES_PER_CHUNK &&
-           output->count_capacity - output->count_count > sizeof batch->chunk / 2u &&
-           output->payload_capacity - output->payload_count > sizeof batch->chunk;
+    return output->row_capacity - output->taxel_count > FRAMES_MAX &&
+           output->row_capacity - output->other_count > FRAMES_MAX &&
+           output->count_capacity - output->count_count > SEARCHED_MAX / 2u &&
+           output->payload_capacity - output->payload_count > SEARCHED_MAX;
 }
 
 size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output)
 {
-    const size_t step = sizeof batch->chunk / 2u; /* a stream without delimiters must not outrun the room promised */
     size_t taken = 0;
     set_output(batch, output);
     while (taken < size && has_room(batch)) {
         const size_t left = size - taken;
-        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < step ? left : step);
+        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < STEP ? left : STEP);
     }
     return taken;
 }
 
-void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output)
+bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     set_output(batch, output);
-    if (has_room(batch)) {
-        taxel_deframer_finish(&batch->deframer);
+    if (!has_room(batch)) {
+        return false;
     }
+    taxel_deframer_finish(&batch->deframer);
+    return true;
 }
 
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch)

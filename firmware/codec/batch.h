@@ -42,6 +42,7 @@ struct taxel_batch_output {
 };
 
 #define TAXEL_BATCH_ADDRESSES 128u
+#define TAXEL_BATCH_CHUNK_SIZE (2u * (TAXEL_ENCODED_MAX + 2u))
 
 /* Totals of a stream. Only 64-bit members: the Python host reads it as one array. */
 struct taxel_batch_totals {
@@ -61,7 +62,7 @@ struct taxel_batch {
     uint16_t next_sequence;
     bool has_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
-    uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)];
+    uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE];
     uint8_t body[TAXEL_BODY_MAX];
 };
 
@@ -71,8 +72,8 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions);
 
 /* Decode from the start of the output's arrays. Returns the bytes taken: less than `size` when an array is nearly full. */
 size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output);
-/* The stream has ended: decode what is left. */
-void taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
+/* The stream has ended: decode what is left. Returns false, and does nothing, if the arrays are too small for that. */
+bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);
 

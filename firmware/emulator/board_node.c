@@ -122,6 +122,8 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board->powered = on;
     board->conversion_end = VTIME_NEVER;
     board->restart_wanted = false;
+    board->hold_clocks = 0; /* a board without power, or at its start, lets go of the lines */
+    board->stretch = 0;
     if (!on) {
         return;
     }

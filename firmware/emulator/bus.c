@@ -135,8 +135,10 @@ static void end_write(struct bus *bus)
     vtime released = bus->next;
     bus->bytes++;
     for (size_t i = 0; i < bus->slave_count; i++) {
-        bool acknowledge;
-        released = vtime_max(released, board_write(bus->slaves[i], bus->next, bus->transfer.write_bytes[bus->index], &acknowledge));
+        bool acknowledge = false;
+        if (bus->slaves[i]->powered) {
+            released = vtime_max(released, board_write(bus->slaves[i], bus->next, bus->transfer.write_bytes[bus->index], &acknowledge));
+        }
         acknowledged = acknowledged || acknowledge;
     }
     bus->index++;

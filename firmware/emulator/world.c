@@ -102,18 +102,22 @@ enum event {
     EVENT_COUNT,
 };
 
+static void list_times(const struct world *world, vtime times[EVENT_COUNT])
+{
+    times[EVENT_STIMULUS] = world->stimulus->until;
+    times[EVENT_FAULT] = next_fault_time(world);
+    times[EVENT_SCRIPT] = world->script->next;
+    times[EVENT_RECEIVE] = world->uart.receive_next;
+    times[EVENT_BUS] = world->bus.next;
+    times[EVENT_TRANSMIT] = world->uart.transmit_next;
+    times[EVENT_PACKET] = world->uart.packet_deadline;
+    times[EVENT_HUB] = vtime_max(world->hub.wake, world->hub.cpu_free);
+}
+
 static enum event earliest(const struct world *world, vtime *time)
 {
-    const vtime times[EVENT_COUNT] = {
-        [EVENT_STIMULUS] = world->stimulus->until,
-        [EVENT_FAULT] = next_fault_time(world),
-        [EVENT_SCRIPT] = world->script->next,
-        [EVENT_RECEIVE] = world->uart.receive_next,
-        [EVENT_BUS] = world->bus.next,
-        [EVENT_TRANSMIT] = world->uart.transmit_next,
-        [EVENT_PACKET] = world->uart.packet_deadline,
-        [EVENT_HUB] = vtime_max(world->hub.wake, world->hub.cpu_free),
-    };
+    vtime times[EVENT_COUNT];
+    list_times(world, times);
     enum event first = EVENT_STIMULUS;
     for (enum event event = EVENT_FAULT; event < EVENT_COUNT; event++) {
         if (times[event] < times[first]) {
@@ -124,11 +128,18 @@ static enum event earliest(const struct world *world, vtime *time)
     return first;
 }
 
-/* The bus may run ahead of other events by a few bytes only if none of them could touch it: stimulus and faults. */
+/* How far the bus may run on at once: up to the next event of another kind. Not further: the end of a transfer and a UART
+ * interrupt share the hub's CPU, so their order decides when the hub is free. */
 static vtime bus_horizon(const struct world *world, vtime now, vtime until)
 {
-    const vtime others = vtime_min(vtime_min(world->stimulus->until, next_fault_time(world)), world->hub.wake);
-    return vtime_max(now, vtime_min(until, others));
+    vtime times[EVENT_COUNT];
+    list_times(world, times);
+    for (enum event event = EVENT_STIMULUS; event < EVENT_COUNT; event++) {
+        if (event != EVENT_BUS && times[event] <= until) {
+            until = times[event] > now ? times[event] - 1u : now;
+        }
+    }
+    return vtime_max(now, until);
 }
 
 static int handle(struct world *world, enum event event, vtime now, vtime until)

@@ -1,5 +1,6 @@
 #include "emulator/world_file.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -58,11 +59,11 @@ static int hex(const struct reader *reader, int index, uint8_t *bytes, size_t si
         return complain(reader, "a string of hexadecimal digits is missing or has another length");
     }
     for (size_t i = 0; i < size; i++) {
-        unsigned value;
-        if (sscanf(reader->words[index] + 2 * i, "%2x", &value) != 1) {
+        const char digits[3] = {reader->words[index][2 * i], reader->words[index][2 * i + 1], '\0'};
+        if (!isxdigit((unsigned char)digits[0]) || !isxdigit((unsigned char)digits[1])) {
             return complain(reader, "expected hexadecimal digits");
         }
-        bytes[i] = (uint8_t)value;
+        bytes[i] = (uint8_t)strtoul(digits, NULL, 16);
     }
     return 0;
 }
@@ -174,8 +175,11 @@ static int read_line(const struct reader *reader)
         if (reader->count < 2) {
             return complain(reader, "a number is missing");
         }
+        errno = 0;
         world->seed = strtoull(reader->words[1], &end, 10);
-        return *end ? complain(reader, "seed: expected a whole number") : 0;
+        return *end || errno || !isdigit((unsigned char)reader->words[1][0])
+                   ? complain(reader, "seed: expected a whole number from 0 to 2^64 - 1")
+                   : 0;
     }
     const struct {
         const char *word;

@@ -115,6 +115,13 @@ enum taxel_log_level {
     TAXEL_LOG_LEVEL_ERROR = 0x03,
 };
 
+enum taxel_log_code {
+    TAXEL_LOG_CODE_BUS_FREE = 0x01,
+    TAXEL_LOG_CODE_SDA_STUCK = 0x02,
+    TAXEL_LOG_CODE_SCL_STUCK = 0x03,
+    TAXEL_LOG_CODE_RECEIVE_OVERRUN = 0x04,
+};
+
 enum taxel_board_command {
     TAXEL_BOARD_COMMAND_START_SCAN = 0x01,
     TAXEL_BOARD_COMMAND_STOP_SCAN = 0x02,
@@ -126,7 +133,6 @@ enum taxel_board_command {
 enum taxel_board_error_flag {
     TAXEL_BOARD_ERROR_FLAG_SETTINGS_REJECTED = 0x01,
     TAXEL_BOARD_ERROR_FLAG_COMMAND_REJECTED = 0x02,
-    TAXEL_BOARD_ERROR_FLAG_CONVERSION_TIMEOUT = 0x04,
     TAXEL_BOARD_ERROR_FLAG_SATURATED = 0x08,
     TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE = 0x10,
 };
@@ -248,7 +254,7 @@ static inline void taxel_identity_unpack(struct taxel_identity *value, const uin
 #define TAXEL_STATUS_OFFSET_SNAPSHOT_READS 16u
 #define TAXEL_STATUS_OFFSET_BUS_ERRORS 20u
 #define TAXEL_STATUS_OFFSET_REJECTED_WRITES 22u
-#define TAXEL_STATUS_OFFSET_CONVERSION_TIMEOUTS 24u
+#define TAXEL_STATUS_OFFSET_RESERVED 24u
 #define TAXEL_STATUS_OFFSET_SATURATED_CONVERSIONS 26u
 struct taxel_status {
     uint8_t state;
@@ -261,7 +267,7 @@ struct taxel_status {
     uint32_t snapshot_reads;
     uint16_t bus_errors;
     uint16_t rejected_writes;
-    uint16_t conversion_timeouts;
+    uint16_t reserved;
     uint16_t saturated_conversions;
 };
 static inline void taxel_status_pack(const struct taxel_status *value, uint8_t *bytes)
@@ -276,7 +282,7 @@ static inline void taxel_status_pack(const struct taxel_status *value, uint8_t *
     taxel_put_u32(bytes + 16, value->snapshot_reads);
     taxel_put_u16(bytes + 20, value->bus_errors);
     taxel_put_u16(bytes + 22, value->rejected_writes);
-    taxel_put_u16(bytes + 24, value->conversion_timeouts);
+    taxel_put_u16(bytes + 24, value->reserved);
     taxel_put_u16(bytes + 26, value->saturated_conversions);
 }
 static inline void taxel_status_unpack(struct taxel_status *value, const uint8_t *bytes)
@@ -291,7 +297,7 @@ static inline void taxel_status_unpack(struct taxel_status *value, const uint8_t
     value->snapshot_reads = taxel_get_u32(bytes + 16);
     value->bus_errors = taxel_get_u16(bytes + 20);
     value->rejected_writes = taxel_get_u16(bytes + 22);
-    value->conversion_timeouts = taxel_get_u16(bytes + 24);
+    value->reserved = taxel_get_u16(bytes + 24);
     value->saturated_conversions = taxel_get_u16(bytes + 26);
 }
 

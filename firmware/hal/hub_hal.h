@@ -44,7 +44,8 @@ struct taxel_hub_hal {
     /* Microseconds since boot. */
     uint64_t (*clock_us)(void *context);
     void (*delay_us)(void *context, uint32_t microseconds);
-    /* Call taxel_hub_run() at that clock_us() at the latest; it is also called after every event. */
+    /* Call taxel_hub_run() at that clock_us() at the latest. It is also called after every interrupt. Of several requests the
+     * earliest holds, and any call of taxel_hub_run() uses up those made before it. */
     void (*wake_at)(void *context, uint64_t clock_us);
 
     void (*restart)(void *context);

@@ -1,4 +1,6 @@
-/* What a sensor board's firmware needs from its processor. One struct of functions; the port fills it in. */
+/* What a sensor board's firmware needs from its processor. One struct of functions; the port fills it in.
+ *
+ * The end-of-conversion and the I2C interrupt must have the same priority: neither cuts into the other. */
 #ifndef TAXEL_SENSOR_HAL_H
 #define TAXEL_SENSOR_HAL_H
 

@@ -1,3 +1,5 @@
+#include <stdatomic.h>
+
 #include "hub/internal.h"
 
 #define DRAIN_POLL_US 1000u
@@ -30,6 +32,7 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
 {
     hub->job_result = result;
+    atomic_signal_fence(memory_order_release);
     hub->job_done = true;
 }
 
@@ -49,6 +52,7 @@ static void take_job_outcome(struct taxel_hub *hub)
     if (!hub->job_done) {
         return;
     }
+    atomic_signal_fence(memory_order_acquire); /* the transfer buffer is as the interrupt left it */
     const struct taxel_job job = hub->job;
     hub->job.kind = TAXEL_JOB_NONE;
     hub->job_done = false;
@@ -66,7 +70,7 @@ void taxel_hub_run(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = hub->config->hal;
     if (hub->restart_wanted) { /* nothing new is begun; what has been said goes out first */
-        if (taxel_hub_uart_pending(hub)) {
+        if (taxel_hub_uart_pending(hub) && taxel_hub_clock(hub) < hub->restart_by_us) {
             hal->wake_at(hal->context, taxel_hub_clock(hub) + DRAIN_POLL_US);
         } else {
             hal->restart(hal->context);
@@ -79,4 +83,7 @@ void taxel_hub_run(struct taxel_hub *hub)
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
+    if (hub->job.kind != TAXEL_JOB_NONE) {
+        hal->wake_at(hal->context, hub->job.deadline_us); /* this pass may have used up the call that launch() asked for */
+    }
 }

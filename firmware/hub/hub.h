@@ -39,7 +39,8 @@ struct taxel_hub_slot {
     uint8_t attempts;
     uint16_t consecutive_failures;
     uint16_t last_sequence;
-    uint32_t last_timestamp_us;
+    uint32_t last_timestamp_us; /* board's clock, of the last snapshot forwarded */
+    uint32_t last_read_us;      /* hub's clock, when that, or an identity that did not fit, was read */
     uint32_t polls, forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
     struct taxel_scan_settings settings;
 };
@@ -63,7 +64,8 @@ enum taxel_job_kind {
     TAXEL_JOB_POLL,
     TAXEL_JOB_PROBE_SLOT,
     TAXEL_JOB_IDENTIFY,
-    TAXEL_JOB_READ_SETTINGS,
+    TAXEL_JOB_READ_SETTINGS,  /* after an identity: the other transfer buffer holds it */
+    TAXEL_JOB_CHECK_SETTINGS, /* after a write of settings */
     TAXEL_JOB_WRITE_SETTINGS,
     TAXEL_JOB_CLOCK,
     TAXEL_JOB_PROBE_ADDRESS,
@@ -75,6 +77,7 @@ struct taxel_job {
     uint8_t slot;
     uint8_t address;
     uint8_t buffer; /* which transfer buffer it reads into */
+    uint16_t cycle; /* in which it was started */
     uint8_t write_size;
     uint8_t write_bytes[1u + TAXEL_SETTINGS_REGISTER_SIZE];
     size_t read_size;
@@ -137,6 +140,7 @@ struct taxel_outbox {
 struct taxel_inbox {
     volatile uint8_t head, tail;
     volatile uint32_t overruns;
+    uint32_t overruns_told;
     uint32_t commands, commands_rejected;
     uint8_t ring[TAXEL_HUB_RECEIVE_RING];
     uint8_t chunk[TAXEL_HUB_COMMAND_ENCODED_MAX];
@@ -155,15 +159,19 @@ struct taxel_hub {
     struct taxel_report report;
     struct taxel_outbox outbox;
     struct taxel_inbox inbox;
+    uint64_t restart_by_us;
     uint64_t bus_down_until_us;
     uint64_t room_wanted_since_us; /* 0: nobody waits for room in the transmit ring */
     size_t room_wanted_tail;
+    bool uart_is_stalled; /* polls go on without waiting for room */
     size_t unframed_size; /* of a snapshot that has been read but is not in the ring yet */
     uint32_t bus_recoveries;
+    uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a hello */
     uint8_t next_buffer;
     uint8_t settings_read_slot; /* whose settings are to be read next, or 0xFF */
+    uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
     bool streaming;
     bool swept_once;
     bool restart_wanted;

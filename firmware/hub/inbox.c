@@ -1,5 +1,9 @@
 /* UART bytes in: hello and commands. One command at a time; what comes meanwhile waits in the receive ring. */
+#include <stdatomic.h>
+
 #include "hub/internal.h"
+
+#define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
 
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 {
@@ -10,6 +14,7 @@ void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
         return;
     }
     inbox->ring[inbox->head] = byte;
+    atomic_signal_fence(memory_order_release);
     inbox->head = next;
 }
 
@@ -46,6 +51,18 @@ void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data,
     if (status != TAXEL_REPLY_STATUS_OK) {
         hub->inbox.commands_rejected++;
     }
+}
+
+static void refuse(struct taxel_hub *hub, const struct taxel_frame *frame, uint8_t status)
+{
+    uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
+    struct taxel_command_header command;
+    taxel_command_header_unpack(&command, frame->payload);
+    const struct taxel_reply_header header = {.tag = command.tag, .command = command.command, .status = status};
+    taxel_reply_header_pack(&header, bytes);
+    hub->inbox.commands++;
+    hub->inbox.commands_rejected++;
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_REPLY, bytes, sizeof bytes, NULL, 0);
 }
 
 static void take_hello(struct taxel_hub *hub, const struct taxel_frame *frame)
@@ -99,11 +116,14 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
     bool any = false;
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         struct taxel_hub_slot *board = &hub->config->slots[i];
-        if (is_chosen(hub->command.address, board) && board->state == TAXEL_BOARD_STATE_STREAMING) {
+        if (!is_chosen(hub->command.address, board)) {
+            continue;
+        }
+        board->settings_rejected = false;
+        if (board->state == TAXEL_BOARD_STATE_STREAMING) {
             taxel_scan_settings_unpack(&board->settings, bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
             board->has_settings = true;
             board->settings_dirty = true;
-            board->settings_rejected = false;
             any = true;
         }
     }
@@ -215,6 +235,7 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
         break;
     case TAXEL_COMMAND_REBOOT:
         hub->restart_wanted = true;
+        hub->restart_by_us = taxel_hub_clock(hub) + RESTART_PATIENCE_US;
         done(hub);
         break;
     case TAXEL_COMMAND_GET_STATUS:
@@ -252,7 +273,9 @@ static void take_frame(void *context, const struct taxel_frame *frame)
     struct taxel_hub *hub = context;
     if (frame->type == TAXEL_FRAME_TYPE_HOST_HELLO) {
         take_hello(hub, frame);
-    } else if (frame->type == TAXEL_FRAME_TYPE_COMMAND && !hub->command.active) {
+    } else if (frame->type == TAXEL_FRAME_TYPE_COMMAND && hub->command.active) {
+        refuse(hub, frame, TAXEL_REPLY_STATUS_BUSY); /* two commands in one chunk: a delimiter was lost between them */
+    } else if (frame->type == TAXEL_FRAME_TYPE_COMMAND) {
         take_command(hub, frame);
     }
 }
@@ -279,6 +302,7 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
         end_finished_command(hub);
     }
     while (!hub->command.active && inbox->tail != inbox->head && taxel_hub_has_room_for_reply(hub)) {
+        atomic_signal_fence(memory_order_acquire);
         const uint8_t byte = inbox->ring[inbox->tail];
         inbox->tail = (uint8_t)(inbox->tail + 1u);
         taxel_deframer_push(&inbox->deframer, &byte, 1);

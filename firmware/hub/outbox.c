@@ -1,4 +1,6 @@
 /* UART frames out. A frame goes into the ring whole or not at all; what finds no room is dropped whole, and counted. */
+#include <stdatomic.h>
+
 #include "codec/encoder.h"
 #include "hub/internal.h"
 
@@ -17,6 +19,7 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 {
     struct taxel_outbox *outbox = &hub->outbox;
     size_t pulled = 0;
+    atomic_signal_fence(memory_order_acquire);
     while (pulled < size && outbox->tail != outbox->head) {
         bytes[pulled++] = hub->config->transmit_ring[outbox->tail];
         outbox->tail = outbox->tail + 1u == hub->config->transmit_ring_size ? 0u : outbox->tail + 1u;
@@ -24,35 +27,49 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
     return pulled;
 }
 
+#define REPLY_ENCODED_MAX taxel_encoded_size_max(TAXEL_REPLY_HEADER_SIZE + 128u) /* the longest reply on the wire */
+
+/* While a report is under way, its next frame has a place of its own: taxel frames, which may be shorter and come more often,
+ * would take every gap, the report would never end, and GET_STATUS would keep all other commands waiting. */
+static size_t report_reserve(const struct taxel_hub *hub)
+{
+    return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
+}
+
 static size_t taxel_frame_size(size_t snapshot_size)
 {
     return snapshot_size ? taxel_encoded_size_max(TAXEL_TAXEL_HEADER_SIZE + snapshot_size) : 0;
 }
 
-/* Room that a frame of this type must leave: taxel frames leave some for answers and for small frames that cannot wait, and
- * status frames, which can, leave the room that the snapshots under way were promised. */
+/* Room that a frame of this type must leave: all but answers leave some for an answer, taxel frames also for small frames
+ * that cannot wait, and status frames, which can, leave the room that the snapshots under way were promised. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
+    case TAXEL_FRAME_TYPE_REPLY:
+    case TAXEL_FRAME_TYPE_HUB_HELLO:
+        return 0;
     case TAXEL_FRAME_TYPE_TAXELS:
-        return TAXEL_HUB_REPLY_RESERVE;
+        /* A poll that waited for its room has it promised; only when nobody reads are polls made without. */
+        return TAXEL_HUB_REPLY_RESERVE + (hub->uart_is_stalled ? report_reserve(hub) : 0);
     case TAXEL_FRAME_TYPE_HUB_STATUS:
     case TAXEL_FRAME_TYPE_BOARD_STATUS:
         return TAXEL_HUB_REPLY_RESERVE + taxel_frame_size(hub->unframed_size) +
                taxel_frame_size(hub->job.kind == TAXEL_JOB_POLL ? hub->job.read_size : 0);
     default:
-        return 0;
+        return REPLY_ENCODED_MAX; /* small frames never cost an answer */
     }
 }
 
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
 {
-    return used_bytes(hub) + TAXEL_HUB_REPLY_RESERVE < hub->config->transmit_ring_size;
+    return used_bytes(hub) + REPLY_ENCODED_MAX < hub->config->transmit_ring_size;
 }
 
 bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
 {
-    const size_t wanted = taxel_frame_size(snapshot_size) + taxel_frame_size(hub->unframed_size) + TAXEL_HUB_REPLY_RESERVE;
+    const size_t wanted = taxel_frame_size(snapshot_size) + taxel_frame_size(hub->unframed_size) + TAXEL_HUB_REPLY_RESERVE +
+                          report_reserve(hub);
     return used_bytes(hub) + wanted < hub->config->transmit_ring_size;
 }
 
@@ -73,6 +90,7 @@ bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head
     outbox->bytes_sent += (uint32_t)taxel_encoder_end(&encoder);
     outbox->frames_sent++;
     outbox->sequence++;
+    atomic_signal_fence(memory_order_release); /* the bytes are in place before the interrupt may see them */
     outbox->head = encoder.position;
     hal->uart_kick(hal->context);
     return true;

@@ -6,7 +6,9 @@
 #define FAILURES_UNTIL_ABSENT 3u
 #define IDENTITY_ATTEMPTS 3u
 #define BUS_DOWN_US 10000u
-#define RESTART_GAP_US 60000000u /* a board clock that jumped by more than this has been restarted */
+#define CLOCK_SLACK_US 500000 /* age of a snapshot, twice and with room */
+#define HALF_CLOCK_RANGE 0x80000000u
+#define CLOCK_SLACK_SHIFT 3   /* and an eighth of the time between: no oscillator is that far off */
 
 static void fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault)
 {
@@ -31,15 +33,37 @@ static void succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
     }
 }
 
-static void recover_bus(struct taxel_hub *hub, struct taxel_hub_slot *board)
+static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
+{
+    if (fault == TAXEL_BOARD_FAULT_NONE) {
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_INFO, TAXEL_LOG_CODE_BUS_FREE, "I2C bus: free again");
+    } else if (fault == TAXEL_BOARD_FAULT_SCL_STUCK) {
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C bus: SCL stays low");
+    } else {
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low after nine clocks");
+    }
+}
+
+/* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
+static uint8_t recover_bus(struct taxel_hub *hub)
 {
     const uint8_t fault = taxel_hub_recover_bus(hub);
     if (fault != TAXEL_BOARD_FAULT_NONE) {
         hub->bus_down_until_us = taxel_hub_clock(hub) + BUS_DOWN_US;
-        if (board) {
-            board->last_fault = fault;
-        }
     }
+    if (fault != hub->bus_fault) {
+        hub->bus_fault = fault;
+        tell_bus_fault(hub, fault);
+    }
+    return fault;
+}
+
+static uint8_t fault_of(int8_t result, uint8_t bus_fault)
+{
+    if (bus_fault != TAXEL_BOARD_FAULT_NONE) {
+        return bus_fault;
+    }
+    return result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION;
 }
 
 static bool retry(struct taxel_hub_slot *board)
@@ -60,9 +84,16 @@ static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t 
     return crc == taxel_get_u32(bytes + size - 4u);
 }
 
-static bool board_was_restarted(const struct taxel_hub_slot *board, const struct taxel_snapshot_header *snapshot)
+/* The board's clock went back, or has not gone on as the hub's has: it began anew. */
+static bool board_was_restarted(const struct taxel_hub_slot *board, const struct taxel_job *job,
+                                const struct taxel_snapshot_header *snapshot)
 {
-    return board->has_sequence && snapshot->timestamp_us - board->last_timestamp_us > RESTART_GAP_US;
+    const uint32_t elapsed = (uint32_t)job->started_us - board->last_read_us;
+    const uint32_t board_elapsed = snapshot->timestamp_us - board->last_timestamp_us;
+    const bool went_back = board_elapsed >= HALF_CLOCK_RANGE && elapsed < HALF_CLOCK_RANGE;
+    const int64_t difference = (int32_t)(board_elapsed - elapsed);
+    const int64_t slack = CLOCK_SLACK_US + (int64_t)(elapsed >> CLOCK_SLACK_SHIFT);
+    return board->has_sequence && (went_back || difference > slack || difference < -slack);
 }
 
 static void forward(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board)
@@ -71,7 +102,7 @@ static void forward(struct taxel_hub *hub, const struct taxel_job *job, struct t
     const struct taxel_taxel_header header = {
         .address = board->address,
         .taxel_count = board->taxel_count,
-        .cycle = hub->cycle.number,
+        .cycle = job->cycle,
         .hub_time_us = (uint32_t)job->started_us,
     };
     taxel_taxel_header_pack(&header, head);
@@ -97,7 +128,7 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
     }
     succeed(hub, board);
     taxel_snapshot_header_unpack(&snapshot, bytes);
-    if (board_was_restarted(board, &snapshot)) {
+    if (board_was_restarted(board, job, &snapshot)) {
         board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
         board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may answer now */
         board->has_sequence = false;
@@ -110,6 +141,7 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
     board->has_sequence = true;
     board->last_sequence = snapshot.sequence;
     board->last_timestamp_us = snapshot.timestamp_us;
+    board->last_read_us = (uint32_t)job->started_us;
     forward(hub, job, board);
 }
 
@@ -125,17 +157,17 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
         }
         return;
     case TAXEL_I2C_TIMEOUT:
-        recover_bus(hub, NULL);
+        (void)recover_bus(hub);
         board->timeouts++;
         fail(hub, board, TAXEL_BOARD_FAULT_TIMEOUT);
         return;
     default:
-        recover_bus(hub, board);
-        if (hub->bus_down_until_us > taxel_hub_clock(hub) || !retry(board)) {
-            board->bus_errors++;
-            fail(hub, board, result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION);
-        }
-        return;
+        break;
+    }
+    const uint8_t bus_fault = recover_bus(hub);
+    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(board)) {
+        board->bus_errors++;
+        fail(hub, board, fault_of(result, bus_fault));
     }
 }
 
@@ -144,7 +176,9 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
     if (result == TAXEL_I2C_OK) {
         board->state = TAXEL_BOARD_STATE_IDENTIFYING;
         board->polls--; /* the board is back: its poll follows in this very cycle */
-        hub->cycle.position--;
+        if (hub->cycle.position == board - hub->config->slots + 1) {
+            hub->cycle.position--; /* otherwise a new cycle has begun meanwhile and comes to this board by itself */
+        }
         return;
     }
     if (result == TAXEL_I2C_NACK_ADDRESS) {
@@ -184,7 +218,7 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
     if (result == TAXEL_I2C_OK) {
         hub->sweep.found[job->address >> 3] |= (uint8_t)(1u << (job->address & 7u));
     } else if (result != TAXEL_I2C_NACK_ADDRESS) {
-        recover_bus(hub, NULL);
+        (void)recover_bus(hub);
     }
     if (job->slot == TAXEL_NO_SLOT) {
         if (result == TAXEL_I2C_OK) {
@@ -201,13 +235,14 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
 }
 
 /* Why these 58 bytes are not those of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
-static uint8_t identity_fault(const struct taxel_hub *hub, const uint8_t *bytes, const struct taxel_identity *identity)
+static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes,
+                              const struct taxel_identity *identity)
 {
     if (identity->who_am_i != TAXEL_WHO_AM_I) {
         return TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD;
     }
-    if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32)) {
-        return TAXEL_BOARD_FAULT_CRC;
+    if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) || identity->address != address) {
+        return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
     }
     if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
         return TAXEL_BOARD_FAULT_MAP_VERSION;
@@ -225,7 +260,7 @@ static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32
     fail(hub, board, fault);
     board->state = state;
     board->info_wanted = false;
-    if (hub->streaming) {
+    if (hub->streaming && hub->cycle.position == board - hub->config->slots) {
         board->polls++;
         (*counter)++;
         hub->cycle.position++;
@@ -238,7 +273,7 @@ static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot
         end_turn(hub, board, &board->nacks, TAXEL_BOARD_FAULT_NACK, TAXEL_BOARD_STATE_ABSENT);
         return;
     }
-    recover_bus(hub, NULL);
+    (void)recover_bus(hub);
     if (result == TAXEL_I2C_TIMEOUT) {
         end_turn(hub, board, &board->timeouts, TAXEL_BOARD_FAULT_TIMEOUT, TAXEL_BOARD_STATE_ABSENT);
     } else {
@@ -255,14 +290,16 @@ static void finish_identify(struct taxel_hub *hub, const struct taxel_job *job, 
         return;
     }
     taxel_identity_unpack(&identity, bytes);
-    const uint8_t fault = identity_fault(hub, bytes, &identity);
+    const uint8_t fault = identity_fault(hub, board->address, bytes, &identity);
     if (fault == TAXEL_BOARD_FAULT_NONE) {
         board->taxel_count = (uint8_t)identity.taxel_count;
         board->attempts = 0;
         hub->settings_read_slot = job->slot;
+        hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
         return;
     }
     /* A flipped bit can look like a foreign board: only the third such answer in a row is believed. */
+    board->last_read_us = (uint32_t)job->started_us;
     const bool believed = fault != TAXEL_BOARD_FAULT_CRC && ++board->attempts >= IDENTITY_ATTEMPTS;
     end_turn(hub, board, &board->crc_errors, fault, believed ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
@@ -273,34 +310,43 @@ static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t
     return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
 }
 
-/* Settings were read, after an identity or after a write of settings: the other transfer buffer tells which. */
+static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uint8_t *bytes)
+{
+    uint8_t wanted[TAXEL_SCAN_SETTINGS_SIZE];
+    taxel_scan_settings_pack(&board->settings, wanted);
+    return memcmp(bytes, wanted, sizeof wanted) == 0;
+}
+
+/* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
+static void finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                                  int8_t result)
+{
+    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
+    board->settings_dirty = false;
+    board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
+    if (board->settings_rejected) {
+        board->has_settings = board->has_settings && !whole;
+        taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_SETTINGS_REJECTED);
+    }
+}
+
+/* Settings were read after an identity. */
 static void finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
                                  int8_t result)
 {
     const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    uint8_t wanted[TAXEL_SCAN_SETTINGS_SIZE];
-    const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
-    taxel_scan_settings_pack(&board->settings, wanted);
-    const bool as_wanted = whole && memcmp(bytes, wanted, sizeof wanted) == 0;
-    if (board->state == TAXEL_BOARD_STATE_STREAMING && board->settings_dirty && !board->info_wanted) {
-        board->settings_dirty = false;
-        board->settings_rejected = !as_wanted;
-        if (!as_wanted) {
-            taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_SETTINGS_REJECTED);
-        }
-        return;
-    }
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
     }
-    if (!whole) {
+    if (!settings_are_whole(board, bytes)) {
         end_turn(hub, board, &board->crc_errors, TAXEL_BOARD_FAULT_CRC, TAXEL_BOARD_STATE_ABSENT);
         return;
     }
     board->state = TAXEL_BOARD_STATE_STREAMING;
     board->info_wanted = false;
-    board->settings_dirty = board->has_settings && !as_wanted;
+    board->settings_dirty = board->has_settings && !settings_are_as_wanted(board, bytes);
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_INFO, hub->config->transfer_buffers[job->buffer ^ 1u],
                          TAXEL_IDENTITY_SIZE, bytes, TAXEL_SCAN_SETTINGS_SIZE);
 }
@@ -310,7 +356,7 @@ static void finish_clock(struct taxel_hub *hub, const struct taxel_job *job, str
     uint8_t bytes[TAXEL_TIME_SYNC_SIZE];
     if (result != TAXEL_I2C_OK) {
         if (result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
-            recover_bus(hub, NULL);
+            (void)recover_bus(hub);
         }
         return;
     }
@@ -343,7 +389,7 @@ static uint8_t reply_status_of(int8_t result)
 static void finish_pass_through(struct taxel_hub *hub, const struct taxel_job *job, int8_t result)
 {
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {
-        recover_bus(hub, NULL);
+        (void)recover_bus(hub);
     }
     taxel_hub_reply(hub, reply_status_of(result), hub->config->transfer_buffers[job->buffer],
                     result == TAXEL_I2C_OK ? job->read_size : 0);
@@ -364,9 +410,13 @@ void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, in
         break;
     case TAXEL_JOB_WRITE_SETTINGS:
         hub->settings_read_slot = job->slot; /* taken over or not: reading back tells */
+        hub->settings_read_kind = TAXEL_JOB_CHECK_SETTINGS;
         break;
     case TAXEL_JOB_READ_SETTINGS:
         finish_read_settings(hub, job, board, result);
+        break;
+    case TAXEL_JOB_CHECK_SETTINGS:
+        finish_check_settings(hub, job, board, result);
         break;
     case TAXEL_JOB_CLOCK:
         finish_clock(hub, job, board, result);

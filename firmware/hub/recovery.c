@@ -20,6 +20,9 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
         hal->i2c_drive(hal->context, true, true);
         hal->delay_us(hal->context, HALF_CLOCK_US);
     }
+    /* One line at a time: SDA that falls while SCL is still high would be a start. */
+    hal->i2c_drive(hal->context, false, true);
+    hal->delay_us(hal->context, HALF_CLOCK_US);
     hal->i2c_drive(hal->context, false, false);
     hal->delay_us(hal->context, HALF_CLOCK_US);
     hal->i2c_drive(hal->context, true, false);

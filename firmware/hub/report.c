@@ -2,6 +2,8 @@
 #include "hub/internal.h"
 
 #define REPORT_PERIOD_US 1000000u
+#define STEP_US 100u     /* between two frames of a report */
+#define NO_ROOM_US 2000u /* before a frame that found no room is tried again */
 
 static uint8_t boards_streaming(const struct taxel_hub *hub)
 {
@@ -60,21 +62,14 @@ void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
     hub->report.next = 0;
 }
 
-void taxel_hub_report_step(struct taxel_hub *hub)
+/* False if there was no room for it. */
+static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
-    const uint64_t now = taxel_hub_clock(hub);
-    if (!report->active && hub->streaming && now >= report->next_us) {
-        report->next_us = now + REPORT_PERIOD_US;
-        taxel_hub_start_report(hub, false);
-    }
-    if (!report->active) {
-        return;
-    }
     const bool sent =
         report->next == 0 ? send_hub_status(hub) : send_board_status(hub, &hub->config->slots[report->next - 1u]);
     if (!sent) {
-        return;
+        return false;
     }
     report->next++;
     if (report->next > hub->slot_count) {
@@ -82,8 +77,32 @@ void taxel_hub_report_step(struct taxel_hub *hub)
         if (report->for_command) {
             taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
         }
-    } else {
-        const struct taxel_hub_hal *hal = hub->config->hal;
-        hal->wake_at(hal->context, now + 100u);
+    }
+    return true;
+}
+
+static void tell_overruns(struct taxel_hub *hub)
+{
+    if (hub->inbox.overruns_told != hub->inbox.overruns) {
+        hub->inbox.overruns_told = hub->inbox.overruns;
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_RECEIVE_OVERRUN, "UART: bytes from the host were lost");
+    }
+}
+
+void taxel_hub_report_step(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    struct taxel_report *report = &hub->report;
+    const uint64_t now = taxel_hub_clock(hub);
+    tell_overruns(hub);
+    if (!report->active && hub->streaming && now >= report->next_us) {
+        report->next_us = now + REPORT_PERIOD_US;
+        taxel_hub_start_report(hub, false);
+    }
+    const bool sent = report->active && send_next(hub);
+    if (report->active) {
+        hal->wake_at(hal->context, now + (sent ? STEP_US : NO_ROOM_US));
+    } else if (hub->streaming) {
+        hal->wake_at(hal->context, report->next_us);
     }
 }

@@ -6,7 +6,7 @@
 #define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
 #define ROOM_POLL_US 100u        /* how often a full transmit ring is looked at again */
 #define UART_STALL_US 100000u    /* a UART that takes nothing for so long has no reader: go on, and drop */
-#define INCOMPATIBLE_RETRY_CYCLES 64u
+#define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
 #define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
 #define CLOCKS_PER_BYTE 9u
@@ -21,21 +21,23 @@ static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t ad
 {
     const struct taxel_hub_hal *hal = hub->config->hal;
     struct taxel_job *job = &hub->job;
-    const uint64_t bytes = (uint64_t)ADDRESS_BYTES + job->write_size + read_size;
+    const bool pass_through = kind == TAXEL_JOB_PASS_THROUGH;
+    const size_t write_size = pass_through ? hub->command.transfer_size : job->write_size;
+    const uint64_t bytes = ADDRESS_BYTES + write_size + read_size;
     job->kind = kind;
     job->slot = slot;
     job->address = address;
+    job->cycle = hub->cycle.number;
     job->read_size = read_size;
     job->buffer = hub->next_buffer;
     hub->next_buffer ^= 1u;
     hub->job_done = false;
     job->started_us = taxel_hub_clock(hub);
     job->deadline_us = job->started_us + TIMEOUT_BASE_US + 2u * bytes * CLOCKS_PER_BYTE * 1000000u / hub->config->scl_hz;
-    const bool pass_through = kind == TAXEL_JOB_PASS_THROUGH;
     const struct taxel_i2c_transfer transfer = {
         .address = address,
         .write_bytes = pass_through ? hub->command.transfer_bytes : job->write_bytes,
-        .write_size = pass_through ? hub->command.transfer_size : job->write_size,
+        .write_size = write_size,
         .read_bytes = hub->config->transfer_buffers[job->buffer],
         .read_size = read_size,
     };
@@ -97,6 +99,16 @@ static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
     return false;
 }
 
+static bool launch_any_upkeep(struct taxel_hub *hub)
+{
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        if (launch_upkeep(hub, i)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static bool launch_retry(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -117,13 +129,15 @@ static bool must_wait_for_room(struct taxel_hub *hub, const struct taxel_hub_slo
     const uint64_t now = taxel_hub_clock(hub);
     if (taxel_hub_has_room_for_snapshot(hub, TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count)) {
         hub->room_wanted_since_us = 0;
+        hub->uart_is_stalled = false;
         return false;
     }
     if (!hub->room_wanted_since_us || hub->room_wanted_tail != hub->outbox.tail) {
         hub->room_wanted_since_us = now;
         hub->room_wanted_tail = hub->outbox.tail;
     }
-    if (now - hub->room_wanted_since_us >= UART_STALL_US) {
+    hub->uart_is_stalled = now - hub->room_wanted_since_us >= UART_STALL_US;
+    if (hub->uart_is_stalled) {
         return false;
     }
     hal->wake_at(hal->context, now + ROOM_POLL_US);
@@ -139,7 +153,8 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     while (cycle->position < hub->slot_count) {
         const uint8_t slot = cycle->position;
         struct taxel_hub_slot *board = slot_at(hub, slot);
-        if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE && cycle->number % INCOMPATIBLE_RETRY_CYCLES == 0) {
+        if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
+            (uint32_t)taxel_hub_clock(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
             board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
         }
         if (launch_upkeep(hub, slot)) {
@@ -246,7 +261,7 @@ static bool launch_from_cycle(struct taxel_hub *hub)
             const uint64_t next = cycle->started_us + (hub->slot_count ? cycle->period_us : SWEEP_PERIOD_US);
             if (taxel_hub_clock(hub) < next) {
                 hal->wake_at(hal->context, next);
-                return false;
+                return launch_any_upkeep(hub); /* the host's commands do not wait for a slow cycle */
             }
             begin_cycle(hub);
             break;
@@ -308,10 +323,8 @@ static bool launch_from_sweep(struct taxel_hub *hub)
 static bool launch_from_idle(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = hub->config->hal;
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
-        if (launch_upkeep(hub, i)) {
-            return true;
-        }
+    if (launch_any_upkeep(hub)) {
+        return true;
     }
     if (taxel_hub_clock(hub) < hub->sweep.next_us) {
         hal->wake_at(hal->context, hub->sweep.next_us);
@@ -336,7 +349,7 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
     if (hub->settings_read_slot != TAXEL_NO_SLOT) {
         const uint8_t slot = hub->settings_read_slot;
         hub->settings_read_slot = TAXEL_NO_SLOT;
-        launch_read(hub, TAXEL_JOB_READ_SETTINGS, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
+        launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
         return;
     }
     if (launch_retry(hub)) {

@@ -11,7 +11,7 @@ bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
 
 static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
 {
-    return (sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
+    return ((unsigned)sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
 }
 
 static void convert_next(struct taxel_sensor *sensor)

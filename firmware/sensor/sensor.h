@@ -69,6 +69,7 @@ struct taxel_slave {
     uint8_t pointer;
     uint8_t written;
     bool pointer_next;
+    bool refused; /* a byte of this write was not acknowledged: the rest of it is not taken either */
     uint8_t write_bytes[TAXEL_SETTINGS_REGISTER_SIZE];
     uint8_t shadow[TAXEL_STATUS_SIZE]; /* status or settings as of the start of a read */
 };

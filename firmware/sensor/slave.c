@@ -57,11 +57,11 @@ static bool begin_snapshot_read(struct taxel_sensor *sensor)
     const size_t block = (size_t)slave->pointer - TAXEL_REGISTER_SNAPSHOT;
     if (block == 0) {
         taxel_scan_latch(sensor);
-        slave->snapshot_reads++;
     }
     if (!sensor->scan.has_latched) {
         return false; /* no scan has been completed: there is nothing true to say */
     }
+    slave->snapshot_reads += block == 0;
     read_from(slave, sensor->scan.latched, TAXEL_SNAPSHOT_SIZE(sensor->config->taxel_count), TAXEL_SMBUS_BLOCK * block);
     return true;
 }
@@ -146,6 +146,7 @@ static void write_command(struct taxel_sensor *sensor)
 bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
 {
     struct taxel_slave *slave = &sensor->slave;
+    slave->refused = false;
     slave->written = 0; /* a repeated start drops what a write had begun: only a stop makes it count */
     if (reading) {
         slave->pointer_next = false;
@@ -163,8 +164,12 @@ bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
         slave->pointer = byte;
         return true;
     }
+    if (slave->refused) {
+        return false; /* a master that does not look at the acknowledge */
+    }
     if (slave->written == sizeof slave->write_bytes) {
         slave->written = 0;
+        slave->refused = true;
         reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE);
         return false;
     }

@@ -344,7 +344,7 @@ static const struct field status_fields[] = {
     {"snapshot_reads", offsetof(struct taxel_status, snapshot_reads), 4, 0},
     {"bus_errors", offsetof(struct taxel_status, bus_errors), 2, 0},
     {"rejected_writes", offsetof(struct taxel_status, rejected_writes), 2, 0},
-    {"conversion_timeouts", offsetof(struct taxel_status, conversion_timeouts), 2, 0},
+    {"reserved", offsetof(struct taxel_status, reserved), 2, 0},
     {"saturated_conversions", offsetof(struct taxel_status, saturated_conversions), 2, 0},
 };
 static void status_pack(const void *value, uint8_t *bytes)

@@ -131,7 +131,6 @@ static void a_hub_that_streams_more_than_its_uart_carries_reboots(void)
     begin(4);
     fake.drain_bytes = 8; /* a pass of the main loop: much less than there is to say */
     fake_hub_run(&fake, 200000);
-    CHECK(fake_hub_slot(&fake, FIRST)->dropped > 0);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_REBOOT, NULL, 0), 0);
     fake_hub_run(&fake, 2000000);
     CHECK(fake.restarts > 0);

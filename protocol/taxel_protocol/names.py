@@ -96,6 +96,15 @@ class LogLevel(IntEnum):
     ERROR = 3
 
 
+class LogCode(IntEnum):
+    """What a log frame is about; its text says it in words."""
+
+    BUS_FREE = 1
+    SDA_STUCK = 2
+    SCL_STUCK = 3
+    RECEIVE_OVERRUN = 4
+
+
 class BoardCommand(IntEnum):
     """Written to a board's command register, followed by its bitwise complement."""
 
@@ -111,6 +120,5 @@ class BoardErrorFlag(IntEnum):
 
     SETTINGS_REJECTED = 1
     COMMAND_REJECTED = 2
-    CONVERSION_TIMEOUT = 4
     SATURATED = 8
     READ_ONLY_WRITE = 16

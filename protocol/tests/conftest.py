@@ -221,7 +221,7 @@ def library_path() -> Path:
     if named:
         return Path(named)
     try:
-        path = Path(str(importlib.resources.files("taxel"))) / "native" / "libtaxel_codec.so"
+        path = Path(str(importlib.resources.files("taxel") / "native" / "libtaxel_codec.so"))
     except ModuleNotFoundError:
         path = Path("taxel/native/libtaxel_codec.so")
     if not path.exists():

@@ -47,6 +47,7 @@ ENUMS: tuple[type[IntEnum], ...] = (
     names.BoardFault,
     names.ResetCause,
     names.LogLevel,
+    names.LogCode,
     names.BoardCommand,
     names.BoardErrorFlag,
 )

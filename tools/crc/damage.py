@@ -64,7 +64,7 @@ def load_codec() -> ctypes.CDLL:
     """The C codec. Exits with one line if it is not built."""
     named = os.environ.get("TAXEL_CODEC_LIBRARY")
     try:
-        path = Path(named) if named else Path(str(importlib.resources.files("taxel"))) / "native" / "libtaxel_codec.so"
+        path = Path(named) if named else Path(str(importlib.resources.files("taxel") / "native" / "libtaxel_codec.so"))
         library = ctypes.CDLL(str(path))
     except (ModuleNotFoundError, OSError) as error:
         sys.exit(f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so")

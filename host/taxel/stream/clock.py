@@ -17,6 +17,9 @@ from taxel_protocol import FrameType
 SYNC_WINDOW = 32
 """Clock readings of one board that a fit uses: about half a minute."""
 
+SYNC_TOLERANCE_US = 300.0
+"""Clock readings of one board lie this close to a line, or one of them was damaged."""
+
 BIN_US = 50_000.0
 BINS = 400
 """The hub-to-host line is drawn under the earliest arrival of each of the last 400 bins of 50 ms."""
@@ -25,6 +28,11 @@ WIRE_OVERHEAD = 30
 """Bytes of a taxel frame beside its counts: header, snapshot, CRCs, stuffing and delimiters."""
 
 _WRAP = 1 << 32
+
+
+def _is_plausible(step_us: int, elapsed_us: int) -> bool:
+    """Whether a board's clock went on as the hub's did: no oscillator is off by a tenth."""
+    return abs(step_us - elapsed_us) <= 0.1 * elapsed_us + 1000
 
 
 class LowerEnvelope:
@@ -84,6 +92,7 @@ class ClockMap:
         self._hub_us = 0  # latest hub time known, not wrapped
         self._envelope = LowerEnvelope()
         self._syncs: dict[int, deque[tuple[int, int]]] = {}
+        self._suspects: dict[int, tuple[int, int]] = {}
         self._known = np.zeros(128, dtype=bool)
         self._board_0 = np.zeros(128, dtype=np.uint32)
         self._hub_0 = np.zeros(128)
@@ -119,19 +128,34 @@ class ClockMap:
         if syncs:
             step = (board_us - syncs[-1][0]) % _WRAP
             elapsed = hub_us - syncs[-1][1]
-            if abs(step - elapsed) > 0.1 * elapsed + 1000:  # no oscillator is off by a tenth: the board was restarted
-                syncs.clear()
-                self._known[address] = False
-            else:
-                board_us = syncs[-1][0] + step
+            if not _is_plausible(step, elapsed):
+                self._suspect(address, board_us, hub_us)
+                return
+            board_us = syncs[-1][0] + step
+        self._suspects.pop(address, None)
         syncs.append((board_us, hub_us))
         if len(syncs) >= 2:
             self._fit_board(address, np.array(syncs, dtype=np.int64))
+
+    def _suspect(self, address: int, board_us: int, hub_us: int) -> None:
+        # One reading that does not fit was damaged on the bus (it has no CRC); two that fit each other are a restarted board.
+        earlier = self._suspects.get(address)
+        self._suspects[address] = (board_us, hub_us)
+        if earlier is not None and _is_plausible((board_us - earlier[0]) % _WRAP, hub_us - earlier[1]):
+            self._syncs[address].clear()
+            self._syncs[address].append(earlier)
+            self._known[address] = False
+            del self._suspects[address]
+            self._take_sync(address, board_us, hub_us)
 
     def _fit_board(self, address: int, syncs: NDArray[np.int64]) -> None:
         board = (syncs[:, 0] - syncs[-1, 0]).astype(float)
         hub = (syncs[:, 1] - syncs[-1, 1]).astype(float)
         slope, intercept = np.polyfit(board, hub, 1)
+        if np.abs(hub - intercept - slope * board).max() > SYNC_TOLERANCE_US:  # a low bit was damaged: outvote it
+            from scipy.stats import theilslopes  # takes half a second to import, and is hardly ever needed
+
+            slope, intercept, _, _ = theilslopes(hub, board)
         self._board_0[address] = syncs[-1, 0] % _WRAP
         self._hub_0[address] = syncs[-1, 1] + intercept
         self._rate[address] = slope

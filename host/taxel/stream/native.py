@@ -51,7 +51,7 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_decode.argtypes = [pointer, ctypes.c_char_p, size, pointer]
     library.taxel_batch_decode.restype = size
     library.taxel_batch_finish.argtypes = [pointer, pointer]
-    library.taxel_batch_finish.restype = None
+    library.taxel_batch_finish.restype = ctypes.c_bool
     library.taxel_batch_totals.argtypes = [pointer]
     library.taxel_batch_totals.restype = pointer
     library.taxel_batch_discarded_bytes.argtypes = [pointer]

@@ -1,4 +1,4 @@
-"""What the tests of links share: a hub's end of a pseudo-terminal, a small world, and the emulators that are still running."""
+"""What the tests of links share: a hub's end of a pseudo-terminal, a small world, and the emulators that still run."""
 
 from __future__ import annotations
 

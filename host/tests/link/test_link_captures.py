@@ -111,7 +111,7 @@ def test_another_file_is_no_capture(tmp_path, content):
 def test_a_capture_of_another_version_says_both_versions(tmp_path):
     path = tmp_path / "new.bin"
     path.write_bytes(START.pack(b"TAXELCAP", 2, 0, 2) + b"{}")
-    with pytest.raises(CaptureError, match="version 2.*version 1"):
+    with pytest.raises(CaptureError, match=r"version 2.*version 1"):
         CaptureLink(path)
 
 

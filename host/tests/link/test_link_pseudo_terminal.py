@@ -16,6 +16,7 @@ from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, world_text
 from taxel.link import PortVanishedError, SerialLink, write_stimulus
 from taxel.link.emulator import emulator_program
+from taxel_protocol import FrameType, ReferenceDecoder
 
 PATIENCE_S = 20.0
 COUNTS = {name: 1000 + 3 * np.arange(load_hand(name).n_taxels) for name in ("allegro", "flat8")}
@@ -30,7 +31,8 @@ def serve(tmp_path):
         description = load_hand(hand)
         (tmp_path / "world.txt").write_text(world_text(description, WorldSettings()))
         write_stimulus(tmp_path / "a.stm", [0.0], [COUNTS[hand]], "counts")
-        command = [emulator_program(), "--world", tmp_path / "world.txt", "--stimulus", tmp_path / "a.stm", "--uart", "pty"]
+        command = [emulator_program(), "--world", tmp_path / "world.txt", "--uart", "pty"]
+        command += ["--stimulus", tmp_path / "a.stm"]
         process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
         processes.append(process)
         return process, process.stdout.readline().strip()
@@ -89,8 +91,6 @@ def test_what_was_sent_while_nobody_listened_is_never_a_wrong_frame(serve):
         chunk = link.read(0.1)
         raw += chunk.data if chunk else b""
     link.close()
-    from taxel_protocol import FrameType, ReferenceDecoder
-
     decoder = ReferenceDecoder()
     taxels = [frame for frame in decoder.push(raw) if frame[0] == FrameType.TAXELS]
     assert len(taxels) > 100
@@ -108,8 +108,7 @@ def test_the_end_of_the_emulator_is_a_vanished_port(serve):
     check_counts(skin, itertools.islice(frames, 20))
     process.send_signal(signal.SIGTERM)
     with pytest.raises(PortVanishedError) as caught:
-        for frame in frames:
-            check_counts(skin, [frame])
+        check_counts(skin, frames)
     assert str(caught.value).startswith(device)
     skin.close()
 

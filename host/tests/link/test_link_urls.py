@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -171,8 +172,6 @@ def test_a_file_that_is_no_terminal_is_not_a_port(tmp_path):
 
 
 def test_errors_of_links_can_cross_processes():
-    import pickle
-
     for kind in (LinkError, PortMissingError, CaptureError):
         error = pickle.loads(pickle.dumps(kind("port", "is gone")))
         assert (type(error), error.name, error.problem, str(error)) == (kind, "port", "is gone", "port: is gone")

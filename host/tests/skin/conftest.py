@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import threading
 import tty
 from collections.abc import Callable, Iterator
@@ -10,11 +11,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from taxel.hand import Hand, load_hand
 from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
 from taxel_protocol.frames import FRAMES, HubHello, Reply
 from taxel_protocol.layout import pack, unpack
-
-from taxel.hand import Hand, load_hand
 
 
 @pytest.fixture(scope="session")
@@ -38,9 +39,11 @@ def known_counts() -> Callable[[Hand], NDArray[np.uint16]]:
 
 
 class FakeHub:
-    """Answers on a pseudo-terminal: hello with `version_chosen`, every command with OK; `on_start` bytes follow START."""
+    """Answers on a pseudo-terminal: a greeting with its versions, every command with OK; `on_start` follows START."""
 
-    def __init__(self, version_chosen: int = 1, version_min: int = 1, version_max: int = 1, on_start: bytes = b"") -> None:
+    def __init__(
+        self, version_chosen: int = 1, version_min: int = 1, version_max: int = 1, on_start: bytes = b""
+    ) -> None:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.url = f"serial://{os.ttyname(self._slave)}"
@@ -48,6 +51,7 @@ class FakeHub:
         self._on_start = on_start
         self._sequence = 0
         self.commands: list[int] = []
+        self._leaving = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -57,17 +61,16 @@ class FakeHub:
 
     def _serve(self) -> None:
         decoder = ReferenceDecoder()
-        while True:
-            try:
-                data = os.read(self._master, 4096)
-            except OSError:
-                return
-            for kind, _, payload in decoder.push(data):
+        while not self._leaving.is_set():
+            if not select.select([self._master], [], [], 0.02)[0]:
+                continue
+            for kind, _, payload in decoder.push(os.read(self._master, 4096)):
                 self._answer(FrameType(kind), payload)
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
         if kind is FrameType.HOST_HELLO:
-            fields = {name: 0 for name in ("reset_cause", "firmware_major", "firmware_minor", "firmware_patch", "uptime_us")}
+            fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
+            fields |= {"uptime_us": 0}
             fields |= {"tag": payload[0], "unique_id": bytes(8)} | self._versions
             os.write(self._master, self._frame(FrameType.HUB_HELLO, pack(HubHello, fields)))
         elif kind is FrameType.COMMAND:
@@ -79,7 +82,9 @@ class FakeHub:
                 os.write(self._master, self._on_start)
 
     def vanish(self) -> None:
-        """Unplug."""
+        """Unplug. May be called twice."""
+        self._leaving.set()
+        self._thread.join()
         for descriptor in (self._slave, self._master):
             if descriptor >= 0:
                 os.close(descriptor)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 import taxel
 from taxel.errors import TaxelError
-from taxel.hand import UnknownBoardError
+from taxel.hand import Board, Hand, UnknownBoardError
 from taxel.hand.world import world_text
-from taxel.link import CaptureError, CaptureWriter, EmulatorLink, PortVanishedError
+from taxel.link import CaptureError, CaptureLink, CaptureWriter, EmulatorLink, PortVanishedError, write_stimulus
 from taxel.skin import BoardMismatchError, Skin
 
 
 class Recording:
-    """A link that keeps what another link brings."""
+    """A link that keeps what another link brings, in records as short as those of a port."""
 
     def __init__(self, link, writer):
         self._link, self._writer = link, writer
@@ -24,7 +26,8 @@ class Recording:
     def read(self, timeout_s):
         chunk = self._link.read(timeout_s)
         if chunk is not None:
-            self._writer.write(*chunk)
+            for start in range(0, len(chunk.data), 500):
+                self._writer.write(chunk.data[start : start + 500], chunk.arrival_ns)
         return chunk
 
     def write(self, data):
@@ -40,6 +43,12 @@ def record(hand, path, duration_s=1.5, stimulus=None):
     link = EmulatorLink(world_text(hand), stimulus, fast=True, duration_s=duration_s)
     with Skin(Recording(link, CaptureWriter(path, {"baud": 1e6})), hand) as skin:
         return list(skin), skin.losses.received, skin.bytes_received
+
+
+def keep(skin, frames):
+    """Append every frame; what ends the skin's frames leaves those before it kept."""
+    for frame in skin:
+        frames.append(frame)
 
 
 def same(a, b):
@@ -78,8 +87,7 @@ def test_a_truncated_recording_gives_what_stands_before_and_then_an_error(tmp_pa
         with taxel.open(f"file:{cut}") as skin:
             got = []
             with pytest.raises(CaptureError, match="cut short"):
-                for frame in skin:
-                    got.append(frame)
+                keep(skin, got)
         assert all(same(a, b) for a, b in zip(got, frames, strict=False))
         counts.append(len(got))
     assert counts == sorted(counts, reverse=True)
@@ -105,9 +113,10 @@ def test_a_recording_of_a_hand_with_other_boards_is_refused(recorded):
 
 
 def test_a_recording_of_a_hand_with_boards_of_another_size_is_refused(recorded, allegro):
-    boards = (allegro.boards[0].__class__(allegro.boards[0].name, allegro.boards[-1].kind, allegro.boards[0].address),)
-    mine = allegro.__class__("mine", "", 0.005, 0.003, boards + allegro.boards[1:])
-    with taxel.open(f"file:{recorded[0]}", mine) as skin, pytest.raises(BoardMismatchError, match="hand 'mine'") as caught:
+    first, *others = allegro.boards
+    (kind, *_) = (board.kind for board in others if board.kind.taxel_count != first.kind.taxel_count)
+    mine = Hand("mine", "", 0.005, 0.003, (Board(first.name, kind, first.address), *others))
+    with taxel.open(f"file:{recorded[0]}", mine) as skin, pytest.raises(BoardMismatchError, match="'mine'") as caught:
         list(skin)
     assert "\n" not in str(caught.value)
 
@@ -120,25 +129,16 @@ def test_an_empty_recording_is_an_end_and_no_error(tmp_path):
             skin.take_baseline()
 
 
-def test_a_port_that_vanishes_mid_stream_leaves_the_frames_before_it(fake_hub, recorded, allegro):
+def test_a_port_that_vanishes_mid_stream_leaves_the_frames_before_it(fake_hub, recorded, monkeypatch):
     """A hub plays a recording, and is unplugged."""
-    import itertools
-
-    from taxel.link import CaptureLink
-
     link = CaptureLink(recorded[0])
     data = b""
     while len(data) < 3500:
         data += link.read().data
     link.close()
     hub = fake_hub(on_start=data)
-    from taxel import skin as skin_module
-
-    timeout, skin_module.DISCOVERY_TIMEOUT_S = skin_module.DISCOVERY_TIMEOUT_S, 0.1
-    try:
-        skin = taxel.open(hub.url)
-    finally:
-        skin_module.DISCOVERY_TIMEOUT_S = timeout
+    monkeypatch.setattr("taxel.skin.DISCOVERY_TIMEOUT_S", 0.1)
+    skin = taxel.open(hub.url)
     with taxel.open(f"file:{recorded[0]}") as replay:
         expected = list(itertools.islice(replay, 10))
     got = list(itertools.islice(skin, 10))
@@ -152,15 +152,12 @@ def test_a_port_that_vanishes_mid_stream_leaves_the_frames_before_it(fake_hub, r
 
 
 def test_an_emulator_that_breaks_down_leaves_the_frames_before_it(tmp_path, flat8):
-    from taxel.link import write_stimulus
-
     path = tmp_path / "a.stm"
     write_stimulus(path, [0.0, 1.0, 2.0], np.full((3, 64), 777.0), "counts")
     path.write_bytes(path.read_bytes()[:-3])
     with taxel.open(f"emulator:?speed=max&stimulus={path}", "flat8") as skin:
         frames = []
         with pytest.raises(PortVanishedError, match="ends inside a record"):
-            for frame in skin:
-                frames.append(frame)
+            keep(skin, frames)
     assert len(frames) > 50
     assert all((frame.raw_counts == 777).all() for frame in frames)

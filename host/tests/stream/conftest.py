@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
+
+from taxel.link import Chunk
 from taxel_protocol import FrameType, crc32, encode_frame
 from taxel_protocol.frames import FRAMES, TaxelHeader
 from taxel_protocol.layout import pack
 from taxel_protocol.registers import SnapshotHeader
-
-from taxel.link import Chunk
 
 
 class Hub:
@@ -37,11 +37,12 @@ class Hub:
             SnapshotHeader, {"sequence": board_sequence % 65536, "timestamp_us": board_us % 2**32}, values.tobytes()
         )
         crc = crc32(bytes([address]) + snapshot) ^ damage
-        header = {"address": address, "taxel_count": len(values), "cycle": cycle % 65536, "hub_time_us": hub_us % 2**32}
+        header = {"address": address, "taxel_count": len(values)}
+        header |= {"cycle": cycle % 65536, "hub_time_us": hub_us % 2**32}
         return self.frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
 
     def hello(self, tag: int = 0, uptime_us: int = 0) -> bytes:
-        fields = {name: 0 for name in ("reset_cause", "firmware_major", "firmware_minor", "firmware_patch")}
+        fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
         fields |= {"tag": tag, "version_min": 1, "version_max": 1, "version_chosen": 1, "unique_id": bytes(8)}
         return self.message(FrameType.HUB_HELLO, **fields, uptime_us=uptime_us)
 
@@ -53,7 +54,7 @@ class Hub:
 
 
 class PreparedLink:
-    """Gives prepared chunks. With `one_at_a_time` each is all that there is when the reader looks, as with a live port."""
+    """Gives prepared chunks; with `one_at_a_time` each is all that there is when the reader looks, as with a port."""
 
     name = "prepared"
     is_recorded = True

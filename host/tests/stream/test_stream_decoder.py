@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from taxel.stream import StreamDecoder
 from taxel_protocol import FrameType, ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, ENCODED_MAX, TAXELS_MAX
-
-from taxel.stream import StreamDecoder
 
 TO_HOST = [kind for kind in FRAMES if kind < 0x80]
 TO_HUB = [kind for kind in FRAMES if kind >= 0x80]

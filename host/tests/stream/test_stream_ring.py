@@ -1,4 +1,4 @@
-"""The ring buffer against a simple model: first in, first out, never more than its capacity, every lost byte counted."""
+"""The ring buffer against a simple model: first in, first out, never over its capacity, every lost byte counted."""
 
 from __future__ import annotations
 
