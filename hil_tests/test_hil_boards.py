@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from taxel.skin import Skin
 from taxel.stream import HubError
 from taxel_protocol import SNAPSHOT_OVERHEAD, crc32
@@ -25,7 +26,9 @@ def test_the_bus_scan_finds_every_board_of_the_hand(skin: Skin) -> None:
 def test_every_board_tells_who_it_is(skin: Skin) -> None:
     for board in skin.hand.boards:
         data = b"".join(
-            skin.hub.transfer(board.address, bytes([REGISTER_IDENTITY + offset]), min(SMBUS_BLOCK, Identity.sizeof() - offset))
+            skin.hub.transfer(
+                board.address, bytes([REGISTER_IDENTITY + offset]), min(SMBUS_BLOCK, Identity.sizeof() - offset)
+            )
             for offset in range(0, Identity.sizeof(), SMBUS_BLOCK)
         )
         identity = Identity.parse(data)

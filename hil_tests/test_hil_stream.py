@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+
 from taxel.skin import Skin
 
 SECONDS_OF_SCANS = 60

@@ -1,8 +1,8 @@
 """The I2C register map of a sensor board. All numbers are little-endian.
 
-A register is addressed by one byte, as SMBus does. A read goes on from there byte by byte, but leaves the pointer where it
-was written, so that the next read without a write begins at the same register. A snapshot of N taxels is 10 + 2 N bytes
-from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
+A register is addressed by one byte, as SMBus does. A read goes on from there byte by byte, but leaves the pointer where
+it was written, so that the next read without a write begins at the same register. A snapshot of N taxels is 10 + 2 N
+bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
 """
 
 from construct import Array, Bytes, Const, Int8ul, Int16ul, Int32ul, Struct, this

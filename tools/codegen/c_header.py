@@ -173,7 +173,6 @@ static inline uint64_t taxel_get_u64(const uint8_t *bytes)
 """
 
 
-
 def text() -> str:
     """The whole header."""
     lines = [
@@ -197,7 +196,6 @@ def text() -> str:
     return "\n".join(lines)
 
 
-
 def main() -> int:
     """Write or check the header."""
     if "--check" in sys.argv[1:]:
@@ -208,7 +206,6 @@ def main() -> int:
     HEADER.parent.mkdir(parents=True, exist_ok=True)
     HEADER.write_text(text())
     return 0
-
 
 
 if __name__ == "__main__":

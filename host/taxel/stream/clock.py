@@ -138,7 +138,7 @@ class ClockMap:
             self._fit_board(address, np.array(syncs, dtype=np.int64))
 
     def _suspect(self, address: int, board_us: int, hub_us: int) -> None:
-        # One reading that does not fit was damaged on the bus (it has no CRC); two that fit each other are a restarted board.
+        # One reading that does not fit was damaged on the bus (it has no CRC); two that fit each other are a restart.
         earlier = self._suspects.get(address)
         self._suspects[address] = (board_us, hub_us)
         if earlier is not None and _is_plausible((board_us - earlier[0]) % _WRAP, hub_us - earlier[1]):
