@@ -54,9 +54,16 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     batch->last_cycle[header.address] = header.cycle;
 }
 
-static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row)
+/* A hub that has started greets of itself: tag 0, and its first frame. */
+static bool is_start_of_hub(const struct taxel_frame *frame)
 {
-    if (row->type == TAXEL_FRAME_TYPE_HUB_HELLO && row->sequence == 0) {
+    return frame->type == TAXEL_FRAME_TYPE_HUB_HELLO && frame->sequence == 0 &&
+           frame->payload[TAXEL_HUB_HELLO_OFFSET_TAG] == 0;
+}
+
+static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
+{
+    if (is_start_of_hub(frame)) {
         memset(batch->has_cycle, 0, sizeof batch->has_cycle);
         row->flags |= batch->has_sequence ? TAXEL_BATCH_HUB_RESTARTED : 0;
         batch->totals.restarts += batch->has_sequence;
@@ -80,7 +87,7 @@ static void store(void *context, const struct taxel_frame *frame)
     row->stream_position = batch->deframer.position;
     row->type = frame->type;
     row->sequence = frame->sequence;
-    count_sequence(batch, row);
+    count_sequence(batch, row, frame);
     if (is_taxels) {
         store_taxels(batch, row, frame);
         return;

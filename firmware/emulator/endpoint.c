@@ -12,6 +12,8 @@
 
 #define NS_PER_VTIME 1000ull /* picoseconds in a nanosecond */
 
+volatile sig_atomic_t endpoint_stop_waiting;
+
 static int complain(const char *what, const char *why)
 {
     fprintf(stderr, "endpoint %s: %s\n", what, why);
@@ -123,7 +125,7 @@ static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t
             sent += (size_t)n;
         } else if (n < 0 && errno == EINTR) {
             continue;
-        } else if (n < 0 && errno == EAGAIN && endpoint->wait_for_reader) {
+        } else if (n < 0 && errno == EAGAIN && endpoint->wait_for_reader && !endpoint_stop_waiting) {
             struct pollfd writable = {.fd = endpoint->fd, .events = POLLOUT};
             (void)poll(&writable, 1, 1000);
         } else {

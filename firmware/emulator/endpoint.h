@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <signal.h>
 #include <stdio.h>
 
 #include "emulator/vtime.h"
@@ -26,6 +27,9 @@ struct endpoint {
     char pty_name[128];
     uint64_t bytes_delivered;
 };
+
+/* Set in a signal handler: do not wait for a reader any longer. */
+extern volatile sig_atomic_t endpoint_stop_waiting;
 
 /* `what`: none, pty, fd:N or capture:FILE; `baud` is noted in a capture. Returns 0, or -1 after one line on stderr. */
 int endpoint_open(struct endpoint *endpoint, const char *what, double baud);

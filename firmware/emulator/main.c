@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/prctl.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -34,6 +33,7 @@ static void on_signal(int number)
 {
     (void)number;
     stop_wanted = 1;
+    endpoint_stop_waiting = 1;
 }
 
 static int usage(const char *what)
@@ -164,9 +164,6 @@ int main(int argc, char **argv)
     endpoint.wait_for_reader = options.fast;
     if (world_init(&world, &description, &stimulus, &endpoint, &script)) {
         return 1;
-    }
-    if (endpoint.kind == ENDPOINT_FD) {
-        (void)prctl(PR_SET_PDEATHSIG, SIGTERM); /* started by a host program: do not outlive it */
     }
     if (endpoint.kind == ENDPOINT_PTY) {
         printf("%s\n", endpoint.pty_name);

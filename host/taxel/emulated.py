@@ -1,11 +1,12 @@
 """The `emulator:` URL: an emulated skin of a given hand, in a process of its own."""
 
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from taxel.hand import Hand
 from taxel.hand.world import WorldSettings, world_text
 from taxel.link import EmulatorLink, LinkError
+from taxel.link.url import split_url
 
 _NUMBERS = {
     "seed": (0.0, 2.0**53),
@@ -27,11 +28,13 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     (see `taxel.link.write_stimulus`), `duration_s`, and the numbers of `WorldSettings`: seed, scl_hz, baud,
     usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
     """
-    parts = urlsplit(url)
+    parts = split_url(url)
     if parts.path or parts.netloc:
         raise LinkError(url, "expected emulator: or emulator:?option=value")
     options = {name: values[-1] for name, values in parse_qs(parts.query, keep_blank_values=True).items()}
     unknown = sorted(set(options) - set(_NUMBERS) - _OTHERS)
+    if not options.get("stimulus", "x"):
+        raise LinkError(url, "option 'stimulus' must name a file, found ''")
     if unknown:
         raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted({*_NUMBERS, *_OTHERS}))}")
     speed = options.get("speed", "real")
@@ -41,6 +44,8 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         name: _number(url, name, text, *_NUMBERS[name]) for name, text in options.items() if name in _NUMBERS
     }
     if "seed" in numbers:
+        if numbers["seed"] % 1.0:
+            raise LinkError(url, f"option 'seed' must be a whole number, found '{options['seed']}'")
         numbers["seed"] = int(numbers["seed"])
     settings = WorldSettings(**numbers)
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None

@@ -177,8 +177,10 @@ class Skin:
             baseline.update(scan.raw_counts, scan.valid)
             if progress is not None:
                 progress(baseline.progress)
-            if baseline.ready or (seen >= 2 * samples and baseline.ready_mask.any()):
+            if baseline.ready:
                 return baseline.result()
+            if seen >= 2 * samples and baseline.ready_mask.any():
+                return BaselineResult(baseline.mean, baseline.noise, baseline.disturbed, baseline.count)
         raise TaxelError(
             f"{self._stream.link.name}: ended after {seen} scans, before a baseline of {samples} was complete"
         )

@@ -78,8 +78,8 @@ BoardStatus = Struct(
 """Where every poll of a board went.
 
 polls = forwarded + repeated + nacks + timeouts + crc_errors + bus_errors + dropped, and one more while a poll of this
-board is under way. repeated: the board had no newer scan. dropped: read well, but the UART's buffer was full. retries are
-not polls.
+board is under way. repeated: the board had no newer scan. dropped: read well, but the UART's buffer was full. retries
+are not polls.
 """
 
 BoardInfo = Struct(

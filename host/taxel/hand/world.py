@@ -53,11 +53,11 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
         "taxel-world 1",
         f"# hand {hand.name}: {len(hand.boards)} boards, {hand.n_taxels} taxels",
         f"seed {settings.seed}",
-        f"scl_hz {settings.scl_hz:g}",
+        f"scl_hz {settings.scl_hz!r}",
         f"baud {settings.baud:.10g}",
-        f"usb_latency_ms {settings.usb_latency_ms:g}",
-        f"noise_counts {settings.noise_counts:g}",
-        f"hub_clock_ppm {settings.hub_clock_ppm:g}",
+        f"usb_latency_ms {settings.usb_latency_ms!r}",
+        f"noise_counts {settings.noise_counts!r}",
+        f"hub_clock_ppm {settings.hub_clock_ppm!r}",
         f"scan {scan.sub_conversions} {scan.sense_clock_divider} {scan.modulator_clock_divider} {scan.idac_code} "
         f"{scan.settle_cycles}",
         "# board address kind rows columns taxels crossing_map unique_id clock_ppm boot_ms",
@@ -67,7 +67,7 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
         unique_id = random.Random(f"unique id {settings.seed} {board.address}").randbytes(8).hex()
         lines.append(
             f"board 0x{board.address:02X} {kind.code} {kind.tx_count} {kind.rx_count} {kind.taxel_count} "
-            f"{kind.crossing_bitmap().hex()} {unique_id} {ppm:g} {settings.boot_ms:g}"
+            f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"
         )
     lines += [f"fault {fault}" for fault in settings.faults]
     return "\n".join(lines) + "\n"

@@ -1,5 +1,6 @@
 """Captures: the hub's bytes as they arrived, with their arrival times. The format is in protocol/SPEC.md."""
 
+import contextlib
 import json
 import os
 import struct
@@ -32,6 +33,8 @@ class CaptureWriter:
         self.path = Path(path)
         self.records = 0
         text = json.dumps(header or {}).encode()
+        if len(text) > HEADER_MAX:
+            raise CaptureError(str(path), f"cannot be written (its header has more than {HEADER_MAX} bytes)")
         try:
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
             self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
@@ -44,10 +47,20 @@ class CaptureWriter:
 
     def write(self, data: bytes, time_ns: int) -> None:
         """Append bytes that arrived at `time_ns` (nanoseconds, any origin, never going back)."""
+        for start in range(0, max(len(data), 1), RECORD_MAX):
+            self._append(data[start : start + RECORD_MAX], time_ns)
+        self.records += 1
+
+    def _append(self, data: bytes, time_ns: int) -> None:
+        record = _RECORD.pack(time_ns, len(data)) + data
+        end = self._file.tell()
         try:
-            self._file.write(_RECORD.pack(time_ns, len(data)) + data)
-            self.records += 1
+            written = self._file.write(record)
+            while written < len(record):  # a full disk takes a part, and complains at the next attempt
+                written += self._file.write(record[written:])
         except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file.fileno(), end)
             raise CaptureError(
                 str(self.path), f"cannot be written ({error.strerror}); what came before is kept"
             ) from error
@@ -100,7 +113,7 @@ class CaptureLink:
             raise CaptureError(self.name, "has a damaged header (its length is impossible)")
         try:
             header = json.loads(self._file.read(size))
-        except ValueError:
+        except (ValueError, RecursionError):
             raise CaptureError(self.name, "has a damaged header (it is not JSON)") from None
         if not isinstance(header, dict):
             raise CaptureError(self.name, "has a damaged header (it is not a JSON object)")

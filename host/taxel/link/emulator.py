@@ -1,5 +1,6 @@
 """The emulated skin as a link: a process that runs the real firmware, and a socket pair for its UART."""
 
+import contextlib
 import importlib.resources
 import json
 import os
@@ -49,6 +50,9 @@ class EmulatorLink:
         self.is_real_time = not fast
         self._folder = tempfile.TemporaryDirectory(prefix="taxel-")
         self._stats = Path(self._folder.name) / "statistics.json"
+        self._stderr = Path(self._folder.name) / "stderr.txt"
+        self._last_words: str | None = None
+        self._counted: dict[str, Any] | None = None
         world_path = Path(self._folder.name) / "world.txt"
         world_path.write_text(world)
         self._socket, theirs = socket.socketpair()
@@ -57,10 +61,13 @@ class EmulatorLink:
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         arguments += ["--fast"] if fast else []
         arguments += ["--duration", repr(duration_s)] if duration_s is not None else []
-        self._process = subprocess.Popen(
-            arguments, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE
-        )
-        theirs.close()
+        with theirs, self._stderr.open("wb") as complaints:
+            try:
+                self._process = subprocess.Popen(
+                    arguments, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stderr=complaints
+                )
+            except ValueError as error:  # a zero byte in a name
+                raise LinkError(self.name, f"cannot be started ({error})") from None
 
     def read(self, timeout_s: float) -> Chunk | None:
         """The next bytes of the hub's UART."""
@@ -82,14 +89,10 @@ class EmulatorLink:
         raise PortVanishedError(self.name, self._complaint(status))
 
     def _complaint(self, status: int) -> str:
-        assert self._process.stderr is not None
-        lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return (
-            lines[-1]
-            if lines
-            else "the emulator has ended"
-            if status == 0
-            else f"the emulator ended with status {status}"
+        if self._last_words is None:
+            self._last_words = _last_line(self._stderr.read_bytes())
+        return self._last_words or (
+            "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
         )
 
     def write(self, data: bytes) -> None:
@@ -103,8 +106,12 @@ class EmulatorLink:
     def statistics(self) -> dict[str, Any]:
         """What the emulator counted itself; only after `close()` or the end of the stream."""
         self.stop()
-        result: dict[str, Any] = json.loads(self._stats.read_text())
-        return result
+        if self._counted is None:
+            try:
+                self._counted = json.loads(self._stats.read_text())
+            except (OSError, ValueError):
+                raise LinkError(self.name, "was ended before it had counted anything") from None
+        return dict(self._counted)
 
     def stop(self) -> None:
         """End the process; keep its statistics."""
@@ -120,9 +127,16 @@ class EmulatorLink:
     def close(self) -> None:
         """End the process and forget its files."""
         self.stop()
-        if self._process.stderr is not None:
-            self._process.stderr.close()
+        if self._stderr.exists():
+            self._complaint(self._process.returncode)
+            with contextlib.suppress(LinkError):
+                self.statistics()
         self._folder.cleanup()
+
+
+def _last_line(stderr: bytes) -> str:
+    lines = stderr.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else ""
 
 
 def run_emulator(

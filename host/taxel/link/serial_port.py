@@ -3,6 +3,7 @@ loop://).
 """
 
 import contextlib
+import re
 import time
 
 import serial
@@ -11,6 +12,7 @@ from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortMissingError, PortVanishedError
 
 READ_SIZE = 4096
+WRITE_TIMEOUT_S = 2.0
 
 
 class SerialLink:
@@ -27,9 +29,18 @@ class SerialLink:
     def __init__(self, port: str, baud: float = 1e6, rtscts: bool = True, low_latency: bool = True) -> None:
         self.name = port
         self.baud = baud
+        self._failure: Exception | None = None
         try:
-            self._port = serial.serial_for_url(port, baudrate=int(baud), timeout=0.1, exclusive=None)
-        except (serial.SerialException, OSError, ValueError) as error:
+            self._port = serial.serial_for_url(
+                port, baudrate=int(baud), timeout=0.1, write_timeout=WRITE_TIMEOUT_S, exclusive=None
+            )
+        except (
+            serial.SerialException,
+            OSError,
+            ValueError,
+            LookupError,
+            re.error,
+        ) as error:  # what pyserial lets through
             raise PortMissingError(
                 port, f"cannot be opened ({_reason(error)}); is the hub plugged in and powered?"
             ) from error
@@ -37,25 +48,49 @@ class SerialLink:
 
     def _prepare(self, rtscts: bool, low_latency: bool) -> None:
         # A pseudo-terminal has no modem lines, many drivers have no low-latency mode: both are offers, not conditions.
-        with contextlib.suppress(serial.SerialException, OSError, ValueError, NotImplementedError):
+        refusals = (serial.SerialException, OSError, ValueError, NotImplementedError)
+        try:
             self._port.rtscts = rtscts
+        except refusals:
+            with contextlib.suppress(*refusals):
+                self._port.rtscts = False  # or every later setting would fail with it
         if low_latency and hasattr(self._port, "set_low_latency_mode"):
-            with contextlib.suppress(serial.SerialException, OSError, ValueError, NotImplementedError):
+            with contextlib.suppress(*refusals):
                 self._port.set_low_latency_mode(True)
 
     def read(self, timeout_s: float) -> Chunk | None:
         """Whatever is there, waiting at most `timeout_s` seconds for the first byte."""
+        if self._failure is not None:
+            raise self._vanished(self._failure)
+        data = b""
         try:
             if self._port.timeout != timeout_s:
                 self._port.timeout = timeout_s
             data = self._port.read(1)
             arrival = time.monotonic_ns()
-            waiting = self._port.in_waiting
-            if data and waiting:
-                data += self._port.read(min(waiting, READ_SIZE))
+            if data:
+                data += self._read_waiting()
         except (serial.SerialException, OSError, TypeError) as error:
-            raise PortVanishedError(self.name, f"the port is gone ({_reason(error)}); check plug and power") from error
+            if not data:
+                raise self._vanished(error) from error
+            self._failure = error  # first what had arrived
         return Chunk(data, arrival) if data else None
+
+    def _read_waiting(self) -> bytes:
+        waiting = self._port.in_waiting
+        if not waiting:
+            return b""
+        if waiting > 1 or isinstance(self._port, serial.Serial):
+            return bytes(self._port.read(min(waiting, READ_SIZE)))
+        # A socket only tells that there is something: take all of it, without waiting for more.
+        timeout_s, self._port.timeout = self._port.timeout, 0
+        try:
+            return bytes(self._port.read(READ_SIZE))
+        finally:
+            self._port.timeout = timeout_s
+
+    def _vanished(self, error: Exception) -> PortVanishedError:
+        return PortVanishedError(self.name, f"the port is gone ({_reason(error)}); check plug and power")
 
     def write(self, data: bytes) -> None:
         """Send all bytes."""

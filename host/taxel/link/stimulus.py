@@ -39,9 +39,14 @@ def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: Arr
     values that are negative or not finite, or times that go back.
     """
     times = np.asarray(times_s, dtype=float)
-    table = np.asarray(values, dtype=float)
+    with np.errstate(over="ignore"):
+        table = np.asarray(values, dtype="<f4")
+    if times.ndim != 1 or table.ndim != 2 or len(times) != len(table):
+        raise ValueError(f"times [T] and values [T, n] do not fit: {times.shape} and {table.shape}")
+    if kind not in _KINDS:
+        raise ValueError(f"a stimulus kind is one of {', '.join(_KINDS)}; found {kind!r}")
     if not np.all(np.isfinite(table)) or np.any(table < 0.0):
         raise ValueError("a stimulus value is negative or not finite")
-    if times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0):
-        raise ValueError("stimulus times go back or are negative")
+    if not np.all(np.isfinite(times)) or (times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0)):
+        raise ValueError("stimulus times go back, are negative or not finite")
     Path(path).write_bytes(stimulus_header(table.shape[1], kind) + stimulus_records(times, table))

@@ -1,6 +1,6 @@
 """From a URL to a link."""
 
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from taxel.link.base import Link
 from taxel.link.capture import CaptureLink
@@ -17,12 +17,17 @@ def open_link(url: str) -> Link:
     """
     if url.startswith("file:"):
         path = url.removeprefix("file:")
+        if not path or "\0" in path:
+            raise LinkError(url, "names no file; expected file:capture.bin")
         return CaptureLink(path.removeprefix("//") if path.startswith("///") else path)
     if url.startswith("serial:"):
-        parts = urlsplit(url)
+        parts = split_url(url)
         options = _options(url, parts.query, {"baud", "rtscts", "low_latency"})
+        port = parts.netloc + parts.path  # serial://dev/ttyX is a mistake that its own words show best
+        if not port:
+            raise LinkError(url, "names no port; expected serial:///dev/ttyUSB0")
         return SerialLink(
-            parts.path or parts.netloc,
+            port,
             _number(url, "baud", options.get("baud", "1000000")),
             _flag(url, "rtscts", options.get("rtscts", "1")),
             _flag(url, "low_latency", options.get("low_latency", "1")),
@@ -30,6 +35,14 @@ def open_link(url: str) -> Link:
     if url.startswith("/dev/") or "://" in url:
         return SerialLink(url)
     raise LinkError(url, "is not a URL that can be opened; expected serial:///dev/..., emulator:, file:capture.bin")
+
+
+def split_url(url: str) -> SplitResult:
+    """The parts of a URL. Raises `LinkError` for one that has none."""
+    try:
+        return urlsplit(url)
+    except ValueError as error:
+        raise LinkError(url, f"is not a URL ({error})") from None
 
 
 def _options(url: str, query: str, known: set[str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ all (departure, arrival) points, touching the earliest ones, maps the hub's cloc
 """
 
 from collections import deque
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +24,12 @@ SYNC_TOLERANCE_US = 300.0
 BIN_US = 50_000.0
 BINS = 400
 """The hub-to-host line is drawn under the earliest arrival of each of the last 400 bins of 50 ms."""
+
+RESTART_US = 100_000
+"""A hub whose clock has gone back by more than this has been restarted."""
+
+AGE_MAX_US = 2_000_000
+"""No snapshot is older than this when it is read; a board time that says so is that of another start of the board."""
 
 WIRE_OVERHEAD = 30
 """Bytes of a taxel frame beside its counts: header, snapshot, CRCs, stuffing and delimiters."""
@@ -91,6 +98,8 @@ class ClockMap:
         self._has_arrivals = has_arrivals
         self._hub_us = 0  # latest hub time known, not wrapped
         self._envelope = LowerEnvelope()
+        self._read_us = np.full(128, np.inf)
+        self._last_begun: tuple[int, int, int] | None = None
         self._syncs: dict[int, deque[tuple[int, int]]] = {}
         self._suspects: dict[int, tuple[int, int]] = {}
         self._known = np.zeros(128, dtype=bool)
@@ -108,19 +117,20 @@ class ClockMap:
 
     def take_message(self, message: HubMessage) -> None:
         """Learn from a TIME_SYNC or HUB_STATUS frame."""
-        if message.type is FrameType.HUB_STATUS:
-            self._hub_us = max(self._hub_us, message.fields["uptime_us"])
-        elif message.type is FrameType.HUB_HELLO:
-            self._take_hello(message)
+        if message.type is FrameType.HUB_STATUS or message.type is FrameType.HUB_HELLO:
+            self._take_uptime(message.fields["uptime_us"])
         elif message.type is FrameType.TIME_SYNC:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
 
-    def _take_hello(self, message: HubMessage) -> None:
-        if message.fields["uptime_us"] < self._hub_us:  # the hub has started anew: so has its clock
+    def _take_uptime(self, uptime_us: int) -> None:
+        if uptime_us < self._hub_us - RESTART_US:  # the hub has started anew: so has its clock
             self._envelope = LowerEnvelope()
+            self._last_begun = None
             self._syncs.clear()
+            self._suspects.clear()
             self._known[:] = False
-        self._hub_us = message.fields["uptime_us"]
+            self._hub_us = uptime_us
+        self._hub_us = max(self._hub_us, uptime_us)
 
     def _take_sync(self, address: int, board_us: int, hub_us: int) -> None:
         self._hub_us = max(self._hub_us, hub_us)
@@ -168,31 +178,61 @@ class ClockMap:
         address = rows["address"].astype(np.intp)  # numpy indexes ten times faster with its own index type
         since = (rows["board_time_us"] - self._board_0[address]).view(np.int32)
         mapped: NDArray[np.float64] = self._hub_0[address] + self._rate[address] * since
-        known = self._known[address]
-        if known.all():
-            return mapped
         read = self._unwrap(rows["hub_time_us"])
         self._hub_us = max(self._hub_us, int(read[-1]))
-        return np.where(known, mapped, read.astype(float))
+        age = read - mapped
+        usable = self._known[address] & (age > -RESTART_US) & (age < AGE_MAX_US)
+        return np.where(usable, mapped, read.astype(float))
 
     def _unwrap(self, hub_time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
         """Whole hub times near the latest one known, from times modulo 2^32."""
         near = np.uint32(self._hub_us % _WRAP)
         return self._hub_us + (hub_time_us - near).view(np.int32).astype(np.int64)
 
-    def take_arrivals(self, rows: NDArray[np.void], arrivals_s: NDArray[np.float64]) -> None:
-        """Learn from taxel frames, in order, and when the last byte of each arrived (seconds).
+    def take_arrivals(
+        self,
+        taxels: NDArray[np.void],
+        taxel_arrivals_s: NDArray[np.float64],
+        syncs: NDArray[np.void],
+        sync_hub_us: Sequence[int],
+    ) -> None:
+        """Learn from taxel and TIME_SYNC frames (dtype `ROW`), in order.
 
-        A frame goes onto the wire when the hub has read it, which is when it begins the next read of the same cycle.
+        `taxel_arrivals_s`: when the last byte of each taxel frame arrived, seconds. `sync_hub_us`: hub times of the
+        TIME_SYNC frames. A frame goes onto the wire when the hub has read it. How long a board's read takes is the
+        shortest time from its beginning to that of the next one: then the next transfer followed at once.
         """
-        if not self._has_arrivals or len(rows) < 2:
+        if not self._has_arrivals or not len(taxels) + len(syncs):
             return
-        begun = self._unwrap(rows["hub_time_us"])
-        follows = np.diff(rows["sequence"]) == 1  # unsigned, so that it wraps with the sequence
-        consecutive = (rows["cycle"][1:] == rows["cycle"][:-1]) & follows
-        departed = begun[1:] + (2.0 * rows["size"][:-1] + WIRE_OVERHEAD) * self._byte_us
-        for i in np.flatnonzero(consecutive).tolist():
-            self._envelope.add(float(departed[i]), float(arrivals_s[i]))
+        begun = self._unwrap(taxels["hub_time_us"])
+        self._learn_read_times(taxels, begun, syncs, np.array(sync_hub_us, dtype=np.int64))
+        if not len(taxels):
+            return
+        read_us = self._read_us[taxels["address"]]
+        read_us[np.isinf(read_us)] = 0.0
+        departed = begun + read_us + (2.0 * taxels["size"] + WIRE_OVERHEAD) * self._byte_us
+        late = taxel_arrivals_s - departed * 1e-6
+        starts = np.flatnonzero(np.diff(departed // BIN_US, prepend=-1.0))
+        for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(taxels)], strict=True):
+            earliest = start + int(np.argmin(late[start:end]))
+            self._envelope.add(float(departed[earliest]), float(taxel_arrivals_s[earliest]))
+
+    def _learn_read_times(
+        self, taxels: NDArray[np.void], begun: NDArray[np.int64], syncs: NDArray[np.void], sync_us: NDArray[np.int64]
+    ) -> None:
+        positions = np.concatenate([taxels["stream_position"], syncs["stream_position"]])
+        order = np.argsort(positions, kind="stable")
+        sequence = np.concatenate([taxels["sequence"], syncs["sequence"]]).astype(np.int64)[order]
+        times = np.concatenate([begun, sync_us])[order]
+        address = np.concatenate([taxels["address"], np.zeros(len(syncs), np.uint8)]).astype(np.intp)[order]
+        if self._last_begun is not None:  # the pair may lie across two batches
+            sequence, times, address = (
+                np.r_[a, b] for a, b in zip(self._last_begun, (sequence, times, address), strict=True)
+            )
+        self._last_begun = (int(sequence[-1]), int(times[-1]), int(address[-1]))
+        step = np.diff(times)
+        follows = (np.diff(sequence) % 65536 == 1) & (address[:-1] != 0) & (step > 0)
+        np.minimum.at(self._read_us, address[:-1][follows], step[follows].astype(float))
 
     def host_times_s(self, hub_us: NDArray[np.float64]) -> NDArray[np.float64]:
         """The hub's microseconds on the host's clock, seconds."""

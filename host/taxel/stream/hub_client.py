@@ -30,6 +30,7 @@ REPLY_TIMEOUT_S = 1.0
 ATTEMPTS = 4
 REBOOT_TIMEOUT_S = 5.0
 KEPT_MESSAGES = 1024
+RATE_MIN_HZ, RATE_MAX_HZ = 1e-3, 1e6  # a period of 1 us to 1000 s
 
 _GREETING_OF_ITS_OWN = 0  # key of the HUB_HELLO that nobody asked for: tag 0
 
@@ -94,7 +95,10 @@ class HubClient:
             self._send(frame_type, payload)
             deadline = time.monotonic() + REPLY_TIMEOUT_S
             while time.monotonic() < deadline:
-                self.stream.poll(0.02)
+                try:
+                    self.stream.poll(0.02)
+                except EOFError:
+                    raise HubError(f"{self._link.name}: ended before the hub had answered") from None
                 if key in self._replies:
                     return self._replies.pop(key)
         raise HubError(
@@ -139,6 +143,8 @@ class HubClient:
 
     def set_rate(self, rate_hz: float | None) -> None:
         """At most `rate_hz` poll cycles a second; None: as many as the bus allows."""
+        if rate_hz is not None and not RATE_MIN_HZ <= rate_hz <= RATE_MAX_HZ:
+            raise HubError(f"expected a rate from {RATE_MIN_HZ:g} to {RATE_MAX_HZ:g} Hz, found {rate_hz:g}")
         period = 0 if rate_hz is None else round(1e6 / rate_hz)
         self.command(Command.SET_RATE, pack(SetRateArguments, {"period_us": period}))
 

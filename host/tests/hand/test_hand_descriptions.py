@@ -66,9 +66,7 @@ def test_a_packaged_hand_bears_its_own_name(name: str) -> None:
 
 
 def test_the_allegro_kinds_have_the_numbers_of_the_thesis() -> None:
-    measured = {
-        name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in allegro_kinds().items()
-    }
+    measured = {name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in allegro_kinds().items()}
     assert measured == TABLE_2_1
 
 
@@ -103,9 +101,7 @@ def test_a_board_is_one_connected_sheet(kind: str) -> None:
     assert is_connected(allegro_kinds()[kind].crossings)
 
 
-@pytest.mark.parametrize(
-    "kind", ["back_of_hand", "fingertip", "medial_back", "proximal_back", "proximal_front"]
-)
+@pytest.mark.parametrize("kind", ["back_of_hand", "fingertip", "medial_back", "proximal_back", "proximal_front"])
 def test_kinds_shared_by_fingers_or_centred_on_the_hand_are_symmetric(kind: str) -> None:
     crossings = allegro_kinds()[kind].crossings
     assert np.array_equal(crossings, crossings[:, ::-1])

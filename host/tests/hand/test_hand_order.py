@@ -49,9 +49,7 @@ def test_the_bitmap_says_exactly_which_crossings_are_taxels(crossings: NDArray[n
     assert len(bitmap) == 32
     for bit in range(256):
         on_board = bit < tx_count * rx_count
-        assert (bitmap[bit // 8] >> (bit % 8) & 1) == (
-            on_board and crossings[bit // rx_count, bit % rx_count]
-        )
+        assert (bitmap[bit // 8] >> (bit % 8) & 1) == (on_board and crossings[bit // rx_count, bit % rx_count])
 
 
 @given(random_crossings())

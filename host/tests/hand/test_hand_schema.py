@@ -57,9 +57,7 @@ address = 0x12
 """
 
 TAXELS_241 = "\n".join(["#" * 16] * 15 + ["#" + "." * 15])
-BIG_KIND = (
-    f"[kinds.big]\ncode = 3\ntx = 16\nrx = 16\ntaxels = 241\ncrossings = '''\n{TAXELS_241}\n'''\n\n[[boards]]"
-)
+BIG_KIND = f"[kinds.big]\ncode = 3\ntx = 16\nrx = 16\ntaxels = 241\ncrossings = '''\n{TAXELS_241}\n'''\n\n[[boards]]"
 
 # What is replaced in GOOD, by what; the field that the error names; a piece of the error.
 MISTAKES: dict[str, tuple[str, str, str, str]] = {

@@ -113,7 +113,7 @@ def test_every_frame_is_right_and_every_frame_is_accounted_for(allegro, known_co
         ("address not acknowledged often", 0x24, BoardFault.NACK),
         ("many bits wrong", 0x23, BoardFault.CRC),
         ("clock stretched", 0x26, BoardFault.TIMEOUT),
-        ("board restarted", 0x27, BoardFault.NACK),
+        ("board restarted", 0x27, BoardFault.RESTARTED),
     ],
 )
 def test_a_fault_is_reported_with_its_board_and_then_its_end(allegro, known_counts, stimulus, scene, address, fault):
