@@ -113,7 +113,6 @@ def test_every_frame_is_right_and_every_frame_is_accounted_for(allegro, known_co
         ("address not acknowledged often", 0x24, BoardFault.NACK),
         ("many bits wrong", 0x23, BoardFault.CRC),
         ("clock stretched", 0x26, BoardFault.TIMEOUT),
-        ("board restarted", 0x27, BoardFault.RESTARTED),
     ],
 )
 def test_a_fault_is_reported_with_its_board_and_then_its_end(allegro, known_counts, stimulus, scene, address, fault):
@@ -124,6 +123,11 @@ def test_a_fault_is_reported_with_its_board_and_then_its_end(allegro, known_coun
     assert {report["address"] for report in skin.hub.faults} == {address}
     others = {a: count.missing for a, count in skin.losses.boards.items() if a != address}
     assert set(others.values()) <= {0, 1}
+
+
+def test_a_restarted_board_is_reported_even_if_it_is_back_before_its_next_poll(allegro, known_counts, stimulus):
+    skin, _, _ = run(allegro, SCENES["board restarted"], stimulus, known_counts(allegro), 6.0)
+    assert BoardFault.RESTARTED in [report["fault"] for report in skin.hub.faults if report["address"] == 0x27]
 
 
 def test_one_wrong_bit_costs_a_repeated_read_and_no_frame(allegro, known_counts, stimulus):
