@@ -4,7 +4,7 @@
  *   hub.c       set-up and the main loop's pass           outbox.c    UART frames out: ring, back-pressure, counting
  *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: hello and commands
  *   outcome.c   what a finished transfer means            report.c    status frames
- *   recovery.c  nine clocks for a stuck bus
+ *   identify.c  who a board is, and its scan settings     recovery.c  nine clocks for a stuck bus
  *
  * The port calls taxel_hub_on_...() from interrupts and taxel_hub_run() from its main loop after every interrupt, and at
  * the time that hal->wake_at() asked for. All memory is the caller's. */

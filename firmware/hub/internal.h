@@ -18,6 +18,19 @@ void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command);
 void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, int8_t result);
 void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job);
 
+/* A poll of the board has failed: its state, and a report if it is the first in a row. */
+void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
+/* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
+uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
+
+/* identify.c */
+void taxel_hub_finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                               int8_t result);
+void taxel_hub_finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                                    int8_t result);
+void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                                     int8_t result);
+
 /* recovery.c: 0, or the fault that remains (enum taxel_board_fault) */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 

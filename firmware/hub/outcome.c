@@ -4,13 +4,12 @@
 
 #define RETRIES 1u
 #define FAILURES_UNTIL_ABSENT 3u
-#define IDENTITY_ATTEMPTS 3u
 #define BUS_DOWN_US 10000u
 #define CLOCK_SLACK_US 500000 /* age of a snapshot, twice and with room */
 #define HALF_CLOCK_RANGE 0x80000000u
 #define CLOCK_SLACK_SHIFT 3   /* and an eighth of the time between: no oscillator is that far off */
 
-static void fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault)
+void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault)
 {
     board->last_fault = fault;
     board->pointer_is_snapshot = false;
@@ -45,7 +44,7 @@ static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
 }
 
 /* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
-static uint8_t recover_bus(struct taxel_hub *hub)
+uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 {
     const uint8_t fault = taxel_hub_recover_bus(hub);
     if (fault != TAXEL_BOARD_FAULT_NONE) {
@@ -122,7 +121,7 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
     if (!snapshot_is_whole(board, bytes, job->read_size)) {
         if (!retry(board)) {
             board->crc_errors++;
-            fail(hub, board, TAXEL_BOARD_FAULT_CRC);
+            taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_CRC);
         }
         return;
     }
@@ -153,21 +152,21 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
     case TAXEL_I2C_NACK_DATA:
         if (!retry(board)) {
             board->nacks++;
-            fail(hub, board, TAXEL_BOARD_FAULT_NACK);
+            taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         }
         return;
     case TAXEL_I2C_TIMEOUT:
-        (void)recover_bus(hub);
+        (void)taxel_hub_free_bus(hub);
         board->timeouts++;
-        fail(hub, board, TAXEL_BOARD_FAULT_TIMEOUT);
+        taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_TIMEOUT);
         return;
     default:
         break;
     }
-    const uint8_t bus_fault = recover_bus(hub);
+    const uint8_t bus_fault = taxel_hub_free_bus(hub);
     if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(board)) {
         board->bus_errors++;
-        fail(hub, board, fault_of(result, bus_fault));
+        taxel_hub_fail(hub, board, fault_of(result, bus_fault));
     }
 }
 
@@ -183,7 +182,7 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
     }
     if (result == TAXEL_I2C_NACK_ADDRESS) {
         board->nacks++;
-        fail(hub, board, TAXEL_BOARD_FAULT_NACK);
+        taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         return;
     }
     board->attempts = RETRIES;
@@ -218,7 +217,7 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
     if (result == TAXEL_I2C_OK) {
         hub->sweep.found[job->address >> 3] |= (uint8_t)(1u << (job->address & 7u));
     } else if (result != TAXEL_I2C_NACK_ADDRESS) {
-        (void)recover_bus(hub);
+        (void)taxel_hub_free_bus(hub);
     }
     if (job->slot == TAXEL_NO_SLOT) {
         if (result == TAXEL_I2C_OK) {
@@ -234,129 +233,12 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
     }
 }
 
-/* Why these 58 bytes are not those of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
-static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes,
-                              const struct taxel_identity *identity)
-{
-    if (identity->who_am_i != TAXEL_WHO_AM_I) {
-        return TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD;
-    }
-    if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) || identity->address != address) {
-        return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
-    }
-    if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
-        return TAXEL_BOARD_FAULT_MAP_VERSION;
-    }
-    if (identity->taxel_count == 0 || identity->taxel_count > TAXEL_TAXELS_MAX ||
-        TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count > hub->config->transfer_buffer_size) {
-        return TAXEL_BOARD_FAULT_TOO_LARGE;
-    }
-    return TAXEL_BOARD_FAULT_NONE;
-}
-
-/* The board answered, but not as itself: its turn in this cycle is over, and that is its poll's outcome. */
-static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault, uint8_t state)
-{
-    fail(hub, board, fault);
-    board->state = state;
-    board->info_wanted = false;
-    if (hub->streaming && hub->cycle.position == board - hub->config->slots) {
-        board->polls++;
-        (*counter)++;
-        hub->cycle.position++;
-    }
-}
-
-static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
-{
-    if (result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
-        end_turn(hub, board, &board->nacks, TAXEL_BOARD_FAULT_NACK, TAXEL_BOARD_STATE_ABSENT);
-        return;
-    }
-    (void)recover_bus(hub);
-    if (result == TAXEL_I2C_TIMEOUT) {
-        end_turn(hub, board, &board->timeouts, TAXEL_BOARD_FAULT_TIMEOUT, TAXEL_BOARD_STATE_ABSENT);
-    } else {
-        end_turn(hub, board, &board->bus_errors, TAXEL_BOARD_FAULT_ARBITRATION, TAXEL_BOARD_STATE_ABSENT);
-    }
-}
-
-static void finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board, int8_t result)
-{
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    struct taxel_identity identity;
-    if (result != TAXEL_I2C_OK) {
-        end_turn_after_transfer(hub, board, result);
-        return;
-    }
-    taxel_identity_unpack(&identity, bytes);
-    const uint8_t fault = identity_fault(hub, board->address, bytes, &identity);
-    if (fault == TAXEL_BOARD_FAULT_NONE) {
-        board->taxel_count = (uint8_t)identity.taxel_count;
-        board->attempts = 0;
-        hub->settings_read_slot = job->slot;
-        hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
-        return;
-    }
-    /* A flipped bit can look like a foreign board: only the third such answer in a row is believed. */
-    board->last_read_us = (uint32_t)job->started_us;
-    const bool believed = fault != TAXEL_BOARD_FAULT_CRC && ++board->attempts >= IDENTITY_ATTEMPTS;
-    end_turn(hub, board, &board->crc_errors, fault, believed ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
-}
-
-static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)
-{
-    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
-    return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
-}
-
-static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uint8_t *bytes)
-{
-    uint8_t wanted[TAXEL_SCAN_SETTINGS_SIZE];
-    taxel_scan_settings_pack(&board->settings, wanted);
-    return memcmp(bytes, wanted, sizeof wanted) == 0;
-}
-
-/* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
-static void finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                  int8_t result)
-{
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
-    board->settings_dirty = false;
-    board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
-    if (board->settings_rejected) {
-        board->has_settings = board->has_settings && !whole;
-        taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_SETTINGS_REJECTED);
-    }
-}
-
-/* Settings were read after an identity. */
-static void finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                 int8_t result)
-{
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    if (result != TAXEL_I2C_OK) {
-        end_turn_after_transfer(hub, board, result);
-        return;
-    }
-    if (!settings_are_whole(board, bytes)) {
-        end_turn(hub, board, &board->crc_errors, TAXEL_BOARD_FAULT_CRC, TAXEL_BOARD_STATE_ABSENT);
-        return;
-    }
-    board->state = TAXEL_BOARD_STATE_STREAMING;
-    board->info_wanted = false;
-    board->settings_dirty = board->has_settings && !settings_are_as_wanted(board, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_INFO, hub->config->transfer_buffers[job->buffer ^ 1u],
-                         TAXEL_IDENTITY_SIZE, bytes, TAXEL_SCAN_SETTINGS_SIZE);
-}
-
 static void finish_clock(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board, int8_t result)
 {
     uint8_t bytes[TAXEL_TIME_SYNC_SIZE];
     if (result != TAXEL_I2C_OK) {
         if (result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
-            (void)recover_bus(hub);
+            (void)taxel_hub_free_bus(hub);
         }
         return;
     }
@@ -389,7 +271,7 @@ static uint8_t reply_status_of(int8_t result)
 static void finish_pass_through(struct taxel_hub *hub, const struct taxel_job *job, int8_t result)
 {
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {
-        (void)recover_bus(hub);
+        (void)taxel_hub_free_bus(hub);
     }
     taxel_hub_reply(hub, reply_status_of(result), hub->config->transfer_buffers[job->buffer],
                     result == TAXEL_I2C_OK ? job->read_size : 0);
@@ -406,17 +288,17 @@ void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, in
         finish_slot_probe(hub, board, result);
         break;
     case TAXEL_JOB_IDENTIFY:
-        finish_identify(hub, job, board, result);
+        taxel_hub_finish_identify(hub, job, board, result);
         break;
     case TAXEL_JOB_WRITE_SETTINGS:
         hub->settings_read_slot = job->slot; /* taken over or not: reading back tells */
         hub->settings_read_kind = TAXEL_JOB_CHECK_SETTINGS;
         break;
     case TAXEL_JOB_READ_SETTINGS:
-        finish_read_settings(hub, job, board, result);
+        taxel_hub_finish_read_settings(hub, job, board, result);
         break;
     case TAXEL_JOB_CHECK_SETTINGS:
-        finish_check_settings(hub, job, board, result);
+        taxel_hub_finish_check_settings(hub, job, board, result);
         break;
     case TAXEL_JOB_CLOCK:
         finish_clock(hub, job, board, result);

@@ -18,15 +18,16 @@ _NUMBERS = {
 }
 """Lowest and highest value of each number of `WorldSettings` that a URL may set."""
 
-_OTHERS = {"speed", "stimulus", "duration_s"}
+_OTHERS = {"speed", "stimulus", "duration_s", "live"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     """Start an emulated skin of `hand`.
 
     Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE`
-    (see `taxel.link.write_stimulus`), `duration_s`, and the numbers of `WorldSettings`: seed, scl_hz, baud,
-    usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
+    (see `taxel.link.write_stimulus`) or `live=1` (see `EmulatorLink.apply`), `duration_s`, and the numbers of
+    `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an
+    unknown option or a value out of range.
     """
     parts = split_url(url)
     if parts.path or parts.netloc:
@@ -40,6 +41,9 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     speed = options.get("speed", "real")
     if speed not in {"real", "max"}:
         raise LinkError(url, f"option 'speed' must be real or max, found '{speed}'")
+    live = options.get("live", "0")
+    if live not in {"0", "1"} or (live == "1" and "stimulus" in options):
+        raise LinkError(url, f"option 'live' must be 0 or 1, and 1 only without a stimulus, found '{live}'")
     numbers: dict[str, Any] = {
         name: _number(url, name, text, *_NUMBERS[name]) for name, text in options.items() if name in _NUMBERS
     }
@@ -49,7 +53,14 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         numbers["seed"] = int(numbers["seed"])
     settings = WorldSettings(**numbers)
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
-    return EmulatorLink(world_text(hand, settings), options.get("stimulus"), speed == "max", duration, settings.baud)
+    return EmulatorLink(
+        world_text(hand, settings),
+        options.get("stimulus"),
+        speed == "max",
+        duration,
+        settings.baud,
+        hand.n_taxels if live == "1" else None,
+    )
 
 
 def _number(url: str, name: str, text: str, low: float, high: float) -> float:

@@ -45,7 +45,9 @@ def open_recorded(
     """
     description = hand if isinstance(hand, Hand) else load_hand(hand)
     if os.path.exists(path) and not overwrite:
-        raise CaptureError(os.fspath(path), "exists already; choose another name or ask for it to be overwritten")
+        raise CaptureError(
+            os.fspath(path), "exists already; choose another name, or ask for it to be overwritten (--overwrite)"
+        )
     link = open_emulator(url, description) if url.startswith("emulator:") else open_link(url)
     try:
         writer = CaptureWriter(path, {"url": url, "hand": description.name, "baud": link.baud}, overwrite)

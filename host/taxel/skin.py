@@ -100,6 +100,11 @@ class Skin:
         return [board.name for board in self.hand.boards if board.address not in self.hub.boards]
 
     @property
+    def link(self) -> Link:
+        """The link that the bytes come from."""
+        return self._stream.link
+
+    @property
     def losses(self) -> LossAccount:
         """Frames received, missing and lost, so far."""
         return self._stream.losses

@@ -2,6 +2,7 @@
 
 import sys
 from importlib.metadata import entry_points
+from typing import NoReturn
 
 import typer
 
@@ -29,9 +30,14 @@ def main() -> None:
     """Run a command; the exit status is 0 only on success."""
     try:
         app()
-    except (TaxelError, OSError) as error:
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        print(f"taxel: {text}", file=sys.stderr)
-        sys.exit(1)
+    except TaxelError as error:
+        _fail(str(error))
+    except OSError as error:
+        _fail(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _fail(text: str) -> NoReturn:
+    print(f"taxel: {text.splitlines()[0] if text else 'failed'}", file=sys.stderr)
+    sys.exit(1)

@@ -13,6 +13,7 @@ from taxel.link.errors import CaptureError
 
 MAGIC = b"TAXELCAP"
 VERSION = 1
+EXISTS = "exists already; choose another name, or ask for it to be overwritten (--overwrite)"
 HEADER_MAX = 1 << 20
 RECORD_MAX = 1 << 24
 _START = struct.Struct("<8sHHI")
@@ -39,9 +40,7 @@ class CaptureWriter:
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb", buffering=0)  # noqa: SIM115
             self._file.write(_START.pack(MAGIC, VERSION, 0, len(text)) + text)
         except FileExistsError:
-            raise CaptureError(
-                str(path), "exists already; choose another name or ask for it to be overwritten"
-            ) from None
+            raise CaptureError(str(path), EXISTS) from None
         except OSError as error:
             raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
 

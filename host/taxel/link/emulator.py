@@ -12,8 +12,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortVanishedError
+from taxel.link.stimulus import stimulus_header, stimulus_records
 
 READ_SIZE = 1 << 16
 END_TIMEOUT_S = 10.0
@@ -31,8 +35,8 @@ class EmulatorLink:
     """An emulator process of our own, ended with the link.
 
     `world` is the text of a world file; `stimulus` a stimulus file or None; `fast` runs as fast as the reader reads
-    (virtual time), else in real time. Raises `LinkError` with the emulator's own line if it refuses world or
-    stimulus.
+    (virtual time), else in real time. With `live_taxels`, the number of the skin's taxels, forces come from `apply()`
+    instead of a file. Raises `LinkError` with the emulator's own line if it refuses world or stimulus.
     """
 
     is_recorded = False
@@ -44,6 +48,7 @@ class EmulatorLink:
         fast: bool = False,
         duration_s: float | None = None,
         baud: float = 1e6,
+        live_taxels: int | None = None,
     ) -> None:
         self.name = "emulator:"
         self.baud = baud
@@ -61,10 +66,17 @@ class EmulatorLink:
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         arguments += ["--fast"] if fast else []
         arguments += ["--duration", repr(duration_s)] if duration_s is not None else []
-        with theirs, self._stderr.open("wb") as complaints:
+        self._live, their_live = socket.socketpair()
+        if live_taxels is not None:
+            arguments += ["--stimulus", f"fd:{their_live.fileno()}", "--live"]
+            self._live.sendall(stimulus_header(live_taxels))
+        with theirs, their_live, self._stderr.open("wb") as complaints:
             try:
                 self._process = subprocess.Popen(
-                    arguments, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stderr=complaints
+                    arguments,
+                    pass_fds=[theirs.fileno(), their_live.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stderr=complaints,
                 )
             except ValueError as error:  # a zero byte in a name
                 raise LinkError(self.name, f"cannot be started ({error})") from None
@@ -103,6 +115,13 @@ class EmulatorLink:
             status = self._process.wait(timeout=END_TIMEOUT_S)
             raise PortVanishedError(self.name, self._complaint(status)) from None
 
+    def apply(self, forces_n: ArrayLike) -> None:
+        """Let `forces_n` [n] newtons act on the taxels from now on; only for a link with `live_taxels`."""
+        try:
+            self._live.sendall(stimulus_records([-1.0], np.asarray(forces_n)[None, :]))
+        except OSError:
+            raise PortVanishedError(self.name, "the emulator has ended, or takes no live forces") from None
+
     def statistics(self) -> dict[str, Any]:
         """What the emulator counted itself; only after `close()` or the end of the stream."""
         self.stop()
@@ -116,6 +135,7 @@ class EmulatorLink:
     def stop(self) -> None:
         """End the process; keep its statistics."""
         self._socket.close()
+        self._live.close()
         if self._process.poll() is None:
             self._process.terminate()
             try:

@@ -3,6 +3,7 @@ loop://).
 """
 
 import contextlib
+import os
 import re
 import time
 
@@ -108,5 +109,5 @@ class SerialLink:
 
 
 def _reason(error: BaseException) -> str:
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    text = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
     return text.splitlines()[0] if text else type(error).__name__

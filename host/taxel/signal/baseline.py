@@ -17,7 +17,7 @@ from taxel.signal._arrays import (
 from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, disturbed_taxels
 from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
 
-# Samples per taxel. Source: project design.
+# Samples per taxel. Source: thesis, section 5.4 ("100 sampled readings").
 BASELINE_SAMPLES = 100
 
 # Samples. Above this K * (sum of squares of K u16 values) could pass 2**63: K**2 * 65535**2 < 2**63.

@@ -1,0 +1,122 @@
+/* Who a board is and how it measures: what the answers to these questions mean. */
+#include "codec/crc32.h"
+#include "hub/internal.h"
+
+#define IDENTITY_ATTEMPTS 3u
+
+/* Why these 58 bytes are not those of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
+static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes,
+                              const struct taxel_identity *identity)
+{
+    if (identity->who_am_i != TAXEL_WHO_AM_I) {
+        return TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD;
+    }
+    if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) || identity->address != address) {
+        return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
+    }
+    if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
+        return TAXEL_BOARD_FAULT_MAP_VERSION;
+    }
+    if (identity->taxel_count == 0 || identity->taxel_count > TAXEL_TAXELS_MAX ||
+        TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count > hub->config->transfer_buffer_size) {
+        return TAXEL_BOARD_FAULT_TOO_LARGE;
+    }
+    return TAXEL_BOARD_FAULT_NONE;
+}
+
+/* The board answered, but not as itself: its turn in this cycle is over, and that is its poll's outcome. */
+static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault, uint8_t state)
+{
+    taxel_hub_fail(hub, board, fault);
+    board->state = state;
+    board->info_wanted = false;
+    if (hub->streaming && hub->cycle.position == board - hub->config->slots) {
+        board->polls++;
+        (*counter)++;
+        hub->cycle.position++;
+    }
+}
+
+static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
+{
+    if (result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
+        end_turn(hub, board, &board->nacks, TAXEL_BOARD_FAULT_NACK, TAXEL_BOARD_STATE_ABSENT);
+        return;
+    }
+    (void)taxel_hub_free_bus(hub);
+    if (result == TAXEL_I2C_TIMEOUT) {
+        end_turn(hub, board, &board->timeouts, TAXEL_BOARD_FAULT_TIMEOUT, TAXEL_BOARD_STATE_ABSENT);
+    } else {
+        end_turn(hub, board, &board->bus_errors, TAXEL_BOARD_FAULT_ARBITRATION, TAXEL_BOARD_STATE_ABSENT);
+    }
+}
+
+void taxel_hub_finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board, int8_t result)
+{
+    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    struct taxel_identity identity;
+    if (result != TAXEL_I2C_OK) {
+        end_turn_after_transfer(hub, board, result);
+        return;
+    }
+    taxel_identity_unpack(&identity, bytes);
+    const uint8_t fault = identity_fault(hub, board->address, bytes, &identity);
+    if (fault == TAXEL_BOARD_FAULT_NONE) {
+        board->taxel_count = (uint8_t)identity.taxel_count;
+        board->attempts = 0;
+        hub->settings_read_slot = job->slot;
+        hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
+        return;
+    }
+    /* A flipped bit can look like a foreign board: only the third such answer in a row is believed. */
+    board->last_read_us = (uint32_t)job->started_us;
+    const bool believed = fault != TAXEL_BOARD_FAULT_CRC && ++board->attempts >= IDENTITY_ATTEMPTS;
+    end_turn(hub, board, &board->crc_errors, fault, believed ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
+}
+
+static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)
+{
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
+    return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
+}
+
+static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uint8_t *bytes)
+{
+    uint8_t wanted[TAXEL_SCAN_SETTINGS_SIZE];
+    taxel_scan_settings_pack(&board->settings, wanted);
+    return memcmp(bytes, wanted, sizeof wanted) == 0;
+}
+
+/* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
+void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                                  int8_t result)
+{
+    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
+    board->settings_dirty = false;
+    board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
+    if (board->settings_rejected) {
+        board->has_settings = board->has_settings && !whole;
+        taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_SETTINGS_REJECTED);
+    }
+}
+
+/* Settings were read after an identity. */
+void taxel_hub_finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
+                                 int8_t result)
+{
+    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    if (result != TAXEL_I2C_OK) {
+        end_turn_after_transfer(hub, board, result);
+        return;
+    }
+    if (!settings_are_whole(board, bytes)) {
+        end_turn(hub, board, &board->crc_errors, TAXEL_BOARD_FAULT_CRC, TAXEL_BOARD_STATE_ABSENT);
+        return;
+    }
+    board->state = TAXEL_BOARD_STATE_STREAMING;
+    board->info_wanted = false;
+    board->settings_dirty = board->has_settings && !settings_are_as_wanted(board, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_INFO, hub->config->transfer_buffers[job->buffer ^ 1u],
+                         TAXEL_IDENTITY_SIZE, bytes, TAXEL_SCAN_SETTINGS_SIZE);
+}
