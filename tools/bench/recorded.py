@@ -5,18 +5,8 @@ from typing import Any
 
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, world_text
-from taxel.link import CaptureWriter, run_emulator
-from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, encode_frame
-
-
-def write_start_script(path: Path) -> None:
-    """What a host sends: hello at 0.2 s, start at 0.25 s."""
-    with CaptureWriter(path, overwrite=True) as script:
-        script.write(
-            encode_frame(FrameType.HOST_HELLO, 0, bytes([1, PROTOCOL_VERSION_MIN, PROTOCOL_VERSION])),
-            200_000_000,
-        )
-        script.write(encode_frame(FrameType.COMMAND, 1, bytes([2, Command.START])), 250_000_000)
+from taxel.link import run_emulator
+from taxel.stream.start_script import write_start_script
 
 
 def record(folder: Path, seconds: float, stimulus: Path | None = None) -> tuple[Path, dict[str, Any]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from taxel.hand import Board, Hand
 from taxel.hand.world import WorldSettings, world_text
-from taxel.link import CaptureError, CaptureWriter, run_emulator, write_stimulus
+from taxel.link import CaptureError, run_emulator, write_stimulus
 from taxel.recording.capfingerid import TouchRecording
 from taxel.recording.errors import RecordingError
 from taxel.recording.scoring import DecodedBoard, ReplayScore, SourceTouches, score_replay
@@ -23,13 +23,7 @@ from taxel.recording.tiling import REST_COUNTS, Tiling
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Activation, Baseline
 from taxel.skin import open_skin
 from taxel.stream import TaxelFrame
-from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, encode_frame
-from taxel_protocol.frames import CommandPayload, HostHello
-from taxel_protocol.layout import pack
-
-HELLO_S = 0.20
-START_S = 0.25
-"""When the host greets and starts the hub, virtual seconds: the boards have booted."""
+from taxel.stream.start_script import START_S, write_start_script
 
 LEAD_IN_MIN_S = 4.0
 """At rest before the recording begins, seconds; by then every board's clock has been read twice."""
@@ -108,19 +102,10 @@ def _emulate(
     if capture.exists():
         raise CaptureError(str(capture), "exists already; choose another folder")
     write_stimulus(stimulus, [0.0, *time_s], np.vstack([np.full((1, hand.n_taxels), rest), counts]), "counts")
-    write_host_script(script)
+    write_start_script(script)
     held_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     run_emulator(world_text(hand, settings), capture, float(time_s[-1]) + held_s + 0.1, script, stimulus)
     return capture
-
-
-def write_host_script(path: str | os.PathLike[str]) -> None:
-    """What a host sends to start a stream: a greeting and START."""
-    greeting = pack(HostHello, {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION})
-    start = pack(CommandPayload, {"tag": 2, "command": int(Command.START)})
-    with CaptureWriter(path, overwrite=True) as script:
-        script.write(encode_frame(FrameType.HOST_HELLO, 0, greeting), round(HELLO_S * 1e9))
-        script.write(encode_frame(FrameType.COMMAND, 1, start), round(START_S * 1e9))
 
 
 def decode_capture(
