@@ -123,12 +123,12 @@ class Codec:
     """The C codec: encode a frame, decode a stream that arrives in pieces, frame by frame or as a batch."""
 
     def __init__(self, path: Path) -> None:
-        self.library = ctypes.CDLL(str(path))
+        self.native = ctypes.CDLL(str(path))
         for name in ("struct_size", "row_size", "encode", "decode"):
-            getattr(self.library, f"taxel_batch_{name}").restype = ctypes.c_size_t
-        row_size = self.library.taxel_batch_row_size()
+            getattr(self.native, f"taxel_batch_{name}").restype = ctypes.c_size_t
+        row_size = self.native.taxel_batch_row_size()
         assert row_size == ctypes.sizeof(_Row), f"{path}: batch.h has another row than this test"
-        self._batch = ctypes.create_string_buffer(self.library.taxel_batch_struct_size())
+        self._batch = ctypes.create_string_buffer(self.native.taxel_batch_struct_size())
         self._arrays = (
             (_Row * ROWS)(),
             (_Row * ROWS)(),
@@ -141,7 +141,7 @@ class Codec:
         out = ctypes.create_string_buffer(1024)
         numbers = (ctypes.c_uint8(frame_type), ctypes.c_uint16(sequence))
         length = ctypes.c_uint16(len(payload))
-        size = self.library.taxel_batch_encode(*numbers, payload, length, out, ctypes.c_size_t(len(out)))
+        size = self.native.taxel_batch_encode(*numbers, payload, length, out, ctypes.c_size_t(len(out)))
         return out.raw[:size]
 
     def decode(self, pieces: Iterable[bytes], directions: int = 3) -> list[Frame]:
@@ -157,28 +157,28 @@ class Codec:
         memory = (ctypes.addressof(chunk), len(chunk), ctypes.addressof(body))
         config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(take), None)
         deframer = _Deframer()
-        self.library.taxel_deframer_init(ctypes.byref(deframer), ctypes.byref(config))
+        self.native.taxel_deframer_init(ctypes.byref(deframer), ctypes.byref(config))
         for piece in pieces:
-            self.library.taxel_deframer_push(ctypes.byref(deframer), piece, ctypes.c_size_t(len(piece)))
-        self.library.taxel_deframer_finish(ctypes.byref(deframer))
+            self.native.taxel_deframer_push(ctypes.byref(deframer), piece, ctypes.c_size_t(len(piece)))
+        self.native.taxel_deframer_finish(ctypes.byref(deframer))
         self.discarded_bytes = deframer.discarded_bytes
         return frames
 
     def decode_batch(self, pieces: Iterable[bytes], directions: int = 3, rows: int = ROWS) -> Batch:
         """Frames of the batch decoder, which is told that each array of rows has room for `rows`."""
         batch = Batch([], [])
-        self.library.taxel_batch_init(self._batch, ctypes.c_uint8(directions))
+        self.native.taxel_batch_init(self._batch, ctypes.c_uint8(directions))
         for piece in pieces:
             taken = 0
             while taken < len(piece):
                 rest = piece[taken:]
                 output = self._output(rows)
-                taken += self.library.taxel_batch_decode(
+                taken += self.native.taxel_batch_decode(
                     self._batch, rest, ctypes.c_size_t(len(rest)), ctypes.byref(output)
                 )
                 self._collect(output, batch)
         output = self._output(rows)
-        self.library.taxel_batch_finish(self._batch, ctypes.byref(output))
+        self.native.taxel_batch_finish(self._batch, ctypes.byref(output))
         self._collect(output, batch)
         return batch
 
