@@ -49,11 +49,8 @@ def test_a_rate_limit_is_kept(skin: Skin) -> None:
     assert np.isclose(np.median(np.diff(times)), 0.2, rtol=0.05)
 
 
-def test_a_rebooted_hub_is_found_again(skin: Skin) -> None:
+def test_a_rebooted_hub_goes_on_by_itself(skin: Skin) -> None:
     skin.hub.reboot()
-    skin.hub.greet()
-    skin.hub.read_boards()
-    skin.hub.start()
     for _ in itertools.islice(skin.scans(), 5):
         pass
-    assert skin.losses.restarts >= 1
+    assert skin.losses.restarts == 1

@@ -48,29 +48,36 @@ class Skin:
 
     Use it as a context manager. The iteration ends at the end of a recording; it raises a `TaxelError` of one line if
     the port vanishes or a frame comes from a board that the hand does not have, after everything before it was
-    delivered.
+    delivered. A hub that starts anew is greeted and started again.
     """
 
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None) -> None:
         self.hand = hand
         self.hub = HubClient(link)
+        self._rate_hz = rate_hz
         self._stream = self.hub.stream
         self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
         self._pending: dict[int, list[TaxelFrame]] = {}
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         try:
             if not link.is_recorded:
-                self._begin(rate_hz)
+                self._begin()
         except BaseException:
             self._stream.close()
             raise
 
-    def _begin(self, rate_hz: float | None) -> None:
+    def _begin(self) -> None:
         self.hub.greet()
         self._discover()
         for address, fields in sorted(self.hub.boards.items()):
             self._check_board(address, fields)
-        self.hub.set_rate(rate_hz)
+        self.hub.set_rate(self._rate_hz)
+        self.hub.start()
+
+    def _resume(self) -> None:
+        """The hub has started anew, by itself or because somebody asked it to: go on as before."""
+        self.hub.greet()
+        self.hub.set_rate(self._rate_hz)
         self.hub.start()
 
     def _discover(self) -> None:
@@ -131,6 +138,8 @@ class Skin:
                 if self._sizes.get(frame.address) != len(frame.raw_counts):
                     self._refuse(frame)
                 yield frame
+            if not (self.hub.is_greeted or self._stream.link.is_recorded):
+                self._resume()
             try:
                 self._stream.poll()
             except EOFError:

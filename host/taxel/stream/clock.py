@@ -25,6 +25,8 @@ BIN_US = 50_000.0
 BINS = 400
 """The hub-to-host line is drawn under the earliest arrival of each of the last 400 bins of 50 ms."""
 
+REFIT_BINS = 10
+
 RESTART_US = 100_000
 """A hub whose clock has gone back by more than this has been restarted."""
 
@@ -48,24 +50,29 @@ class LowerEnvelope:
     def __init__(self) -> None:
         self._bins: deque[tuple[float, float, float]] = deque(maxlen=BINS)
         self._fit: tuple[float, float, float] | None = None
+        self._fitted_bin = 0.0
 
     def add(self, x: float, y: float) -> None:
         """A point; x in microseconds, never going back by more than a bin, y in seconds."""
         number = x // BIN_US
         late = y - x * 1e-6
         if self._bins and self._bins[-1][0] == number:
-            if late < self._bins[-1][2] - self._bins[-1][1] * 1e-6:
-                self._bins[-1] = (number, x, y)
-                self._fit = None
-            return
+            if late >= self._bins[-1][2] - self._bins[-1][1] * 1e-6:
+                return
+            self._bins.pop()
         self._bins.append((number, x, y))
-        self._fit = None
+        if self._fit is not None:
+            # A point above the line says little new: then the old line serves for half a second more.
+            x0, y0, slope = self._fit
+            if y < y0 + slope * (x - x0) or number - self._fitted_bin >= REFIT_BINS:
+                self._fit = None
 
     @property
     def line(self) -> tuple[float, float, float] | None:
         """(x0, y0, slope): y = y0 + slope * (x - x0), slope in seconds a microsecond; None without a point."""
         if self._fit is None and self._bins:
             self._fit = self._touch(np.array([(x, y) for _, x, y in self._bins]))
+            self._fitted_bin = self._bins[-1][0]
         return self._fit
 
     @staticmethod

@@ -48,12 +48,14 @@ class HubClient:
 
     `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS;
     `status` is the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
+    `is_greeted`: host and hub have agreed on a version, and the hub has not started anew since.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self.stream = FrameStream(link, self._take)
         self.hello: dict[str, Any] | None = None
+        self.is_greeted = False
         self.status: dict[str, Any] | None = None
         self.boards: dict[int, dict[str, Any]] = {}
         self.board_status: dict[int, dict[str, Any]] = {}
@@ -67,6 +69,7 @@ class HubClient:
         fields = message.fields
         if message.type is FrameType.HUB_HELLO:
             self.hello = fields
+            self.is_greeted = fields["version_chosen"] != 0
             self._replies[-fields["tag"]] = message
         elif message.type is FrameType.REPLY:
             self._replies[fields["tag"]] = message
