@@ -16,18 +16,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from construct import Const, GreedyBytes, Struct
+from construct import Struct
+from field_values import SEED, board_crc, filled, nest, plain, tail_name
+from register_vectors import all_registers
 
 from taxel_protocol import frames, limits, registers
 from taxel_protocol.frames import FRAMES
-from taxel_protocol.framing import crc32, whiten
+from taxel_protocol.framing import whiten
 from taxel_protocol.layout import Field, fields_of
-from taxel_protocol.names import BoardCommand, Command, FrameType
+from taxel_protocol.names import Command, FrameType
 from taxel_protocol.wire import Body, WireFrame
 
 HERE = Path(__file__).resolve().parent
 VECTORS = HERE.parents[1] / "protocol" / "vectors"
-SEED = 20
 
 INNER: dict[str, Struct] = {
     "set_rate_arguments": frames.SetRateArguments,
@@ -37,46 +38,6 @@ INNER: dict[str, Struct] = {
     "get_time_reply": frames.GetTimeReply,
 }
 """Structs that stand in the tail of a command or a reply, by their name in C."""
-
-REGISTERS: dict[str, Struct] = {
-    "identity": registers.Identity,
-    "status": registers.Status,
-    "settings_register": registers.SettingsRegister,
-    "command_register": registers.CommandRegister,
-    "snapshot_header": registers.SnapshotHeader,
-}
-
-
-def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The nested values that construct builds from, out of flat names."""
-    nested: dict[str, Any] = {}
-    for renamed in definition.subcons:
-        name = prefix + renamed.name
-        if isinstance(renamed.subcon, Struct):
-            nested[renamed.name] = nest(renamed.subcon, flat, name + "_")
-        elif not isinstance(renamed.subcon, Const):
-            nested[renamed.name] = flat[name]
-    return nested
-
-
-def tail_name(definition: Struct) -> str | None:
-    """Name of the part without a fixed length at the end of `definition`, if it has one."""
-    last = definition.subcons[-1]
-    return str(last.name) if last.subcon is GreedyBytes else None
-
-
-def plain(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Field values as JSON has them: numbers, and byte strings in hexadecimal."""
-    shown: dict[str, Any] = {}
-    for field in fields:
-        value: Any = field.constant if field.constant is not None else values[field.name]
-        shown[field.name] = value.hex() if field.is_bytes else value
-    return shown
-
-
-def board_crc(address: int, data: bytes) -> int:
-    """CRC-32 with the board's address before the data, as boards compute it."""
-    return crc32(data, crc32(bytes([address])))
 
 
 @dataclass(frozen=True)
@@ -160,16 +121,6 @@ def taxels(
     return Sample(vector | _bytes_of(FrameType.TAXELS, sequence, nest(payload, flat)))
 
 
-def _filled(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    for field in fields:
-        number = value(field)
-        values[field.name] = number.to_bytes(field.size, "little") if field.is_bytes else number
-    if has_address:
-        values["address"] = min(max(values["address"], limits.ADDRESS_MIN), limits.ADDRESS_MAX)
-    return values
-
-
 def every_type(rng: random.Random) -> list[Sample]:
     """Each type but TAXELS: zeros, ones, arbitrary numbers; with the shortest and the longest tail."""
     samples = []
@@ -185,7 +136,7 @@ def every_type(rng: random.Random) -> list[Sample]:
         longest = spec.maximum - spec.minimum
         for filling, value, sequence in fillings:
             name = f"{frame_type.name.lower()}_{filling}"
-            values = _filled(fields, value, spec.has_address)
+            values = filled(fields, value, spec.has_address)
             samples.append(sample(name, frame_type, sequence, values))
             if longest:
                 tail = bytes(value(Field("", "B", 0, 1)) for _ in range(longest))
@@ -303,81 +254,6 @@ def all_frames() -> list[Sample]:
     rng = random.Random(SEED)
     samples = [*every_type(rng), *every_command(), *taxel_frames(rng), *stuffing_edges()]
     return samples + quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
-
-
-def register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
-    """A register block without a CRC over the address."""
-    definition = REGISTERS[struct]
-    data = definition.build(nest(definition, values))
-    shown = plain(fields_of(definition), values)
-    return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
-
-
-def _identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
-    without_crc = registers.Identity.build(nest(registers.Identity, values | {"crc32": 0}))[:-4]
-    return register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
-
-
-def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
-    fields = [field.name for field in fields_of(registers.SettingsRegister)][:-1]
-    values = dict(zip(fields, numbers, strict=True))
-    without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
-    values["crc32"] = board_crc(address, without_crc)
-    vector = register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
-    return vector | {"address": address}
-
-
-def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
-    flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
-    flat |= {"raw_counts": list(counts), "crc32": 0}
-    definition = registers.snapshot(len(counts))
-    flat["crc32"] = board_crc(address, definition.build(nest(definition, flat))[:-4])
-    return {
-        "name": name,
-        "struct": "snapshot_header",
-        "register": limits.REGISTER_SNAPSHOT,
-        "address": address,
-        "fields": {"sequence": header[0], "timestamp_us": header[1]},
-        "counts": list(counts),
-        "crc32": flat["crc32"],
-        "bytes": definition.build(nest(definition, flat)).hex(),
-    }
-
-
-def all_registers() -> list[dict[str, Any]]:
-    """What registers.json holds."""
-    rng = random.Random(SEED)
-    board: dict[str, Any] = {"map_version": 1, "firmware_major": 1, "firmware_minor": 2, "firmware_patch": 3}
-    board |= {
-        "kind": 2,
-        "address": 0x20,
-        "reserved": 0,
-        "unique_id": rng.randbytes(8),
-        "rows": 9,
-        "columns": 7,
-    }
-    board |= {"taxel_count": 63, "snapshot_size": 136, "crossing_map": b"\xff" * 7 + b"\x7f" + bytes(24)}
-    status_fields = fields_of(registers.Status)
-    vectors = [
-        _identity("identity", board),
-        _identity("identity_zeros", _filled(fields_of(registers.Identity), lambda field: 0, False)),
-        register_vector("status_zeros", "status", 0x40, _filled(status_fields, lambda field: 0, False)),
-        register_vector("status", "status", 0x40, _filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)),
-        _settings("settings", 0x20, (100, 40, 1, 96, 240)),
-        _settings("settings_of_another_board", 0x21, (100, 40, 1, 96, 240)),
-        _settings("settings_largest", 0x77, (0xFFFF, 0xFFFF, 0xFF, 0xFF, 0xFFFF)),
-    ]
-    for command in BoardCommand:
-        values = {"command": int(command), "complement": 0xFF ^ command}
-        vectors.append(register_vector(f"command_{command.name.lower()}", "command_register", 0x70, values))
-    counts = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
-    return [
-        *vectors,
-        _snapshot("snapshot_shortest", 0x08, (0, 0), [0]),
-        _snapshot("snapshot", 0x20, (1234, 56_789_012), counts[:63]),
-        _snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
-        _snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
-    ]
 
 
 def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:

@@ -1,0 +1,55 @@
+"""Field values between the three forms that vectors need: flat names, construct's nested values, JSON."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from construct import Const, GreedyBytes, Struct
+
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import Field
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
+
+SEED = 20
+
+
+def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The nested values that construct builds from, out of flat names."""
+    nested: dict[str, Any] = {}
+    for renamed in definition.subcons:
+        name = prefix + renamed.name
+        if isinstance(renamed.subcon, Struct):
+            nested[renamed.name] = nest(renamed.subcon, flat, name + "_")
+        elif not isinstance(renamed.subcon, Const):
+            nested[renamed.name] = flat[name]
+    return nested
+
+
+def tail_name(definition: Struct) -> str | None:
+    """Name of the part without a fixed length at the end of `definition`, if it has one."""
+    last = definition.subcons[-1]
+    return str(last.name) if last.subcon is GreedyBytes else None
+
+
+def plain(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Field values as JSON has them: numbers, and byte strings in hexadecimal."""
+    shown: dict[str, Any] = {}
+    for field in fields:
+        value: Any = field.constant if field.constant is not None else values[field.name]
+        shown[field.name] = value.hex() if field.is_bytes else value
+    return shown
+
+
+def board_crc(address: int, data: bytes) -> int:
+    """CRC-32 with the board's address before the data, as boards compute it."""
+    return crc32(data, crc32(bytes([address])))
+
+
+def filled(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
+    """A value for every field, by `value`; an address is kept within the allowed range."""
+    values: dict[str, Any] = {}
+    for field in fields:
+        number = value(field)
+        values[field.name] = number.to_bytes(field.size, "little") if field.is_bytes else number
+    if has_address:
+        values["address"] = min(max(values["address"], ADDRESS_MIN), ADDRESS_MAX)
+    return values

@@ -1,0 +1,96 @@
+"""What registers.json holds: register blocks of a board, fields and bytes."""
+
+import random
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from construct import Struct
+from field_values import SEED, board_crc, filled, nest, plain
+
+from taxel_protocol import limits, registers
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import fields_of
+from taxel_protocol.names import BoardCommand
+
+REGISTERS: dict[str, Struct] = {
+    "identity": registers.Identity,
+    "status": registers.Status,
+    "settings_register": registers.SettingsRegister,
+    "command_register": registers.CommandRegister,
+    "snapshot_header": registers.SnapshotHeader,
+}
+
+
+def register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
+    """A register block without a CRC over the address."""
+    definition = REGISTERS[struct]
+    data = definition.build(nest(definition, values))
+    shown = plain(fields_of(definition), values)
+    return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
+
+
+def _identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
+    without_crc = registers.Identity.build(nest(registers.Identity, values | {"crc32": 0}))[:-4]
+    return register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
+
+
+def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
+    fields = [field.name for field in fields_of(registers.SettingsRegister)][:-1]
+    values = dict(zip(fields, numbers, strict=True))
+    without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
+    values["crc32"] = board_crc(address, without_crc)
+    vector = register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
+    return vector | {"address": address}
+
+
+def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
+    flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
+    flat |= {"raw_counts": list(counts), "crc32": 0}
+    definition = registers.snapshot(len(counts))
+    flat["crc32"] = board_crc(address, definition.build(nest(definition, flat))[:-4])
+    return {
+        "name": name,
+        "struct": "snapshot_header",
+        "register": limits.REGISTER_SNAPSHOT,
+        "address": address,
+        "fields": {"sequence": header[0], "timestamp_us": header[1]},
+        "counts": list(counts),
+        "crc32": flat["crc32"],
+        "bytes": definition.build(nest(definition, flat)).hex(),
+    }
+
+
+def all_registers() -> list[dict[str, Any]]:
+    """What registers.json holds."""
+    rng = random.Random(SEED)
+    board: dict[str, Any] = {"map_version": 1, "firmware_major": 1, "firmware_minor": 2, "firmware_patch": 3}
+    board |= {
+        "kind": 2,
+        "address": 0x20,
+        "reserved": 0,
+        "unique_id": rng.randbytes(8),
+        "rows": 9,
+        "columns": 7,
+    }
+    board |= {"taxel_count": 63, "snapshot_size": 136, "crossing_map": b"\xff" * 7 + b"\x7f" + bytes(24)}
+    status_fields = fields_of(registers.Status)
+    vectors = [
+        _identity("identity", board),
+        _identity("identity_zeros", filled(fields_of(registers.Identity), lambda field: 0, False)),
+        register_vector("status_zeros", "status", 0x40, filled(status_fields, lambda field: 0, False)),
+        register_vector("status", "status", 0x40, filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)),
+        _settings("settings", 0x20, (100, 40, 1, 96, 240)),
+        _settings("settings_of_another_board", 0x21, (100, 40, 1, 96, 240)),
+        _settings("settings_largest", 0x77, (0xFFFF, 0xFFFF, 0xFF, 0xFF, 0xFFFF)),
+    ]
+    for command in BoardCommand:
+        values = {"command": int(command), "complement": 0xFF ^ command}
+        vectors.append(register_vector(f"command_{command.name.lower()}", "command_register", 0x70, values))
+    counts = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
+    return [
+        *vectors,
+        _snapshot("snapshot_shortest", 0x08, (0, 0), [0]),
+        _snapshot("snapshot", 0x20, (1234, 56_789_012), counts[:63]),
+        _snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
+        _snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
+    ]
