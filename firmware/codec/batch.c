@@ -19,6 +19,14 @@ size_t taxel_batch_row_size(void)
     return sizeof(struct taxel_batch_row);
 }
 
+/* Cycles that should have brought a frame and did not. A board that scans more slowly than it is polled has nothing new to say
+ * in some cycles: no more frames can be missing than scans were passed over. */
+static uint16_t missing_between(uint16_t cycles, uint16_t scans)
+{
+    const uint16_t steps = cycles < scans ? cycles : scans;
+    return steps ? (uint16_t)(steps - 1u) : 0;
+}
+
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     struct taxel_batch_output *output = batch->output;
@@ -46,12 +54,13 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
         batch->totals.received[header.address]++;
     }
     if (batch->has_cycle[header.address]) {
-        const uint16_t step = (uint16_t)(header.cycle - batch->last_cycle[header.address]);
-        row->missing_before = step ? (uint16_t)(step - 1u) : 0;
+        row->missing_before = missing_between((uint16_t)(header.cycle - batch->last_cycle[header.address]),
+                                              (uint16_t)(snapshot.sequence - batch->last_scan[header.address]));
         batch->totals.missing[header.address] += row->missing_before;
     }
     batch->has_cycle[header.address] = true;
     batch->last_cycle[header.address] = header.cycle;
+    batch->last_scan[header.address] = snapshot.sequence;
 }
 
 /* A hub that has started greets of itself: tag 0, and its first frame. */

@@ -24,7 +24,7 @@ struct taxel_batch_row {
     uint16_t cycle;
     uint16_t board_sequence;
     uint16_t lost_before;    /* frames that the hub sent between the last one that arrived and this one */
-    uint16_t missing_before; /* poll cycles without a frame of this board since its last one */
+    uint16_t missing_before; /* frames of this board that should have come since its last one */
     uint8_t type;
     uint8_t address;
     uint8_t flags;
@@ -50,7 +50,7 @@ struct taxel_batch_totals {
     uint64_t lost;     /* frames that the hub sent and that never arrived whole: gaps in their sequence */
     uint64_t restarts; /* of the hub */
     uint64_t received[TAXEL_BATCH_ADDRESSES]; /* taxel frames of each board */
-    uint64_t missing[TAXEL_BATCH_ADDRESSES];  /* poll cycles without a frame between two that brought one */
+    uint64_t missing[TAXEL_BATCH_ADDRESSES];  /* frames that should have come between two that did */
     uint64_t damaged[TAXEL_BATCH_ADDRESSES];  /* the board's own CRC was wrong */
 };
 
@@ -62,6 +62,7 @@ struct taxel_batch {
     uint16_t next_sequence;
     bool has_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
+    uint16_t last_scan[TAXEL_BATCH_ADDRESSES];
     uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE];
     uint8_t body[TAXEL_BODY_MAX];
 };

@@ -11,8 +11,8 @@ from taxel.stream.decoder import ADDRESSES, StreamDecoder
 class BoardCount(NamedTuple):
     """One board's frames.
 
-    `received`: whole ones; `missing`: poll cycles without one between two that brought one; `damaged`: the board's
-    own CRC was wrong, so that they were not used.
+    `received`: whole ones; `missing`: poll cycles without one, between two that brought one, in which the board had a
+    newer scan to show; `damaged`: the board's own CRC was wrong, so that they were not used.
     """
 
     received: int

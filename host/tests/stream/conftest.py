@@ -29,12 +29,23 @@ class Hub:
         return self.frame(kind, pack(FRAMES[kind].payload, fields, tail))
 
     def taxels(
-        self, address: int, cycle: int, counts: Iterable[int] = (1, 2, 3), board_sequence: int = 0, board_us: int = 0,
-        hub_us: int = 0, damage: int = 0,
-    ) -> bytes:  # fmt: skip
+        self,
+        address: int,
+        cycle: int,
+        counts: Iterable[int] = (1, 2, 3),
+        board_sequence: int | None = None,
+        board_us: int = 0,
+        hub_us: int = 0,
+        damage: int = 0,
+    ) -> bytes:
         values = np.asarray(list(counts), dtype="<u2")
         snapshot = pack(
-            SnapshotHeader, {"sequence": board_sequence % 65536, "timestamp_us": board_us % 2**32}, values.tobytes()
+            SnapshotHeader,
+            {
+                "sequence": (3 * cycle if board_sequence is None else board_sequence) % 65536,
+                "timestamp_us": board_us % 2**32,
+            },
+            values.tobytes(),
         )
         crc = crc32(bytes([address]) + snapshot) ^ damage
         header = {"address": address, "taxel_count": len(values)}

@@ -193,3 +193,13 @@ def test_messages_are_told_in_order_with_their_fields(hub, prepared, cut):
     assert client.hello is not None
     assert (client.hello["tag"], client.hello["uptime_us"]) == (3, 17)
     assert list(client.logs) == ["one", "two"]
+
+
+def test_a_board_that_scans_more_slowly_than_it_is_polled_misses_nothing(account_of, hub):
+    data = b"".join(hub.taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4))
+    assert account_of(data).boards[0x20].missing == 0
+
+
+def test_a_lost_frame_of_a_slow_board_is_missing(account_of, hub):
+    parts = [hub.taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
+    assert account_of(b"".join(parts[:5] + parts[6:])).boards[0x20].missing == 1
