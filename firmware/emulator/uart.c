@@ -83,7 +83,6 @@ size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vti
 void uart_receive(struct uart *uart)
 {
     taxel_hub_on_uart_byte(uart->hub, uart->receive[uart->receive_tail++ % UART_RECEIVE_BUFFER]);
-    uart->bytes_received++;
     uart->receive_next =
         uart->receive_tail == uart->receive_head ? VTIME_NEVER : uart->receive_next + uart->byte_time;
 }

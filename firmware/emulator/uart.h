@@ -32,8 +32,7 @@ struct uart {
     size_t receive_head, receive_tail;
     vtime receive_next;
 
-    uint64_t bytes_sent;     /* put onto the wire by the hub */
-    uint64_t bytes_received; /* by the hub */
+    uint64_t bytes_sent; /* put onto the wire by the hub */
 };
 
 void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms);

@@ -173,7 +173,6 @@ struct taxel_hub {
     uint8_t settings_read_slot; /* whose settings are to be read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
     bool streaming;
-    bool swept_once;
     bool restart_wanted;
 };
 

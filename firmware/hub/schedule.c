@@ -295,7 +295,6 @@ static void end_sweep(struct taxel_hub *hub)
     size_t count = 0;
     sweep->active = false;
     sweep->next_us = taxel_hub_clock(hub) + SWEEP_PERIOD_US;
-    hub->swept_once = true;
     if (!sweep->for_command) {
         return;
     }

@@ -10,11 +10,6 @@ from taxel.hand.errors import Field, shown
 TAXEL = "#"
 UNUSED = "."
 
-MAX_LINES = 16  # TX lines, and RX lines, of one board: the bitmap below holds 16 x 16 crossings
-MAX_CROSSINGS = MAX_LINES * MAX_LINES
-MAX_TAXELS = 240  # of one board
-BITMAP_BYTES = MAX_CROSSINGS // 8
-
 
 def crossing_array(text: str) -> NDArray[np.bool_]:
     """Read a crossing map that check_crossings has passed.

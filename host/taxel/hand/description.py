@@ -18,10 +18,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.crossings import BITMAP_BYTES, MAX_LINES, MAX_TAXELS, crossing_array
+from taxel.hand.crossings import crossing_array
 from taxel.hand.errors import Field, UnknownBoardError, shown_address, shown_path
 from taxel.hand.schema import HandDocument, parse_hand
 from taxel.hand.toml_text import MAX_FILE_BYTES
+from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX, TAXELS_MAX
 
 _SUFFIX = ".toml"
 
@@ -47,10 +48,10 @@ class BoardKind:
 
     def __post_init__(self) -> None:
         crossings = np.array(self.crossings, dtype=np.bool_)
-        if crossings.ndim != 2 or not all(1 <= lines <= MAX_LINES for lines in crossings.shape):
-            raise ValueError(f"kind {self.name!r}: expected 1..{MAX_LINES} TX and RX lines, found {crossings.shape}")
-        if not 1 <= crossings.sum() <= MAX_TAXELS:
-            raise ValueError(f"kind {self.name!r}: expected 1..{MAX_TAXELS} taxels, found {crossings.sum()}")
+        if crossings.ndim != 2 or not all(1 <= lines <= LINES_MAX for lines in crossings.shape):
+            raise ValueError(f"kind {self.name!r}: expected 1..{LINES_MAX} TX and RX lines, found {crossings.shape}")
+        if not 1 <= crossings.sum() <= TAXELS_MAX:
+            raise ValueError(f"kind {self.name!r}: expected 1..{TAXELS_MAX} taxels, found {crossings.sum()}")
         object.__setattr__(self, "crossings", _read_only(crossings))
 
     def __eq__(self, other: object) -> bool:
@@ -91,7 +92,7 @@ class BoardKind:
 
         Bit ``tx * rx_count + rx``, least significant bit of the first byte first; unused bits are zero.
         """
-        return np.packbits(self.crossings.ravel(), bitorder="little").tobytes().ljust(BITMAP_BYTES, b"\0")
+        return np.packbits(self.crossings.ravel(), bitorder="little").tobytes().ljust(CROSSING_MAP_SIZE, b"\0")
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, TypedDict, cast
 
-from taxel.hand.crossings import MAX_LINES, MAX_TAXELS, check_crossings
+from taxel.hand.crossings import check_crossings
 from taxel.hand.errors import Field, HandDescriptionError, shown, shown_address
 from taxel.hand.toml_text import parse_toml
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, LINES_MAX, TAXELS_MAX
 
 __all__ = ["FORMAT", "VERSION", "HandDescriptionError", "HandDocument", "check_hand", "parse_hand"]
 
 FORMAT = "taxel-hand"
 VERSION = 1
-# 7-bit I2C addresses that the bus specification (NXP UM10204) does not reserve.
-MIN_ADDRESS, MAX_ADDRESS = 0x08, 0x77
+
 MAX_CODE = 255  # a kind code is one byte; 0 means a blank board
 MAX_DESCRIPTION = 200  # characters
 MAX_LENGTH_M = 1.0  # no taxel pitch is a metre: a larger figure is a mistake of unit
@@ -216,9 +216,9 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
                 "give it a free code",
             )
         names_by_code[code] = name
-        _check_range(kind["tx"], 1, MAX_LINES, "a number of TX lines", here.key("tx"))
-        _check_range(kind["rx"], 1, MAX_LINES, "a number of RX lines", here.key("rx"))
-        _check_range(kind["taxels"], 1, MAX_TAXELS, "a number of taxels", here.key("taxels"))
+        _check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", here.key("tx"))
+        _check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", here.key("rx"))
+        _check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", here.key("taxels"))
         check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], here.key("crossings"))
 
 
@@ -234,9 +234,9 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
             here.key("kind").fail(
                 "the name of a [kinds] table", shown(board["kind"]), _suggestion(board["kind"], kinds)
             )
-        if not MIN_ADDRESS <= board["address"] <= MAX_ADDRESS:
+        if not ADDRESS_MIN <= board["address"] <= ADDRESS_MAX:
             here.key("address").fail(
-                f"a 7-bit I2C address from {shown_address(MIN_ADDRESS)} to {shown_address(MAX_ADDRESS)}",
+                f"a 7-bit I2C address from {shown_address(ADDRESS_MIN)} to {shown_address(ADDRESS_MAX)}",
                 shown_address(board["address"]),
                 "give the board a free address in that range (without the read/write bit)",
             )
