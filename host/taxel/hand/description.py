@@ -8,20 +8,21 @@ map (TX 0 first, and on a TX line RX 0 first).
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from importlib.resources.abc import Traversable
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.crossings import crossing_array
-from taxel.hand.errors import Field, UnknownBoardError, shown_address, shown_path
-from taxel.hand.schema import HandDocument, parse_hand
-from taxel.hand.toml_text import MAX_FILE_BYTES
+from taxel.hand.errors import HandGeometryError, UnknownBoardError, shown_address, shown_path
+from taxel.hand.geometry import Surface, surface_of
+from taxel.hand.schema import BoardTable, HandDocument, parse_hand
+from taxel.hand.toml_text import read_description
+from taxel.hand.transforms import pose
 from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX, TAXELS_MAX
 
 _SUFFIX = ".toml"
@@ -37,14 +38,16 @@ class BoardKind:
         name: such as "palm".
         code: kind code that a board reports on I2C, 1..255.
         crossings: bool[tx_count, rx_count], true where a TX x RX crossing carries a taxel. Read-only.
+        surface: where its taxels are; None if the description does not say.
 
     Raises:
-        ValueError: not 1..16 lines each way, or not 1..240 taxels.
+        ValueError: not 1..16 lines each way, not 1..240 taxels, or a surface of another number of taxels.
     """
 
     name: str
     code: int
     crossings: NDArray[np.bool_]
+    surface: Surface | None = None
 
     def __post_init__(self) -> None:
         crossings = np.array(self.crossings, dtype=np.bool_)
@@ -52,12 +55,15 @@ class BoardKind:
             raise ValueError(f"kind {self.name!r}: expected 1..{LINES_MAX} TX and RX lines, found {crossings.shape}")
         if not 1 <= crossings.sum() <= TAXELS_MAX:
             raise ValueError(f"kind {self.name!r}: expected 1..{TAXELS_MAX} taxels, found {crossings.sum()}")
+        if self.surface is not None and len(self.surface.position) != crossings.sum():
+            raise ValueError(f"kind {self.name!r}: {crossings.sum()} taxels, surface of {len(self.surface.position)}")
         object.__setattr__(self, "crossings", _read_only(crossings))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, BoardKind):
             return NotImplemented
-        return (self.name, self.code) == (other.name, other.code) and np.array_equal(self.crossings, other.crossings)
+        same = (self.name, self.code, self.surface) == (other.name, other.code, other.surface)
+        return same and np.array_equal(self.crossings, other.crossings)
 
     def __hash__(self) -> int:
         return hash((self.name, self.code, self.crossings.shape, self.crossing_bitmap()))
@@ -95,7 +101,7 @@ class BoardKind:
         return np.packbits(self.crossings.ravel(), bitorder="little").tobytes().ljust(CROSSING_MAP_SIZE, b"\0")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Board:
     """One sensor board of a hand.
 
@@ -103,11 +109,24 @@ class Board:
         name: such as "fingertip_index".
         kind: its design.
         address: 7-bit I2C address.
+        link: link of the robot that its bracket is fixed to; None if the description does not say.
+        pose: the bracket's frame in that link, f64[4, 4]; None as above.
     """
 
     name: str
     kind: BoardKind
     address: int
+    link: str | None = None
+    pose: NDArray[np.float64] | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Board):
+            return NotImplemented
+        same = (self.name, self.kind, self.address, self.link) == (other.name, other.kind, other.address, other.link)
+        return same and np.array_equal(_or_empty(self.pose), _or_empty(other.pose))
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.kind, self.address, self.link))
 
 
 @dataclass(frozen=True)
@@ -120,6 +139,8 @@ class Hand:
         pitch_m: distance between neighbouring taxel centres, metres.
         size_m: side of a square taxel, metres.
         boards: in the order of their addresses, whatever order they were given in.
+        robot: name of the robot whose links carry the brackets (see `taxel.hand.robot`); None if not known.
+        layer_m: thickness of the dielectric over the electrodes, metres; None if not known.
 
     Raises:
         ValueError: no boards, or two with one address or one name.
@@ -130,6 +151,8 @@ class Hand:
     pitch_m: float
     size_m: float
     boards: tuple[Board, ...]
+    robot: str | None = None
+    layer_m: float | None = None
     _slices: dict[int, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -164,6 +187,32 @@ class Hand:
     def rx(self) -> NDArray[np.uint8]:
         """RX line of each taxel on its board, u8[n_taxels]."""
         return _read_only(np.concatenate([board.kind.rx for board in self.boards]))
+
+    @cached_property
+    def position(self) -> NDArray[np.float64]:
+        """Taxel centres in their bracket frames, f64[n_taxels, 3], metres; HandGeometryError if not described."""
+        return _read_only(np.concatenate([surface.position for surface in self._surfaces()]))
+
+    @cached_property
+    def normal(self) -> NDArray[np.float64]:
+        """Outward unit normals in their bracket frames, f64[n_taxels, 3]; HandGeometryError if not described."""
+        return _read_only(np.concatenate([surface.normal for surface in self._surfaces()]))
+
+    @cached_property
+    def distal(self) -> NDArray[np.float64]:
+        """Unit vectors along the electrodes' sides to the distal end, bracket frames, f64[n_taxels, 3]."""
+        return _read_only(np.concatenate([surface.distal for surface in self._surfaces()]))
+
+    @cached_property
+    def board_index(self) -> NDArray[np.intp]:
+        """Index in `boards` of the board each taxel belongs to, [n_taxels]."""
+        return _read_only(np.repeat(np.arange(len(self.boards)), [board.kind.taxel_count for board in self.boards]))
+
+    def _surfaces(self) -> list[Surface]:
+        surfaces = [board.kind.surface for board in self.boards if board.kind.surface is not None]
+        if len(surfaces) != len(self.boards):
+            raise HandGeometryError(self.name)
+        return surfaces
 
     def board(self, address: int) -> Board:
         """The board at a 7-bit I2C address; UnknownBoardError if there is none."""
@@ -223,36 +272,43 @@ def load_hand(name_or_path: str | os.PathLike[str]) -> Hand:
         file = f"{name_or_path}{_SUFFIX}"
         return _build(parse_hand(_descriptions().joinpath(file).read_bytes(), file))
     file = shown_path(os.fspath(name_or_path))
-    return _build(parse_hand(_read(Path(name_or_path), file), file))
-
-
-def _read(path: Path, file: str) -> bytes:
-    names = ", ".join(packaged_hands())
-    whole = Field(file)
-    try:
-        if not path.exists():
-            whole.fail("a description file or a packaged hand", "no such file", f"the packaged hands are {names}")
-        if not path.is_file():  # a pipe or a device might never end
-            whole.fail("a regular file", "something else", f"name a TOML file or a packaged hand ({names})")
-        with path.open("rb") as stream:
-            return stream.read(MAX_FILE_BYTES + 1)
-    except OSError as error:
-        whole.fail("a readable file", error.strerror or type(error).__name__, "check its permissions and its name")
+    return _build(parse_hand(read_description(name_or_path, "hand", packaged_hands()), file))
 
 
 def _build(document: HandDocument) -> Hand:
     """The Hand that a checked document describes."""
-    kinds = {
-        name: BoardKind(name, table["code"], crossing_array(table["crossings"]))
-        for name, table in document["kinds"].items()
-    }
-    boards = tuple(Board(board["name"], kinds[board["kind"]], board["address"]) for board in document["boards"])
-    taxel = document["taxel"]
-    return Hand(document["name"], document["description"], float(taxel["pitch_m"]), float(taxel["size_m"]), boards)
+    geometry = document.get("geometry", {})
+    kinds = {}
+    for name, table in document["kinds"].items():
+        kind = BoardKind(name, table["code"], crossing_array(table["crossings"]))
+        if name in geometry:
+            surface = surface_of(np.array(geometry[name]["taxels"], dtype=np.float64), kind.tx, kind.rx)
+            kind = replace(kind, surface=surface)
+        kinds[name] = kind
+    return Hand(
+        document["name"],
+        document["description"],
+        float(document["taxel"]["pitch_m"]),
+        float(document["taxel"]["size_m"]),
+        tuple(_build_board(board, kinds[board["kind"]]) for board in document["boards"]),
+        document.get("robot"),
+        document["taxel"].get("layer_m"),
+    )
+
+
+def _build_board(table: BoardTable, kind: BoardKind) -> Board:
+    if "link" not in table:
+        return Board(table["name"], kind, table["address"])
+    place = pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))
+    return Board(table["name"], kind, table["address"], table["link"], _read_only(place))
 
 
 def _descriptions() -> Traversable:
     return resources.files("taxel.hand").joinpath("descriptions")
+
+
+def _or_empty(pose_or_none: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.empty(0) if pose_or_none is None else pose_or_none
 
 
 def _read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:

@@ -55,6 +55,39 @@ class UnknownBoardError(TaxelError, LookupError):
         return f"hand {self.hand!r} has no board {self.board}; it has {', '.join(self.known)}"
 
 
+class HandGeometryError(TaxelError, ValueError):
+    """A hand whose description does not say where its taxels are, where somebody needs to know.
+
+    Attributes:
+        hand: name of the hand description.
+    """
+
+    def __init__(self, hand: str) -> None:
+        super().__init__(hand)
+        self.hand = hand
+
+    def __str__(self) -> str:
+        return f"hand {self.hand!r}: its description gives no taxel positions; add robot, [geometry] and links"
+
+
+class UnknownLinkError(TaxelError, LookupError):
+    """A link that the robot does not have.
+
+    Attributes:
+        robot: name of the robot.
+        link: what was asked for.
+    """
+
+    def __init__(self, robot: str, link: str, known: Sequence[str]) -> None:
+        super().__init__(robot, link, tuple(known))
+        self.robot = robot
+        self.link = link
+        self.known = tuple(known)
+
+    def __str__(self) -> str:
+        return f"robot {self.robot!r} has no link {self.link!r}; it has {', '.join(self.known)}"
+
+
 @dataclass(frozen=True)
 class Field:
     """A place in a description file: where an error points."""

@@ -6,13 +6,13 @@ a check below where its type alone does not say enough. Nothing is repaired, and
 
 from __future__ import annotations
 
-import difflib
-import re
-from collections.abc import Iterable, Mapping
-from typing import Any, TypedDict, cast
+from collections.abc import Mapping
+from typing import Any, NotRequired, TypedDict, cast
 
+from taxel.hand.checks import check_description, check_identifier, check_range, check_table, suggestion
 from taxel.hand.crossings import check_crossings
 from taxel.hand.errors import Field, HandDescriptionError, shown, shown_address
+from taxel.hand.geometry_schema import check_geometry
 from taxel.hand.toml_text import parse_toml
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, LINES_MAX, TAXELS_MAX
 
@@ -22,18 +22,8 @@ FORMAT = "taxel-hand"
 VERSION = 1
 
 MAX_CODE = 255  # a kind code is one byte; 0 means a blank board
-MAX_DESCRIPTION = 200  # characters
 MAX_LENGTH_M = 1.0  # no taxel pitch is a metre: a larger figure is a mistake of unit
 
-_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-
-_TYPES: Mapping[type, str] = {
-    str: "a string",
-    int: "an integer",
-    float: "a number",
-    dict: "a table",
-    list: "a list",
-}
 _HAND: Mapping[str, type] = {
     "format": str,
     "version": int,
@@ -43,9 +33,12 @@ _HAND: Mapping[str, type] = {
     "kinds": dict,
     "boards": list,
 }
+_HAND_OPTIONAL: Mapping[str, type] = {"robot": str, "geometry": dict}
 _TAXEL: Mapping[str, type] = {"pitch_m": float, "size_m": float}
+_TAXEL_OPTIONAL: Mapping[str, type] = {"layer_m": float}
 _KIND: Mapping[str, type] = {"code": int, "tx": int, "rx": int, "taxels": int, "crossings": str}
 _BOARD: Mapping[str, type] = {"name": str, "kind": str, "address": int}
+_BOARD_OPTIONAL: Mapping[str, type] = {"link": str, "position_m": list, "quaternion_wxyz": list}
 
 
 class TaxelTable(TypedDict):
@@ -53,6 +46,7 @@ class TaxelTable(TypedDict):
 
     pitch_m: float
     size_m: float
+    layer_m: NotRequired[float]
 
 
 class KindTable(TypedDict):
@@ -71,6 +65,15 @@ class BoardTable(TypedDict):
     name: str
     kind: str
     address: int
+    link: NotRequired[str]
+    position_m: NotRequired[list[float]]
+    quaternion_wxyz: NotRequired[list[float]]
+
+
+class GeometryTable(TypedDict):
+    """``[geometry.<kind>]``: one row x, y, z, nx, ny, nz for each taxel, bracket frame, metres."""
+
+    taxels: list[list[float]]
 
 
 class HandDocument(TypedDict):
@@ -83,6 +86,8 @@ class HandDocument(TypedDict):
     taxel: TaxelTable
     kinds: dict[str, KindTable]
     boards: list[BoardTable]
+    robot: NotRequired[str]
+    geometry: NotRequired[dict[str, GeometryTable]]
 
 
 def parse_hand(data: bytes, file: str) -> HandDocument:
@@ -113,12 +118,13 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
     """
     top = Field(file)
     _check_header(document, top)  # first: a file of another version may have other keys
-    _check_table(document, _HAND, top)
-    _check_identifier(document["name"], top.key("name"))
-    _check_description(document["description"], top.key("description"))
+    check_table(document, _HAND, top, _HAND_OPTIONAL)
+    check_identifier(document["name"], top.key("name"))
+    check_description(document["description"], top.key("description"))
     _check_taxel(document["taxel"], top.key("taxel"))
     _check_kinds(document["kinds"], top.key("kinds"))
     _check_boards(document["boards"], document["kinds"], top.key("boards"))
+    check_geometry(document, top)
     return cast(HandDocument, document)
 
 
@@ -139,54 +145,9 @@ def _toml(value: str | int) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
-def _check_table(table: Any, keys: Mapping[str, type], field: Field) -> None:
-    """The table has exactly these keys, each of its type."""
-    _check_type(table, dict, field)
-    for key in table:
-        if key not in keys:
-            field.key(key).fail("a known key", "an unknown one", _suggestion(key, keys))
-    for key, kind in keys.items():
-        if key not in table:
-            field.key(key).fail(_TYPES[kind], "nothing", f"add {key}")
-        _check_type(table[key], kind, field.key(key))
-
-
-def _suggestion(name: str, known: Iterable[str]) -> str:
-    known = sorted(known)
-    # Cut: the comparison is quadratic and the name is the file's.
-    near = difflib.get_close_matches(name[:64], known, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-
-
-def _check_type(value: Any, kind: type, field: Field) -> None:
-    allowed: tuple[type, ...] = (int, float) if kind is float else (kind,)
-    if isinstance(value, bool) or not isinstance(value, allowed):
-        remedy = "write [[boards]] before each board" if kind is list else "change its type"
-        if kind is dict:
-            remedy = "make it a table"
-        elif kind is int and isinstance(value, str):
-            remedy = "remove the quotes"
-        field.fail(_TYPES[kind], shown(value), remedy)
-
-
-def _check_identifier(name: str, field: Field) -> None:
-    if not _IDENTIFIER.fullmatch(name):
-        field.fail("a letter, then letters, digits and _ (64 at most)", shown(name), "rename it")
-
-
-def _check_description(text: str, field: Field) -> None:
-    if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # it is printed: no control characters
-        field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", shown(text), "shorten it")
-
-
-def _check_range(value: int, low: int, high: int, what: str, field: Field) -> None:
-    if not low <= value <= high:
-        field.fail(f"{what} from {low} to {high}", shown(value), "correct it")
-
-
 def _check_taxel(taxel: Any, field: Field) -> None:
-    _check_table(taxel, _TAXEL, field)
-    for key in _TAXEL:
+    check_table(taxel, _TAXEL, field, _TAXEL_OPTIONAL)
+    for key in taxel:
         if not 0 < taxel[key] < MAX_LENGTH_M:  # also refuses nan and inf
             field.key(key).fail(
                 f"metres, above 0 and below {MAX_LENGTH_M:g}",
@@ -205,10 +166,10 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
     names_by_code: dict[int, str] = {}
     for name, kind in kinds.items():
         here = field.key(name)
-        _check_identifier(name, here)
-        _check_table(kind, _KIND, here)
+        check_identifier(name, here)
+        check_table(kind, _KIND, here)
         code = kind["code"]
-        _check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", here.key("code"))
+        check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", here.key("code"))
         if code in names_by_code:
             here.key("code").fail(
                 "a code that no other kind has",
@@ -216,9 +177,9 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
                 "give it a free code",
             )
         names_by_code[code] = name
-        _check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", here.key("tx"))
-        _check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", here.key("rx"))
-        _check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", here.key("taxels"))
+        check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", here.key("tx"))
+        check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", here.key("rx"))
+        check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", here.key("taxels"))
         check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], here.key("crossings"))
 
 
@@ -228,12 +189,10 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
     owners: dict[str, dict[Any, str]] = {"name": {}, "address": {}}
     for index, board in enumerate(boards):
         here = field.item(index)
-        _check_table(board, _BOARD, here)
-        _check_identifier(board["name"], here.key("name"))
+        check_table(board, _BOARD, here, _BOARD_OPTIONAL)
+        check_identifier(board["name"], here.key("name"))
         if board["kind"] not in kinds:
-            here.key("kind").fail(
-                "the name of a [kinds] table", shown(board["kind"]), _suggestion(board["kind"], kinds)
-            )
+            here.key("kind").fail("the name of a [kinds] table", shown(board["kind"]), suggestion(board["kind"], kinds))
         if not ADDRESS_MIN <= board["address"] <= ADDRESS_MAX:
             here.key("address").fail(
                 f"a 7-bit I2C address from {shown_address(ADDRESS_MIN)} to {shown_address(ADDRESS_MAX)}",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from taxel.hand.errors import Field, HandDescriptionError, shown
+from taxel.hand.errors import Field, HandDescriptionError, shown, shown_path
 
 MAX_FILE_BYTES = 1 << 20  # 1 MiB; the 17 boards of allegro.toml take 6 kB
 MAX_LINE_BYTES = 200  # a dotted key costs tomllib memory by the square of its parts: 1 MiB of one takes it all
@@ -37,6 +40,30 @@ def parse_toml(data: bytes, file: str) -> dict[str, Any]:
         match = _TOML_PLACE.match(str(error))
         message, place = (match[1], match[2]) if match else (str(error), "file")
         raise HandDescriptionError(file, place, "valid TOML", shown(message), "correct the syntax there") from None
+
+
+def read_description(name_or_path: str | os.PathLike[str], what: str, packaged: Sequence[str]) -> bytes:
+    """The bytes of a file, at most one more than are allowed.
+
+    Args:
+        name_or_path: the file, which may be missing or mistyped.
+        what: "hand" or "robot", for errors.
+        packaged: the names that are no files, for errors.
+
+    Raises:
+        HandDescriptionError: no such file, no regular file, or not readable.
+    """
+    path, names = Path(name_or_path), ", ".join(packaged)
+    whole = Field(shown_path(os.fspath(name_or_path)))
+    try:
+        if not path.exists():
+            whole.fail(f"a description file or a packaged {what}", "no such file", f"the packaged {what}s are {names}")
+        if not path.is_file():  # a pipe or a device might never end
+            whole.fail("a regular file", "something else", f"name a TOML file or a packaged {what} ({names})")
+        with path.open("rb") as stream:
+            return stream.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        whole.fail("a readable file", error.strerror or type(error).__name__, "check its permissions and its name")
 
 
 def _check_size(data: bytes, file: str) -> None:

@@ -24,7 +24,8 @@ class WorldSettings:
 
     `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is
     off by up to this much (PSoC 4200: up to 2 %). `boot_ms`: from power to the first acknowledge. `faults`: lines of
-    the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22".
+    the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22". `effects`: lines without the
+    word `effect`, such as "spread film length_m=0.002" (firmware/emulator/README.md lists them).
     """
 
     seed: int = 1
@@ -37,6 +38,7 @@ class WorldSettings:
     boot_ms: float = 40.0
     scan: ScanSettings = field(default_factory=ScanSettings)
     faults: Sequence[str] = ()
+    effects: Sequence[str] = ()
 
 
 def board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
@@ -70,4 +72,5 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
             f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"
         )
     lines += [f"fault {fault}" for fault in settings.faults]
+    lines += [f"effect {effect}" for effect in settings.effects]
     return "\n".join(lines) + "\n"

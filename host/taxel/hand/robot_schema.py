@@ -1,0 +1,145 @@
+"""The schema of a robot description file: every mistake in one is refused with one clear line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from taxel.hand.checks import (
+    check_description,
+    check_identifier,
+    check_numbers,
+    check_table,
+    check_type,
+    check_unit,
+    suggestion,
+)
+from taxel.hand.errors import Field, shown
+from taxel.hand.toml_text import parse_toml
+
+FORMAT = "taxel-robot"
+VERSION = 1
+MAX_JOINTS = 256
+MAX_REACH_M = 10.0  # no link is ten metres long: a larger figure is a mistake of unit
+MAX_TURNS_RAD = 100.0  # no joint turns sixteen times: a larger figure is a mistake of unit
+
+_ROBOT: Mapping[str, type] = {
+    "format": str,
+    "version": int,
+    "name": str,
+    "description": str,
+    "root": str,
+    "joints": list,
+}
+_ROBOT_OPTIONAL: Mapping[str, type] = {"shapes": list}
+_FIXED: Mapping[str, type] = {"name": str, "type": str, "parent": str, "child": str}
+_REVOLUTE: Mapping[str, type] = {**_FIXED, "axis": list, "range_rad": list}
+_PLACE: Mapping[str, type] = {"position_m": list, "quaternion_wxyz": list}
+_SHAPES: Mapping[str, Mapping[str, type]] = {
+    "box": {"link": str, "type": str, "half_size_m": list},
+    "capsule": {"link": str, "type": str, "radius_m": float, "half_length_m": float},
+}
+
+
+def parse_robot(data: bytes, file: str) -> dict[str, Any]:
+    """Parse and check the bytes of a robot description.
+
+    Args:
+        data: the file's content, UTF-8 TOML.
+        file: its name, for errors.
+
+    Raises:
+        HandDescriptionError: the first mistake found.
+    """
+    document = parse_toml(data, file)
+    top = Field(file)
+    for key, expected in (("format", FORMAT), ("version", VERSION)):
+        if document.get(key) != expected or isinstance(document[key], bool):
+            top.key(key).fail(shown(expected), shown(document.get(key)), "is it a robot description of this version?")
+    check_table(document, _ROBOT, top, _ROBOT_OPTIONAL)
+    check_identifier(document["name"], top.key("name"))
+    check_identifier(document["root"], top.key("root"))
+    check_description(document["description"], top.key("description"))
+    if not 0 < len(document["joints"]) <= MAX_JOINTS:
+        top.key("joints").fail(f"1 to {MAX_JOINTS} joints", str(len(document["joints"])), "describe the robot's joints")
+    _check_joints(document, top.key("joints"))
+    for index, shape in enumerate(document.get("shapes", [])):
+        _check_shape(shape, document, top.key("shapes").item(index))
+    return document
+
+
+def _check_joints(document: Mapping[str, Any], field: Field) -> None:
+    parents: dict[str, str] = {}
+    names: set[str] = set()
+    for index, joint in enumerate(document["joints"]):
+        here = field.item(index)
+        _check_joint(joint, here)
+        if joint["name"] in names:
+            here.key("name").fail("a joint name used once", shown(joint["name"]), "rename one of them")
+        if joint["child"] in parents or joint["child"] == document["root"]:
+            here.key("child").fail("a link that no other joint moves", shown(joint["child"]), "a tree has one way down")
+        names.add(joint["name"])
+        parents[joint["child"]] = joint["parent"]
+    links = [document["root"], *parents]
+    for index, joint in enumerate(document["joints"]):
+        if joint["parent"] not in links:
+            here = field.item(index).key("parent")
+            here.fail("a link of this robot", shown(joint["parent"]), suggestion(joint["parent"], links))
+    for index, joint in enumerate(document["joints"]):
+        _check_leads_to_root(joint["parent"], parents, document["root"], field.item(index).key("parent"))
+
+
+def _check_joint(joint: Any, here: Field) -> None:
+    check_type(joint, dict, here)
+    kind = joint.get("type")
+    if kind not in ("fixed", "revolute"):
+        here.key("type").fail("'fixed' or 'revolute'", shown(kind), "correct it")
+    check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, here, _PLACE)
+    for key in ("name", "parent", "child"):
+        check_identifier(joint[key], here.key(key))
+    _check_place(joint, here)
+    if kind == "revolute":
+        check_numbers(joint["axis"], 3, here.key("axis"), "x, y, z")
+        check_unit(joint["axis"], here.key("axis"), "an axis")
+        check_numbers(joint["range_rad"], 2, here.key("range_rad"), "lower, upper")
+        lower, upper = joint["range_rad"]
+        if not -MAX_TURNS_RAD < lower < upper < MAX_TURNS_RAD:
+            here.key("range_rad").fail("lower below upper, in radians", f"{lower:g} and {upper:g}", "correct them")
+
+
+def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field: Field) -> None:
+    start = link
+    for _ in range(len(parents) + 1):
+        if link == root:
+            return
+        link = parents[link]
+    field.fail(f"a link that leads to the root {root!r}", shown(start), "the joints form a ring; open it")
+
+
+def _check_place(table: Mapping[str, Any], field: Field) -> None:
+    if "position_m" in table:
+        here = field.key("position_m")
+        check_numbers(table["position_m"], 3, here, "x, y, z")
+        if any(abs(value) > MAX_REACH_M for value in table["position_m"]):
+            here.fail(f"metres, at most {MAX_REACH_M:g}", shown(max(table["position_m"], key=abs)), "give metres")
+    if "quaternion_wxyz" in table:
+        check_numbers(table["quaternion_wxyz"], 4, field.key("quaternion_wxyz"), "w, x, y, z")
+        check_unit(table["quaternion_wxyz"], field.key("quaternion_wxyz"), "a quaternion")
+
+
+def _check_shape(shape: Any, document: Mapping[str, Any], here: Field) -> None:
+    check_type(shape, dict, here)
+    kind = shape.get("type")
+    if not isinstance(kind, str) or kind not in _SHAPES:
+        here.key("type").fail("'box' or 'capsule'", shown(kind), "correct it")
+    check_table(shape, _SHAPES[kind], here, _PLACE)
+    _check_place(shape, here)
+    links = [document["root"], *(joint["child"] for joint in document["joints"])]
+    if shape["link"] not in links:
+        here.key("link").fail("a link of this robot", shown(shape["link"]), suggestion(shape["link"], links))
+    if kind == "box":
+        check_numbers(shape["half_size_m"], 3, here.key("half_size_m"), "x, y, z")
+    sizes = shape["half_size_m"] if kind == "box" else [shape["radius_m"], shape["half_length_m"]]
+    for size in sizes:
+        if not 0 < size < MAX_REACH_M:  # also refuses nan and inf
+            here.fail("sizes above 0, in metres", shown(size), "correct it")

@@ -1,0 +1,232 @@
+"""The packaged skins: where their taxels are on the brackets, and the brackets on the hand."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from taxel.hand import BoardKind, Hand, load_hand
+from taxel.hand.geometry import Surface, surface_of
+from taxel.hand.kinematics import kinematics_of
+
+HAND = load_hand("allegro")
+KINDS = {board.kind.name: board.kind for board in HAND.boards}
+FLAT = ("palm", "back_of_hand", "medial_front")
+WRAPPED = ("proximal_front", "proximal_back", "medial_back")
+ROUNDED = 2e-6  # positions and normals are written to six decimals
+TIP_RADIUS_M = 0.017  # 12 mm of dome and 5 mm of bracket
+BRACKETS = Path(__file__).parents[3] / "tools" / "hand" / "brackets.py"
+
+
+def surface(kind: str) -> Surface:
+    found = KINDS[kind].surface
+    assert found is not None
+    return found
+
+
+def distances(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return np.asarray(apart)
+
+
+def pairs(kind: BoardKind, tx: int, rx: int) -> list[tuple[int, int]]:
+    """Indices of the taxels that are that many lines apart."""
+    place = {(int(t), int(r)): i for i, (t, r) in enumerate(zip(kind.tx, kind.rx, strict=True))}
+    return [(i, place[t + tx, r + rx]) for (t, r), i in place.items() if (t + tx, r + rx) in place]
+
+
+def bent_length(sheet: Surface, one: int, other: int) -> float:
+    """Length of the circular arc between two taxels: chord, and angle between the normals."""
+    chord = float(np.linalg.norm(sheet.position[one] - sheet.position[other]))
+    half = 0.5 * np.arccos(np.clip(sheet.normal[one] @ sheet.normal[other], -1.0, 1.0))
+    return chord if half < 1e-6 else chord * float(half / np.sin(half))
+
+
+def open_pose() -> NDArray[np.float64]:
+    """Arm and fingers straight, the thumb at the lower end of its first joint."""
+    robot = kinematics_of(HAND).robot
+    return np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper)
+
+
+def test_every_taxel_of_the_hand_has_a_place_and_three_right_angles() -> None:
+    assert HAND.position.shape == HAND.normal.shape == HAND.distal.shape == (1073, 3)
+    for name in ("normal", "distal"):
+        np.testing.assert_allclose(np.linalg.norm(getattr(HAND, name), axis=1), 1.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.sum(HAND.normal * HAND.distal, axis=1), 0.0, atol=1e-12)
+
+
+def test_positions_follow_the_order_of_every_other_array() -> None:
+    for index, board in enumerate(HAND.boards):
+        part = HAND.slice_of(board.address)
+        np.testing.assert_array_equal(HAND.position[part], surface(board.kind.name).position)
+        assert set(HAND.board_index[part].tolist()) == {index}
+        assert set(HAND.sensor[part].tolist()) == {board.address}
+
+
+def test_arrays_cannot_be_written() -> None:
+    for array in (HAND.position, HAND.normal, HAND.distal, HAND.board_index, surface("palm").position):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+
+
+def test_no_taxel_is_further_than_60_mm_from_its_brackets_origin() -> None:
+    assert np.linalg.norm(HAND.position, axis=1).max() < 0.060
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_two_squares_of_a_board_overlap(kind: str) -> None:
+    assert distances(surface(kind).position).min() > HAND.size_m
+
+
+@pytest.mark.parametrize("kind", FLAT)
+def test_a_flat_board_is_flat(kind: str) -> None:
+    sheet = surface(kind)
+    np.testing.assert_array_equal(sheet.normal, np.broadcast_to([0.0, 0.0, 1.0], sheet.normal.shape))
+    np.testing.assert_array_equal(sheet.distal, np.broadcast_to([1.0, 0.0, 0.0], sheet.distal.shape))
+    assert np.abs(sheet.position[:, 2]).max() == 0.0
+
+
+@pytest.mark.parametrize("kind", [*FLAT, *WRAPPED])
+def test_tx_falls_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
+    sheet = surface(kind)
+    assert all(sheet.position[one, 0] > sheet.position[next_, 0] for one, next_ in pairs(KINDS[kind], 1, 0))
+    left = [sheet.position[one] - sheet.position[next_] for one, next_ in pairs(KINDS[kind], 0, 1)]
+    normals = [sheet.normal[one] + sheet.normal[next_] for one, next_ in pairs(KINDS[kind], 0, 1)]
+    # x distal, y left and the normal are right-handed everywhere, also round the corner.
+    np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(left, normals), np.eye(3)[[0] * len(left)]))
+
+
+@pytest.mark.parametrize("kind", WRAPPED)
+def test_a_wrapped_board_turns_to_a_right_angle_on_both_flanks(kind: str) -> None:
+    sheet = surface(kind)
+    np.testing.assert_array_equal(sheet.distal, np.broadcast_to([1.0, 0.0, 0.0], sheet.distal.shape))
+    angle = np.degrees(np.arctan2(sheet.normal[:, 1], sheet.normal[:, 2]))
+    assert (angle.min(), angle.max()) == (-90.0, 90.0)
+    assert np.count_nonzero(angle == 0.0) > 0.4 * len(angle)
+    assert (sheet.position[np.abs(angle) == 90.0, 2] < 0).all()  # down the flanks, towards the other side
+    assert np.ptp(sheet.position[:, 1]) < 0.032  # no wider than the link, its brackets and 0.5 mm
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_neighbours_on_a_line_are_one_pitch_apart_where_the_sheet_is_flat(kind: str) -> None:
+    sheet = surface(kind)
+    for one, other in [*pairs(KINDS[kind], 1, 0), *pairs(KINDS[kind], 0, 1)]:
+        if sheet.normal[one] @ sheet.normal[other] > 1 - 1e-9:
+            apart = np.linalg.norm(sheet.position[one] - sheet.position[other])
+            assert apart == pytest.approx(HAND.pitch_m, abs=ROUNDED)
+
+
+def test_a_fingertip_is_a_sphere_on_a_cylinder() -> None:
+    sheet = surface("fingertip")
+    dome = KINDS["fingertip"].tx < 7
+    np.testing.assert_allclose(sheet.position[dome], TIP_RADIUS_M * sheet.normal[dome], rtol=0, atol=ROUNDED)
+    below = sheet.position[~dome]
+    assert (below[:, 0] < 0).all()
+    np.testing.assert_allclose(below[:, 1:], TIP_RADIUS_M * sheet.normal[~dome, 1:], rtol=0, atol=ROUNDED)
+    np.testing.assert_array_equal(sheet.normal[~dome, 0], 0.0)
+
+
+def test_a_fingertips_middle_line_runs_one_pitch_at_a_time_from_the_nail_over_the_apex() -> None:
+    kind, sheet = KINDS["fingertip"], surface("fingertip")
+    middle = np.flatnonzero(kind.rx == 4)
+    lengths = [bent_length(sheet, one, other) for one, other in pairs(kind, 1, 0) if {one, other} <= set(middle)]
+    assert len(lengths) == len(middle) - 1
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDED)
+    nail, rows = sheet.normal[middle[0]], sheet.normal[middle]
+    assert nail[2] < -0.3  # turned to the back of the finger
+    assert rows[:, 0].max() > 0.99  # one looks straight out of the finger's end
+    assert rows[-1, 2] == 1.0
+
+
+def test_a_fingertips_rows_across_are_one_pitch_apart_round_the_finger() -> None:
+    kind, sheet = KINDS["fingertip"], surface("fingertip")
+    lengths = [bent_length(sheet, one, other) for one, other in pairs(kind, 0, 1)]
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDED)
+
+
+def test_boards_do_not_meet_on_the_open_hand() -> None:
+    positions = kinematics_of(HAND).taxel_positions(open_pose())
+    apart = distances(positions)
+    apart[HAND.board_index[:, None] == HAND.board_index] = np.inf
+    closest = np.unravel_index(np.argmin(apart), apart.shape)
+    assert apart[closest] > 0.002, [HAND.boards[HAND.board_index[index]].name for index in closest]
+
+
+def test_fronts_look_out_of_the_palm_and_backs_away_from_it() -> None:
+    kinematics = kinematics_of(HAND)
+    palm = kinematics.link_poses(open_pose())[kinematics.robot.link_index("palm")]
+    for board, pose in zip(HAND.boards, kinematics.sensor_poses(open_pose()), strict=True):
+        if board.name.endswith("thumb"):
+            continue
+        outward = float(palm[:3, 0] @ pose[:3, 2])
+        back = "back" in board.name
+        assert outward == pytest.approx(-1.0 if back else 1.0, abs=0.01), board.name
+        assert float(palm[:3, 2] @ pose[:3, 0]) > 0.99, board.name  # distal is towards the fingertips
+
+
+def test_boards_of_one_kind_on_one_finger_are_where_their_names_say() -> None:
+    fingers = {"index": "ff", "middle": "mf", "pinkie": "rf", "thumb": "th"}
+    for board in HAND.boards:
+        part, _, finger = board.name.rpartition("_")
+        if finger in fingers:
+            link = "distal" if part == "fingertip" else part.split("_")[0]
+            assert board.link == f"{fingers[finger]}_{link}"
+
+
+def test_flat8_lies_on_the_plate() -> None:
+    hand = load_hand("flat8")
+    assert (hand.robot, hand.boards[0].link, hand.n_taxels) == ("plate", "plate", 64)
+    np.testing.assert_array_equal(hand.normal, np.broadcast_to([0.0, 0.0, 1.0], (64, 3)))
+    assert np.ptp(hand.position, axis=0) == pytest.approx([0.035, 0.035, 0.0])
+    np.testing.assert_allclose(hand.position.mean(axis=0), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("hand", [HAND, load_hand("flat8")], ids=lambda hand: hand.name)
+def test_the_layer_over_the_electrodes_is_thinner_than_the_pitch(hand: Hand) -> None:
+    assert hand.layer_m == 0.001
+    assert hand.layer_m < hand.pitch_m
+
+
+def test_the_descriptions_hold_what_the_tool_writes() -> None:
+    check = subprocess.run(
+        [sys.executable, str(BRACKETS), "--check"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (check.returncode, check.stdout) == (0, "")
+
+
+def test_a_surface_normalises_what_was_written_rounded() -> None:
+    sheet = Surface(np.zeros((1, 3)), np.array([[0.0, 0.0, 3.0]]), np.array([[2.0, 0.0, 0.0]]))
+    np.testing.assert_array_equal(sheet.normal, [[0.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(sheet.distal, [[1.0, 0.0, 0.0]])
+
+
+def test_a_surface_of_another_shape_or_without_a_normal_is_refused() -> None:
+    one = np.eye(3)[:1]
+    with pytest.raises(ValueError, match=r"normal: expected \[count, 3\]"):
+        Surface(one, np.ones((2, 3)), one)
+    with pytest.raises(ValueError, match="normal: a vector has no length"):
+        Surface(one, np.zeros((1, 3)), one)
+
+
+def test_equal_surfaces_compare_and_hash_alike() -> None:
+    first, second = load_hand("flat8"), load_hand("flat8")
+    assert first == second
+    assert hash(first.boards[0].kind) == hash(second.boards[0].kind)
+    sheet = first.boards[0].kind.surface
+    assert sheet is not None
+    assert sheet != Surface(sheet.position + 0.001, sheet.normal, sheet.distal)
+
+
+@pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+def test_a_lone_taxel_still_has_a_direction_along_its_side(normal: list[float]) -> None:
+    rows = np.array([[0.0, 0.0, 0.0, *normal]])
+    line = np.zeros(1, dtype=np.uint8)
+    sheet = surface_of(rows, line, line)
+    assert np.linalg.norm(sheet.distal) == pytest.approx(1.0)
+    assert sheet.distal[0] @ sheet.normal[0] == pytest.approx(0.0)

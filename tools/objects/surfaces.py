@@ -1,0 +1,119 @@
+"""Upright prisms and their surface: the nearest surface point of any point, exactly.
+
+A prism is a flat profile in x and y, extruded from z = 0 to z = height. Lengths are in millimetres.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Profile(Protocol):
+    """A convex closed curve about the origin of the plane."""
+
+    def at(self, u: Floats) -> tuple[Floats, Floats]:
+        """Point and outward normal, each f64[n, 2], at the arc lengths u, f64[n], 0 to 1 of the whole."""
+        ...
+
+    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Nearest curve point, f64[..., 2], of each point, and whether the point is inside."""
+        ...
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle of `radius` mm."""
+
+    radius: float
+
+    def at(self, u: Floats) -> tuple[Floats, Floats]:
+        """See `Profile`."""
+        angle = 2 * np.pi * u
+        normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return self.radius * normal, normal
+
+    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """See `Profile`. The centre, which has no nearest point, gets one."""
+        distance = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
+        scale = self.radius / np.maximum(distance, 1e-9)
+        return points * scale[..., None], distance < self.radius
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A convex polygon. corners: f64[k, 2], mm, anticlockwise."""
+
+    corners: Floats
+
+    def at(self, u: Floats) -> tuple[Floats, Floats]:
+        """See `Profile`."""
+        edges = np.roll(self.corners, -1, axis=0) - self.corners
+        lengths = np.linalg.norm(edges, axis=1)
+        ends = np.cumsum(lengths)
+        arc = u * ends[-1]
+        index = np.minimum(np.searchsorted(ends, arc, side="right"), len(ends) - 1)
+        along = (edges / lengths[:, None])[index]
+        points = self.corners[index] + along * (arc - ends[index] + lengths[index])[:, None]
+        return points, np.stack([along[:, 1], -along[:, 0]], axis=-1)
+
+    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """See `Profile`."""
+        x, y = points[..., 0], points[..., 1]
+        best = np.full(x.shape, np.inf)
+        nearest = np.empty_like(points)
+        inside = np.ones(x.shape, dtype=bool)
+        for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
+            ex, ey, dx, dy = x1 - x0, y1 - y0, x - x0, y - y0
+            part = np.clip((dx * ex + dy * ey) / (ex * ex + ey * ey), 0.0, 1.0)
+            qx, qy = part * ex, part * ey
+            squared = (dx - qx) ** 2 + (dy - qy) ** 2
+            closer = squared < best
+            best = np.where(closer, squared, best)
+            nearest[..., 0] = np.where(closer, x0 + qx, nearest[..., 0])
+            nearest[..., 1] = np.where(closer, y0 + qy, nearest[..., 1])
+            inside &= ex * dy - ey * dx >= 0.0
+        return nearest, inside
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """A profile extruded over `height` mm, closed at both ends."""
+
+    profile: Profile
+    height: float
+
+    def nearest(self, points: Floats) -> Floats:
+        """Nearest surface point, f64[..., 3], of each point, f64[..., 3], mm."""
+        z = points[..., 2]
+        side, inside = self.profile.nearest(points[..., :2])
+        cap_z = np.where(z > self.height / 2, self.height, 0.0)
+        within = (z > 0.0) & (z < self.height)
+        to_side = np.sqrt((points[..., 0] - side[..., 0]) ** 2 + (points[..., 1] - side[..., 1]) ** 2)
+        to_cap = np.abs(z - cap_z)
+        on_cap = inside & (~within | (to_cap < to_side))
+        result = np.empty_like(points)
+        result[..., :2] = np.where(on_cap[..., None], points[..., :2], side)
+        result[..., 2] = np.where(on_cap | ~within, cap_z, z)
+        return result
+
+
+def box(width: float, depth: float, height: float) -> Prism:
+    """A rectangular prism, mm, centred on the z axis."""
+    half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.5
+    return Prism(Polygon(half * [width, depth]), height)
+
+
+def cylinder(radius: float, height: float) -> Prism:
+    """A cylinder, mm, about the z axis."""
+    return Prism(Circle(radius), height)
+
+
+def triangle(base: float, leg: float, height: float) -> Prism:
+    """A triangular prism of sides base, leg, leg, mm, its centroid on the z axis."""
+    rise = float(np.sqrt(leg**2 - base**2 / 4))
+    corners = np.array([[-base / 2, -rise / 3], [base / 2, -rise / 3], [0.0, 2 * rise / 3]])
+    return Prism(Polygon(corners), height)
