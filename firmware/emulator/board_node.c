@@ -1,6 +1,7 @@
 #include "emulator/board_node.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "codec/crc32.h"
@@ -19,19 +20,43 @@ static void on_front_end_configure(void *context, const struct taxel_scan_settin
 {
     struct board_node *board = context;
     front_end_configure(&board->front_end, settings, board->clock_rate);
+    if (board->electronics) {
+        electronics_configure(board->electronics);
+    }
+}
+
+/* Seconds that a clock which wanders is ahead of its mean rate. */
+static double ahead(const struct board_node *board, vtime time)
+{
+    return clock_wander_ahead(&board->wander, (double)time / (double)VTIME_SECOND);
 }
 
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct board_node *board = context;
-    board->conversion_taxel = board->taxel_at[tx][rx];
-    board->conversion_end = board->now + board->front_end.settle_time + board->front_end.conversion_time;
+    const uint16_t taxel = board->taxel_at[tx][rx];
+    vtime duration = board->front_end.settle_time + board->front_end.conversion_time;
+    board->conversion_taxel = taxel;
+    board->conversion_tx = tx;
+    board->conversion_rx = rx;
+    board->begins_scan = taxel == 0;
+    if (board->wander.amplitude != 0.0) {
+        if (board->begins_scan) {
+            board->wander_rate = clock_wander_rate(&board->wander, (double)board->now / (double)VTIME_SECOND);
+        }
+        duration = (vtime)((double)duration / board->wander_rate);
+    }
+    board->conversion_end = board->now + duration;
 }
 
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
-    return (uint32_t)(uint64_t)((double)(board->now - board->boot_end) * board->clock_rate / (double)VTIME_US);
+    const double us = (double)(board->now - board->boot_end) * board->clock_rate / (double)VTIME_US;
+    if (board->wander.amplitude == 0.0) {
+        return (uint32_t)(uint64_t)us;
+    }
+    return (uint32_t)(uint64_t)(us + 1e6 * (ahead(board, board->now) - ahead(board, board->boot_end)));
 }
 
 static uint32_t on_interrupts_disable(void *context)
@@ -64,18 +89,63 @@ static void fill_taxel_table(struct board_node *board)
     }
 }
 
+/* What of the effects is this board's. Returns 0, or -1 without memory. */
+static int open_effects(struct board_node *board, const struct world_description *world)
+{
+    const struct effects *effects = &world->effects;
+    const uint8_t address = board->description->address;
+    board->effects = effects;
+    board->clock_rate += effects->clock.skew_ppm[board->index] * 1e-6;
+    board->wander = clock_wander_open(&effects->clock, board->index, world->seed, address);
+    board->wander_rate = 1.0;
+    silent_open(&board->contact, &effects->silent, board->index, world->seed, address);
+    gain_apply(&effects->gain, board->index, world->seed, address, &board->front_end);
+    if (effects->late.delay[board->index] > 0.0) {
+        board->fields.history = late_history_open(board->description->taxel_count, effects->late.delay[board->index]);
+    }
+    if (electronics_needed(world, board->index)) {
+        board->electronics = electronics_open(world, board->index, &board->front_end);
+        board->fields.watched = board->electronics && board->electronics->lines;
+    }
+    if ((effects->late.delay[board->index] > 0.0 && !board->fields.history) ||
+        (electronics_needed(world, board->index) && !board->electronics)) {
+        fprintf(stderr, "board 0x%02X: out of memory\n", address);
+        return -1;
+    }
+    return 0;
+}
+
+void board_node_free(struct board_node *board)
+{
+    free(board->electronics);
+    late_history_free(board->fields.history);
+    board->electronics = NULL;
+    board->fields.history = NULL;
+}
+
 int board_node_init(struct board_node *board, const struct board_description *description,
-                    const struct world_description *world, const struct stimulus *stimulus, size_t first_taxel)
+                    const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
+                    size_t index, size_t first_taxel, const struct droop_loads *loads)
 {
     memset(board, 0, sizeof *board);
     board->description = description;
-    board->stimulus = stimulus;
-    board->first_taxel = first_taxel;
+    board->index = index;
+    board->fields = (struct board_fields){
+        .stimulus = stimulus,
+        .skin = skin,
+        .source = exchange_board(&world->effects.exchange, index),
+        .first_taxel = first_taxel,
+        .taxels = description->taxel_count,
+    };
+    board->loads = loads;
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     random_init(&board->random, world->seed, description->address);
     front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->random);
     fill_taxel_table(board);
+    if (open_effects(board, world)) {
+        return -1;
+    }
     board->hal = (struct taxel_sensor_hal){
         .context = board,
         .front_end_configure = on_front_end_configure,
@@ -127,6 +197,9 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     if (!on) {
         return;
     }
+    if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
+        board->powered_at = now;
+    }
     board->boot_end = now + (vtime)(board->description->boot_ms * (double)VTIME_MS);
     board->now = board->boot_end;
     board->cpu_free = board->boot_end;
@@ -136,16 +209,44 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     taxel_scan_start(&board->sensor);
 }
 
+static double rise_of(const void *source, size_t taxel, vtime time)
+{
+    return board_fields_rise(source, taxel, time);
+}
+
+static void rises_of(const void *source, vtime time, double *rise)
+{
+    board_fields_rises(source, time, rise);
+}
+
 static uint16_t convert(struct board_node *board)
 {
-    const size_t taxel = board->first_taxel + board->conversion_taxel;
     const vtime middle = board->conversion_end - board->front_end.conversion_time / 2u;
-    const double value = stimulus_value(board->stimulus, taxel, middle);
+    const struct board_fields *fields = &board->fields;
     board->conversions++;
-    if (board->stimulus->kind == STIMULUS_COUNTS) {
+    if (fields->stimulus->kind == STIMULUS_COUNTS) {
+        const double value = stimulus_value(fields->stimulus, fields->first_taxel + board->conversion_taxel, middle);
         return value >= 65535.0 ? 65535u : (uint16_t)(value + 0.5);
     }
-    return front_end_convert(&board->front_end, board->conversion_taxel, value);
+    if (!board->electronics) {
+        const double rise = board_fields_rise(fields, board->conversion_taxel, middle);
+        return front_end_convert(&board->front_end, board->conversion_taxel, rise);
+    }
+    const struct electronics_conversion conversion = {
+        .tx = board->conversion_tx,
+        .rx = board->conversion_rx,
+        .begins_scan = board->begins_scan,
+        .time = middle,
+        .powered = board->powered_at,
+        .fraction = board_fields_fraction(fields, middle),
+        .loads = board->loads,
+        .rise = rise_of,
+        .rises = rises_of,
+        .source = fields,
+        .still = fields->watched && board_fields_are_still(fields, middle),
+        .fields = fields->number,
+    };
+    return electronics_convert(board->electronics, &conversion);
 }
 
 void board_advance(struct board_node *board, vtime until)
@@ -184,6 +285,10 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
 {
     if (board->nacks) {
         board->nacks--;
+        *acknowledge = false;
+        return now;
+    }
+    if (silent_loses(&board->effects->silent, board->index, (double)now / (double)VTIME_SECOND, &board->contact)) {
         *acknowledge = false;
         return now;
     }

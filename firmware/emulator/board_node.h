@@ -7,7 +7,10 @@
 
 #include <stdbool.h>
 
+#include "emulator/board_fields.h"
+#include "emulator/electronics.h"
 #include "emulator/front_end.h"
+#include "emulator/skin/skin.h"
 #include "emulator/stimulus.h"
 #include "emulator/vtime.h"
 #include "emulator/world_file.h"
@@ -18,8 +21,14 @@ struct board_node {
     struct taxel_sensor_config config;
     struct taxel_sensor_hal hal;
     const struct board_description *description;
-    const struct stimulus *stimulus;
-    size_t first_taxel; /* of this board in the stimulus */
+    const struct effects *effects;
+    size_t index; /* of this board in the world */
+    struct board_fields fields;
+    const struct droop_loads *loads;
+    struct electronics *electronics; /* NULL: the ideal ones */
+    struct silent_contact contact;
+    struct clock_wander wander;
+    double wander_rate; /* of the clock during this scan */
     struct front_end front_end;
     struct random_source random;
     uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
@@ -30,6 +39,9 @@ struct board_node {
     vtime cpu_free;
     vtime conversion_end;
     uint16_t conversion_taxel;
+    uint8_t conversion_tx, conversion_rx;
+    bool begins_scan; /* the conversion under way is a scan's first */
+    vtime powered_at; /* cold */
     bool powered;
     bool restart_wanted;
     uint64_t conversions;
@@ -42,7 +54,9 @@ struct board_node {
 };
 
 int board_node_init(struct board_node *board, const struct board_description *description,
-                    const struct world_description *world, const struct stimulus *stimulus, size_t first_taxel);
+                    const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
+                    size_t index, size_t first_taxel, const struct droop_loads *loads);
+void board_node_free(struct board_node *board);
 void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
 void board_advance(struct board_node *board, vtime until);
 

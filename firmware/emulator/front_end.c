@@ -1,14 +1,13 @@
 #include "emulator/front_end.h"
 
 #include "emulator/costs.h"
-#include "emulator/layer.h"
 
 #include <math.h>
 
 #define TX_VOLT 3.3
 #define IDAC_AMPERE_PER_CODE 1.2e-6 /* PSoC 4200 IDAC, 8-bit range (not verified on hardware) */
-#define FIXED_CAPACITANCE_F 1.10e-12
-#define FRINGE_CAPACITANCE_F 0.40e-12
+#define FIXED_CAPACITANCE_F 0.80e-12
+#define FRINGE_CAPACITANCE_F 0.70e-12
 #define CAPACITANCE_SPREAD 0.05 /* taxels differ at rest (thesis, section 2.5); relative standard deviation */
 
 void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random)
@@ -16,6 +15,7 @@ void front_end_init(struct front_end *front_end, uint16_t taxel_count, double no
     front_end->taxel_count = taxel_count;
     front_end->noise_counts = noise_counts;
     front_end->random = random;
+    front_end->idac_gain = 1.0;
     for (uint16_t i = 0; i < taxel_count; i++) {
         front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_SPREAD * random_normal(random));
         front_end->taxels[i].fringe_f = FRINGE_CAPACITANCE_F;
@@ -30,7 +30,8 @@ void front_end_configure(struct front_end *front_end, const struct taxel_scan_se
     const double tx_hz = modulator_hz / settings->sense_clock_divider;
     const double idac_ampere = IDAC_AMPERE_PER_CODE * settings->idac_code;
     front_end->largest_count = (double)settings->sub_conversions * settings->sense_clock_divider;
-    front_end->counts_per_farad = front_end->largest_count * 2.0 * TX_VOLT * tx_hz / idac_ampere;
+    front_end->tx_hz = tx_hz;
+    front_end->counts_per_farad = front_end->largest_count * 2.0 * TX_VOLT * tx_hz / idac_ampere * front_end->idac_gain;
     front_end->conversion_time = (vtime)(front_end->largest_count / modulator_hz / clock_rate * (double)VTIME_SECOND);
     front_end->settle_time = (vtime)(settings->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
     for (uint16_t i = 0; i < front_end->taxel_count; i++) {
@@ -39,17 +40,30 @@ void front_end_configure(struct front_end *front_end, const struct taxel_scan_se
     }
 }
 
-uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double force_n)
+double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise)
 {
     const struct front_end_taxel *cell = &front_end->taxels[taxel];
     double hardware_count = cell->rest_hardware_count;
-    if (force_n > 0.0) {
-        hardware_count += cell->fringe_f * layer_permittivity_rise(force_n) * front_end->counts_per_farad;
+    if (rise != 0.0) {
+        hardware_count += cell->fringe_f * rise * front_end->counts_per_farad;
     }
-    if (front_end->noise_counts > 0.0) {
-        hardware_count += front_end->noise_counts * random_normal(front_end->random);
-    }
+    return hardware_count;
+}
+
+double front_end_noise(struct front_end *front_end)
+{
+    return front_end->noise_counts > 0.0 ? front_end->noise_counts * random_normal(front_end->random) : 0.0;
+}
+
+uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count)
+{
     /* raw = largest - hardware count: contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
     const double raw = front_end->largest_count - floor(hardware_count);
     return raw <= 0.0 ? 0 : raw >= front_end->largest_count ? (uint16_t)front_end->largest_count : (uint16_t)raw;
+}
+
+uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise)
+{
+    const double hardware_count = front_end_hardware_count(front_end, taxel, rise);
+    return front_end_quantise(front_end, hardware_count + front_end_noise(front_end));
 }

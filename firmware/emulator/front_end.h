@@ -18,6 +18,8 @@ struct front_end {
     struct front_end_taxel taxels[TAXEL_TAXELS_MAX];
     uint16_t taxel_count;
     double largest_count;
+    double tx_hz;
+    double idac_gain; /* 1, or what the board's current source does to every count */
     double counts_per_farad;
     vtime conversion_time;
     vtime settle_time;
@@ -27,6 +29,12 @@ struct front_end {
 
 void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random);
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate);
-uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double force_n);
+/* `rise`: relative rise of the layer's permittivity over the taxel. */
+uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise);
+
+/* Its parts: the hardware count without noise, a draw of the white noise, and the raw count of a hardware count. */
+double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise);
+double front_end_noise(struct front_end *front_end);
+uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count);
 
 #endif

@@ -177,5 +177,7 @@ int main(int argc, char **argv)
     endpoint_close(&endpoint);
     stimulus_close(&stimulus);
     host_script_close(&script);
+    world_free(&world);
+    world_file_free(&description);
     return result ? 1 : 0;
 }

@@ -40,7 +40,16 @@ static size_t read_fully(int fd, uint8_t *bytes, size_t size)
 
 static size_t record_size(const struct stimulus *stimulus)
 {
-    return sizeof(double) + stimulus->taxels * sizeof(float);
+    return sizeof(double) + stimulus->values * sizeof(float);
+}
+
+static int make_room(struct stimulus *stimulus, size_t values)
+{
+    stimulus->values = values;
+    stimulus->before = calloc(values, sizeof(float));
+    stimulus->after = calloc(values, sizeof(float));
+    stimulus->record = calloc(1, record_size(stimulus));
+    return stimulus->before && stimulus->after && stimulus->record ? 0 : complain(stimulus, "out of memory");
 }
 
 int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live)
@@ -52,20 +61,14 @@ int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t ta
     stimulus->live = live;
     stimulus->taxels = taxels;
     stimulus->until = VTIME_NEVER;
-    stimulus->before = calloc(taxels, sizeof(float));
-    stimulus->after = calloc(taxels, sizeof(float));
-    stimulus->record = calloc(1, record_size(stimulus));
-    if (!stimulus->before || !stimulus->after || !stimulus->record) {
-        return complain(stimulus, "out of memory");
-    }
     if (fd < 0) {
         stimulus->ended = true;
-        return 0;
+        return make_room(stimulus, taxels);
     }
     if (read_fully(fd, header, sizeof header) != sizeof header || memcmp(header, "TAXELSTM", 8) != 0) {
         return complain(stimulus, "this is not a stimulus stream (it does not begin with TAXELSTM)");
     }
-    if (get_u32(header + 8) != 1u || get_u32(header + 12) > STIMULUS_COUNTS) {
+    if (get_u32(header + 8) != 1u || get_u32(header + 12) > STIMULUS_SCENE) {
         return complain(stimulus, "its version or kind is unknown to this emulator");
     }
     if (get_u32(header + 16) != taxels) {
@@ -73,6 +76,13 @@ int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t ta
         return -1;
     }
     stimulus->kind = (enum stimulus_kind)get_u32(header + 12);
+    const uint32_t boards = get_u32(header + 20);
+    if (stimulus->kind == STIMULUS_SCENE && (boards == 0u || boards > TAXEL_ADDRESS_MAX)) {
+        return complain(stimulus, "a scene of no boards, or of more than a bus holds");
+    }
+    if (make_room(stimulus, stimulus->kind == STIMULUS_SCENE ? STIMULUS_SCENE_VALUES(boards) : taxels)) {
+        return -1;
+    }
     return live ? 0 : stimulus_advance(stimulus, 0);
 }
 
@@ -97,9 +107,9 @@ static int take_record(struct stimulus *stimulus, vtime now)
     if (time < stimulus->from && stimulus->records) {
         return complain(stimulus, "a record goes back in time");
     }
-    memcpy(stimulus->after, stimulus->record + sizeof seconds, stimulus->taxels * sizeof(float));
-    for (size_t i = 0; i < stimulus->taxels; i++) {
-        if (!isfinite(stimulus->after[i]) || stimulus->after[i] < 0.0f) {
+    memcpy(stimulus->after, stimulus->record + sizeof seconds, stimulus->values * sizeof(float));
+    for (size_t i = 0; i < stimulus->values; i++) {
+        if (!isfinite(stimulus->after[i]) || (stimulus->after[i] < 0.0f && stimulus->kind != STIMULUS_SCENE)) {
             return complain(stimulus, "a value is negative or not a number");
         }
     }
@@ -158,14 +168,19 @@ bool stimulus_poll(struct stimulus *stimulus)
     return false;
 }
 
+double stimulus_fraction(const struct stimulus *stimulus, vtime time)
+{
+    if (stimulus->until == VTIME_NEVER || stimulus->step || stimulus->kind == STIMULUS_COUNTS || time <= stimulus->from) {
+        return 0.0;
+    }
+    return (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);
+}
+
 double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time)
 {
     const double before = stimulus->before[taxel];
-    if (stimulus->until == VTIME_NEVER || stimulus->step || stimulus->kind == STIMULUS_COUNTS || time <= stimulus->from) {
-        return before;
-    }
-    const double fraction = (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);
-    return before + fraction * (stimulus->after[taxel] - before);
+    const double fraction = stimulus_fraction(stimulus, time);
+    return fraction == 0.0 ? before : before + fraction * (stimulus->after[taxel] - before);
 }
 
 int stimulus_take_live(struct stimulus *stimulus, vtime now)

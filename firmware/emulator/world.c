@@ -12,26 +12,87 @@ size_t world_taxels(const struct world_description *description)
     return taxels;
 }
 
+/* Where a board's taxels begin in the stimulus. */
+static size_t first_taxel_of(const struct world_description *description, size_t board)
+{
+    size_t first = 0;
+    for (size_t i = 0; i < board; i++) {
+        first += description->boards[i].taxel_count;
+    }
+    return first;
+}
+
+static int leave_fields(struct world *world, vtime now)
+{
+    for (size_t i = 0; i < world->board_count; i++) {
+        if (board_fields_leave(&world->boards[i].fields, now)) {
+            fprintf(stderr, "board 0x%02X: out of memory\n", world->description->boards[i].address);
+            return -1;
+        }
+    }
+    return 0;
+}
+
+static void enter_fields(struct world *world, vtime now)
+{
+    struct droop_loads *loads = &world->loads;
+    const bool drooping = droop_is_on(&world->description->effects.droop);
+    loads->all_before = loads->all_after = 0.0;
+    for (size_t i = 0; i < world->board_count; i++) {
+        const struct board_node *board = &world->boards[i];
+        const struct front_end_taxel *taxels = board->front_end.taxels;
+        board_fields_enter(&world->boards[i].fields, now);
+        if (drooping) {
+            loads->before[i] = board_fields_load(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
+            loads->after[i] = board_fields_load(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
+            loads->all_before += loads->before[i];
+            loads->all_after += loads->after[i];
+        }
+    }
+}
+
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script)
 {
-    size_t first_taxel = 0;
     memset(world, 0, sizeof *world);
     world->description = description;
     world->stimulus = stimulus;
     world->endpoint = endpoint;
     world->script = script;
     world->board_count = description->board_count;
+    if (skin_init(&world->skin, description, stimulus)) {
+        return -1;
+    }
     for (size_t i = 0; i < world->board_count; i++) {
-        if (board_node_init(&world->boards[i], &description->boards[i], description, stimulus, first_taxel)) {
+        const size_t source = exchange_board(&description->effects.exchange, i);
+        if (board_node_init(&world->boards[i], &description->boards[i], description, stimulus, &world->skin, i,
+                            first_taxel_of(description, source), &world->loads)) {
             return -1;
         }
-        first_taxel += description->boards[i].taxel_count;
     }
+    enter_fields(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz);
     uart_init(&world->uart, &world->hub.hub, endpoint, description->baud, description->usb_latency_ms);
     hub_node_init(&world->hub, &world->bus, &world->uart, description->scl_hz, description->hub_clock_ppm);
     hub_node_boot(&world->hub, 0, TAXEL_RESET_CAUSE_POWER_ON);
+    return 0;
+}
+
+void world_free(struct world *world)
+{
+    for (size_t i = 0; i < world->board_count; i++) {
+        board_node_free(&world->boards[i]);
+    }
+    skin_free(&world->skin);
+}
+
+static int take_stimulus(struct world *world, vtime now)
+{
+    if (leave_fields(world, now) || stimulus_advance(world->stimulus, now)) {
+        return -1;
+    }
+    skin_advance(&world->skin, world->stimulus);
+    enter_fields(world, now);
     return 0;
 }
 
@@ -93,6 +154,7 @@ static void inject(struct world *world, const struct fault_description *fault, v
 enum event {
     EVENT_STIMULUS,
     EVENT_FAULT,
+    EVENT_SKIN,
     EVENT_SCRIPT,
     EVENT_RECEIVE,
     EVENT_BUS,
@@ -106,6 +168,7 @@ static void list_times(const struct world *world, vtime times[EVENT_COUNT])
 {
     times[EVENT_STIMULUS] = world->stimulus->until;
     times[EVENT_FAULT] = next_fault_time(world);
+    times[EVENT_SKIN] = world->skin.next;
     times[EVENT_SCRIPT] = world->script->next;
     times[EVENT_RECEIVE] = world->uart.receive_next;
     times[EVENT_BUS] = world->bus.next;
@@ -147,9 +210,17 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
     switch (event) {
     case EVENT_STIMULUS:
         advance_boards(world, now);
-        return stimulus_advance(world->stimulus, now);
+        return take_stimulus(world, now);
     case EVENT_FAULT:
         inject(world, &world->description->faults[world->next_fault++], now);
+        return 0;
+    case EVENT_SKIN:
+        advance_boards(world, now);
+        if (leave_fields(world, now)) {
+            return -1;
+        }
+        skin_step(&world->skin, world->stimulus);
+        enter_fields(world, now);
         return 0;
     case EVENT_SCRIPT:
         (void)uart_host_sends(&world->uart, world->script->bytes, world->script->size, now);
@@ -203,9 +274,11 @@ int world_poll(struct world *world)
     (void)uart_host_sends(&world->uart, bytes, got, world->now);
     while (stimulus_poll(world->stimulus)) {
         advance_boards(world, world->now);
-        if (stimulus_take_live(world->stimulus, world->now)) {
+        if (leave_fields(world, world->now) || stimulus_take_live(world->stimulus, world->now)) {
             return -1;
         }
+        skin_take_live(&world->skin, world->stimulus, world->now);
+        enter_fields(world, world->now);
     }
     return 0;
 }

@@ -18,6 +18,8 @@ struct world {
     struct host_script *script;
     struct board_node boards[WORLD_BOARDS_MAX];
     size_t board_count;
+    struct droop_loads loads;
+    struct skin skin;
     struct bus bus;
     struct uart uart;
     struct hub_node hub;
@@ -29,6 +31,8 @@ struct world {
 size_t world_taxels(const struct world_description *description);
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script);
+
+void world_free(struct world *world);
 
 /* Run every event up to and including `until`. Returns 0, or -1 if the stimulus was bad. */
 int world_run(struct world *world, vtime until);

@@ -6,10 +6,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "emulator/effects/effects.h"
+#include "emulator/skin/frame.h"
+#include "emulator/skin/patch.h"
+#include "emulator/skin/shape.h"
 #include "generated/taxel_protocol.h"
 
 #define WORLD_BOARDS_MAX 64
 #define WORLD_FAULTS_MAX 4096
+#define WORLD_OBJECTS_MAX 16
+#define WORLD_MARGINS_MAX 512
 
 enum fault_kind {
     FAULT_UNPLUG,
@@ -40,6 +46,16 @@ struct board_description {
     uint8_t map_version_override; /* 0: the firmware's own; else what the identity claims */
     double clock_ppm;
     double boot_ms;
+    size_t placed;                   /* taxels whose place is known; all or none */
+    struct taxel_place *places;      /* [placed] */
+    size_t margin_count;
+    struct taxel_place *margins;     /* [margin_count] squares of bare sheet beside the taxels: they bear, unmeasured */
+    struct frame bracket_offset;     /* where the bracket truly is, in the frame in which it is believed to be */
+};
+
+struct object_description {
+    struct shape shape;
+    struct frame offset; /* where the object truly is, in the frame in which it is believed to be */
 };
 
 struct world_description {
@@ -52,11 +68,16 @@ struct world_description {
     struct taxel_scan_settings scan;
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;
+    double layer_thickness; /* over the electrodes, metres */
+    struct object_description *objects; /* [object_count] */
+    size_t object_count;
+    struct effects effects;
     struct fault_description faults[WORLD_FAULTS_MAX];
     size_t fault_count;
 };
 
 /* Returns 0, or -1 after one line on stderr that names the file, the line and what is wrong with it. */
 int world_file_read(struct world_description *world, const char *path);
+void world_file_free(struct world_description *world);
 
 #endif

@@ -51,6 +51,7 @@ void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels
     world->usb_latency_ms = 1.0;
     world->noise_counts = 3.0;
     world->scan = (struct taxel_scan_settings){160, 40, 1, 16, 96};
+    world->layer_thickness = 0.001;
     world->board_count = boards;
     for (size_t i = 0; i < boards; i++) {
         struct board_description *board = &world->boards[i];
@@ -64,6 +65,7 @@ void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels
         }
         board->unique_id[0] = board->address;
         board->boot_ms = 5.0;
+        board->bracket_offset = frame_identity;
     }
 }
 
@@ -98,6 +100,7 @@ int fake_world_open(struct fake_world *fake, int stimulus_fd)
 
 void fake_world_close(struct fake_world *fake)
 {
+    world_free(&fake->world);
     stimulus_close(&fake->stimulus);
     endpoint_close(&fake->endpoint);
     free(fake->captured);

@@ -43,16 +43,21 @@ static void prepare_front_end(double noise_counts)
     front_end_configure(&front_end, &settings, 1.0);
 }
 
+static uint16_t convert_at(uint16_t taxel, double force_n)
+{
+    return front_end_convert(&front_end, taxel, layer_permittivity_rise(force_n));
+}
+
 static void counts_fall_with_force(void)
 {
     prepare_front_end(0.0);
     for (uint16_t taxel = 0; taxel < TAXELS; taxel++) {
         const uint16_t rest = front_end_convert(&front_end, taxel, 0.0);
         CHECK_BETWEEN(rest, 1000, 6400);
-        CHECK(rest - front_end_convert(&front_end, taxel, 0.06) >= 5.0 * NOISE_COUNTS);
+        CHECK(rest - convert_at(taxel, 0.06) >= 5.0 * NOISE_COUNTS);
         uint16_t last = rest;
         for (double force = 0.001; force < 60.0; force *= 1.1) {
-            const uint16_t count = front_end_convert(&front_end, taxel, force);
+            const uint16_t count = convert_at(taxel, force);
             CHECK(count <= last);
             last = count;
         }
@@ -84,7 +89,7 @@ static void counts_stay_in_range_at_extreme_settings(void)
         const unsigned largest = (unsigned)extremes[i].sub_conversions * extremes[i].sense_clock_divider;
         CHECK(front_end.conversion_time > 0);
         for (unsigned n = 0; n < 1000; n++) {
-            CHECK(front_end_convert(&front_end, 0, n) <= largest);
+            CHECK(convert_at(0, n) <= largest);
         }
     }
 }

@@ -9,6 +9,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import bench_campaign
+import bench_control_loop
 import bench_decoder
 import bench_emulator
 from figures import Figure
@@ -35,11 +37,17 @@ def table_of(figures: list[Figure]) -> Table:
 
 def main() -> int:
     """Exit status 1 if a figure misses its target."""
-    figures = bench_emulator.measure() + bench_decoder.measure()
+    figures = bench_emulator.measure() + bench_decoder.measure() + bench_campaign.measure()
+    loop = bench_control_loop.measure()
     if "--json" in sys.argv[1:]:
-        print(json.dumps([figure.__dict__ for figure in figures], indent=2))
+        print(json.dumps({"figures": [figure.__dict__ for figure in figures], "control_loop": loop}, indent=2))
     else:
-        Console(width=150).print(table_of(figures))
+        console = Console(width=150)
+        console.print(table_of(figures))
+        console.print(
+            f"control loop of the Allegro hand, 333 Hz: {loop['missed']:.0f} of {loop['periods']:.0f} periods missed "
+            f"(a loop that does nothing: {loop['empty_loop_missed']:.0f})"
+        )
     return 0 if all(figure.ratio >= figure.target for figure in figures) else 1
 
 

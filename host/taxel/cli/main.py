@@ -8,8 +8,11 @@ import typer
 
 from taxel.cli.demo import demo
 from taxel.cli.emulate import emulate
+from taxel.cli.grasp import grasp
+from taxel.cli.import_data import import_app
 from taxel.cli.record import record
 from taxel.cli.replay import replay
+from taxel.cli.show import show
 from taxel.errors import TaxelError
 
 app = typer.Typer(
@@ -20,8 +23,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, emulate, record, replay):
+for command in (demo, emulate, grasp, record, replay, show):
     app.command()(command)
+app.add_typer(import_app, name="import")
 for point in entry_points(group="taxel.commands"):
     app.command(name=point.name)(point.load())
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from taxel.hand.description import Hand
 from taxel.hand.errors import HandGeometryError
 from taxel.hand.frames import FrameBuffer
 from taxel.hand.robot import Robot, load_robot
+from taxel.hand.sheet import Sheet
 
 
 class JointCountError(TaxelError, ValueError):
@@ -24,18 +24,6 @@ class JointCountError(TaxelError, ValueError):
     def __str__(self) -> str:
         robot, expected, found = self.args
         return f"robot {robot!r}: expected {expected} joint angles on the last axis, found {found}"
-
-
-@dataclass(frozen=True)
-class _Level:
-    """Joints of one depth: links that they move, links that those hang on, poses at 0, axes, angles to read."""
-
-    children: NDArray[np.intp]
-    parents: NDArray[np.intp]
-    origins: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    joints: NDArray[np.intp]
-    moving: NDArray[np.bool_]
 
 
 class Kinematics:
@@ -80,26 +68,34 @@ class Kinematics:
             raise JointCountError(self.robot.name, joints, angles.shape[-1] if angles.ndim else 0)
         poses = np.empty((*angles.shape[:-1], len(self.robot.links), 4, 4))
         poses[..., 0, :, :] = np.eye(4)
-        for level in self._levels:
-            step = level.origins
-            if level.moving.any():
-                angle = np.where(level.moving, angles[..., level.joints], 0.0)
-                step = step @ _turns(level.axes, angle)
-            poses[..., level.children, :, :] = poses[..., level.parents, :, :] @ step
+        steps = np.broadcast_to(self._origins, (*angles.shape[:-1], *self._origins.shape)).copy()
+        steps[..., self._moving, :, :] = self._origins[self._moving] @ _turns(self._axes, angles)
+        for children, parents in self._levels:
+            poses[..., children, :, :] = poses[..., parents, :, :] @ steps[..., children - 1, :, :]
         return poses
 
     @cached_property
-    def _levels(self) -> list[_Level]:
-        """Joints by their depth in the tree: those of one depth do not depend on each other."""
+    def _origins(self) -> NDArray[np.float64]:
+        return np.stack([joint.origin for joint in self.robot.joints])
+
+    @cached_property
+    def _moving(self) -> NDArray[np.intp]:
+        return np.flatnonzero([joint.axis is not None for joint in self.robot.joints])
+
+    @cached_property
+    def _axes(self) -> NDArray[np.float64]:
+        axes = [joint.axis for joint in self.robot.joints if joint.axis is not None]
+        return np.stack(axes) if axes else np.empty((0, 3))
+
+    @cached_property
+    def _levels(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Links by their depth in the tree, and their parents: those of one depth do not depend on each other."""
         depth = {self.robot.root: 0}
-        rows: list[list[tuple[int, int]]] = []  # by depth: (index of the joint, its place among the moving ones)
-        moving = 0
-        for index, joint in enumerate(self.robot.joints):
+        for joint in self.robot.joints:
             depth[joint.child] = depth[joint.parent] + 1
-            rows += [[]] * (depth[joint.child] - len(rows))
-            rows[depth[joint.child] - 1] = [*rows[depth[joint.child] - 1], (index, moving)]
-            moving += joint.axis is not None
-        return [_level(self.robot, self._parents, row) for row in rows]
+        level = np.array([depth[joint.child] for joint in self.robot.joints])
+        rows = [np.flatnonzero(level == each) for each in range(1, int(level.max()) + 1)]
+        return [(row + 1, np.array(self._parents)[row]) for row in rows]
 
     def sensor_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
         """Pose of every bracket in the world, f64[..., s, 4, 4], in the order of `hand.boards`."""
@@ -144,30 +140,17 @@ def kinematics_of(hand: Hand) -> Kinematics:
     return Kinematics(load_robot(hand.robot), hand)
 
 
-def taxel_positions(hand: Hand, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def taxel_positions(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Taxel centres in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
     rotations, origins = sensor_poses[..., :3, :3], sensor_poses[..., :3, 3]
     turned = np.einsum("...nij,nj->...ni", rotations[..., hand.board_index, :, :], hand.position)
     return np.asarray(turned + origins[..., hand.board_index, :])
 
 
-def taxel_normals(hand: Hand, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def taxel_normals(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outward taxel normals in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
     rotations = sensor_poses[..., hand.board_index, :3, :3]
     return np.asarray(np.einsum("...nij,nj->...ni", rotations, hand.normal))
-
-
-def _level(robot: Robot, parents: list[int], row: list[tuple[int, int]]) -> _Level:
-    joints = [robot.joints[index] for index, _ in row]
-    moving = np.array([joint.axis is not None for joint in joints])
-    return _Level(
-        np.array([index + 1 for index, _ in row]),
-        np.array([parents[index] for index, _ in row]),
-        np.stack([joint.origin for joint in joints]),
-        np.stack([joint.axis if joint.axis is not None else np.array([0.0, 0.0, 1.0]) for joint in joints]),
-        np.where(moving, [place for _, place in row], 0),
-        moving,
-    )
 
 
 def _turns(axes: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from taxel.link.capture import CaptureLink, CaptureWriter
 from taxel.link.emulator import EmulatorLink, run_emulator
 from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
 from taxel.link.serial_port import SerialLink
-from taxel.link.stimulus import write_stimulus
+from taxel.link.stimulus import write_scene, write_stimulus
 from taxel.link.url import open_link
 
 __all__ = [
@@ -21,5 +21,6 @@ __all__ = [
     "SerialLink",
     "open_link",
     "run_emulator",
+    "write_scene",
     "write_stimulus",
 ]

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 Kind = Literal["force", "counts"]
 _KINDS: dict[str, int] = {"force": 0, "counts": 1}
+_SCENE = 2
+POSE_VALUES = 12
+"""Numbers of a pose in a scene: the upper three rows of its 4 x 4 matrix."""
 HEADER = struct.Struct("<8sIIII")
 
 
@@ -50,3 +53,31 @@ def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: Arr
     if not np.all(np.isfinite(times)) or (times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0)):
         raise ValueError("stimulus times go back, are negative or not finite")
     Path(path).write_bytes(stimulus_header(table.shape[1], kind) + stimulus_records(times, table))
+
+
+def write_scene(
+    path: str | os.PathLike[str],
+    taxels: int,
+    times_s: ArrayLike,
+    objects: ArrayLike,
+    object_poses: ArrayLike,
+    bracket_poses: ArrayLike,
+) -> None:
+    """Write a stimulus file of a scene: an object that moves among the brackets of a skin of `taxels` taxels.
+
+    times_s: [T]. objects: [T], which object of the world file is there, -1 for none. object_poses: [T, 4, 4],
+    bracket_poses: [T, boards, 4, 4], in the world, in the order of the world file's boards. What follows from it
+    changes linearly between records. Raises ValueError for shapes that do not fit, numbers that are not finite, or
+    times that go back.
+    """
+    times, number = np.asarray(times_s, dtype=float), np.asarray(objects)
+    poses = np.concatenate([np.asarray(object_poses)[:, None], np.asarray(bracket_poses)], axis=1)
+    if poses.ndim != 4 or poses.shape[2:] != (4, 4) or not len(times) == len(number) == len(poses):
+        raise ValueError(f"scene: {times.shape} times, {number.shape} objects and {poses.shape} poses do not fit")
+    if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(times))):
+        raise ValueError("scene: a pose or a time is not finite")
+    if times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0):
+        raise ValueError("scene: times go back or are negative")
+    header = HEADER.pack(b"TAXELSTM", 1, _SCENE, taxels, poses.shape[1] - 1)
+    rows = poses[:, :, :3, :].reshape(len(times), POSE_VALUES * poses.shape[1])
+    Path(path).write_bytes(header + stimulus_records(times, np.column_stack([number, rows])))

@@ -189,7 +189,7 @@ def test_flat8_lies_on_the_plate() -> None:
 
 @pytest.mark.parametrize("hand", [HAND, load_hand("flat8")], ids=lambda hand: hand.name)
 def test_the_layer_over_the_electrodes_is_thinner_than_the_pitch(hand: Hand) -> None:
-    assert hand.layer_m == 0.001
+    assert hand.layer_m == 0.002
     assert hand.layer_m < hand.pitch_m
 
 

@@ -1,0 +1,89 @@
+#include "emulator/effects/coupling.h"
+
+#include <string.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define PI 3.14159265358979323846
+#define PICO 1e-12
+#define OHM_MAX 1e5
+#define CALIBRATION_MAX 8.0 /* the current source has steps down to an eighth */
+#define GROUND_PF 8.0     /* a trace of some 10 cm on a flexible board */
+#define TRACES_OHM 1000.0 /* driver or multiplexer, and a line of silver ink */
+
+int coupling_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"resistive", "traces", NULL};
+    const int form = effect_line_form(line, forms);
+    const double ohm = form == 1 ? TRACES_OHM : 0.0;
+    struct effect_boards boards;
+    struct coupling_board board = {0};
+    double ground_pf, trace_pf = 0.0;
+    if (form < 0 || effect_line_boards(line, &boards) || effect_line_optional(line, "tx_ohm", 0.0, OHM_MAX, ohm, &board.tx_ohm) ||
+        effect_line_optional(line, "rx_ohm", 0.0, OHM_MAX, ohm, &board.rx_ohm) ||
+        effect_line_optional(line, "ground_pf", 0.0, 1000.0, GROUND_PF, &ground_pf) ||
+        (form == 1 && effect_line_number(line, "picofarad", 0.0, 100.0, &trace_pf))) {
+        return -1;
+    }
+    board.ground_f = ground_pf * PICO;
+    board.trace_f = trace_pf * PICO;
+    if (form == 1 && trace_pf == 0.0) {
+        board.tx_ohm = board.rx_ohm = 0.0;
+    }
+    for (size_t i = boards.first; i < boards.end; i++) {
+        effects->coupling.board[i] = board;
+    }
+    return 0;
+}
+
+bool coupling_is_on(const struct coupling_effect *coupling, size_t board)
+{
+    return coupling->board[board].tx_ohm > 0.0 || coupling->board[board].rx_ohm > 0.0;
+}
+
+void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count, double tx_hz)
+{
+    struct network *network = &lines->network;
+    network->tx_count = tx_count;
+    network->rx_count = rx_count;
+    network->tx_ohm = board->tx_ohm;
+    network->rx_ohm = board->rx_ohm;
+    network->ground_f = board->ground_f;
+    network->trace_f = board->trace_f;
+    network->omega = 2.0 * PI * tx_hz;
+    network->changed = true;
+    lines->version++;
+}
+
+void coupling_set(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
+{
+    memcpy(lines->network.mutual, mutual_f, sizeof lines->network.mutual);
+    lines->network.changed = true;
+    lines->version++;
+}
+
+void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
+{
+    double ideal = 0.0, effective = 0.0;
+    lines->calibration = 1.0;
+    coupling_set(lines, mutual_f);
+    for (int tx = 0; tx < lines->network.tx_count; tx++) {
+        for (int rx = 0; rx < lines->network.rx_count; rx++) {
+            if (mutual_f[tx][rx] > 0.0) {
+                ideal += mutual_f[tx][rx];
+                effective += coupling_effective(lines, tx, rx);
+            }
+        }
+    }
+    lines->calibration = effective * CALIBRATION_MAX > ideal ? ideal / effective : CALIBRATION_MAX;
+}
+
+double coupling_effective(struct coupling_lines *lines, int tx, int rx)
+{
+    if (lines->solved[tx] != lines->version) {
+        (void)network_solve(&lines->network, tx, &lines->state[tx], lines->effective_f[tx]);
+        lines->solved[tx] = lines->version;
+    }
+    return lines->calibration * lines->effective_f[tx][rx];
+}

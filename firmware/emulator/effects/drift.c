@@ -1,0 +1,98 @@
+#include "emulator/effects/drift.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define DRIFT_STREAM 0x6472696600000000ull
+#define BOARDS_LOG_STD 0.3
+#define TAXEL_SHARE 0.3
+#define LAYER_SLOWER 3.0
+
+int drift_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"warm_up", "wander", NULL};
+    struct drift_effect *drift = &effects->drift;
+    struct drift_slot slot = {0};
+    const int form = effect_line_form(line, forms);
+    if (form < 0) {
+        return -1;
+    }
+    if (drift->count == DRIFT_SLOTS_MAX) {
+        return effect_line_complain(line, "more than 8 lines of drift");
+    }
+    slot.wanders = form == 1;
+    if (effect_line_boards(line, &slot.boards) || effect_line_number(line, "counts", -65535.0, 65535.0, &slot.counts) ||
+        effect_line_number(line, "seconds", 0.1, 1e6, &slot.seconds) ||
+        effect_line_optional(line, "share", 0.0, 2.0, TAXEL_SHARE, &slot.share)) {
+        return -1;
+    }
+    drift->slots[drift->count++] = slot;
+    return 0;
+}
+
+static bool acts_on(const struct drift_slot *slot, size_t board)
+{
+    return slot->counts != 0.0 && effect_boards_hold(&slot->boards, board);
+}
+
+bool drift_is_on(const struct drift_effect *drift, size_t board)
+{
+    for (size_t i = 0; i < drift->count; i++) {
+        if (acts_on(&drift->slots[i], board)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed, uint8_t address)
+{
+    drift->count = 0;
+    for (size_t i = 0; i < effect->count; i++) {
+        const struct drift_slot *slot = &effect->slots[i];
+        if (!acts_on(slot, board)) {
+            continue;
+        }
+        const size_t n = drift->count++;
+        drift->slot[n] = slot;
+        random_init(&drift->state[n].random, seed, DRIFT_STREAM | (i << 8) | address);
+        const double board_normal = random_normal(&drift->state[n].random);
+        drift->state[n].size = slot->counts * (slot->wanders ? 1.0 : exp(BOARDS_LOG_STD * board_normal));
+        for (size_t taxel = 0; taxel < TAXEL_TAXELS_MAX; taxel++) {
+            drift->state[n].taxel[taxel] = slot->share * random_normal(&drift->state[n].random);
+        }
+    }
+}
+
+void drift_begin_scan(struct drift_board *drift, double time, double powered)
+{
+    for (size_t i = 0; i < drift->count; i++) {
+        const struct drift_slot *slot = drift->slot[i];
+        const double size = drift->state[i].size;
+        if (slot->wanders) {
+            const bool has_begun = drift->state[i].has_begun;
+            const double keep = has_begun ? exp(-(time - drift->state[i].stepped) / slot->seconds) : 0.0;
+            const double fresh = size * sqrt(1.0 - keep * keep);
+            drift->state[i].common = keep * drift->state[i].common + fresh * random_normal(&drift->state[i].random);
+            drift->state[i].own = drift->state[i].common;
+            drift->state[i].stepped = time;
+            drift->state[i].has_begun = true;
+        } else {
+            const double board = exp(-(time - powered) / slot->seconds);
+            const double layer = exp(-(time - powered) / (LAYER_SLOWER * slot->seconds));
+            drift->state[i].common = size * (1.0 - board);
+            drift->state[i].own = size * (1.0 - (LAYER_SLOWER * layer - board) / (LAYER_SLOWER - 1.0));
+        }
+    }
+}
+
+double drift_counts(const struct drift_board *drift, size_t taxel)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < drift->count; i++) {
+        sum += drift->state[i].common + drift->state[i].own * drift->state[i].taxel[taxel];
+    }
+    return sum;
+}

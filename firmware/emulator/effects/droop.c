@@ -1,0 +1,79 @@
+#include "emulator/effects/droop.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define FALL_MAX 0.5
+
+int droop_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"supply", "reference", NULL};
+    struct droop_effect *droop = &effects->droop;
+    const int form = effect_line_form(line, forms);
+    struct effect_boards boards;
+    double ohms, seconds;
+    if (form < 0 || effect_line_number(line, "ohms", 0.0, 1e6, &ohms)) {
+        return -1;
+    }
+    if (form == 0) {
+        droop->supply_ohms = ohms;
+        return 0;
+    }
+    if (effect_line_boards(line, &boards) || effect_line_optional(line, "seconds", 1e-3, 1e4, 0.05, &seconds)) {
+        return -1;
+    }
+    for (size_t i = boards.first; i < boards.end; i++) {
+        droop->reference_ohms[i] = ohms;
+        droop->reference_seconds[i] = seconds;
+    }
+    return 0;
+}
+
+bool droop_is_on(const struct droop_effect *droop)
+{
+    for (size_t i = 0; i < EFFECT_BOARDS_MAX; i++) {
+        if (droop->reference_ohms[i] > 0.0) {
+            return true;
+        }
+    }
+    return droop->supply_ohms > 0.0;
+}
+
+static double limited(double fall)
+{
+    return fmin(fall, FALL_MAX);
+}
+
+double droop_factor(const struct droop_effect *droop, size_t board, const struct droop_loads *loads, double fraction,
+                    double tx_hz, double time, struct first_order *reference)
+{
+    double factor = 1.0;
+    if (droop->supply_ohms > 0.0) {
+        const double farad = loads->all_before + fraction * (loads->all_after - loads->all_before);
+        factor -= limited(droop->supply_ohms * tx_hz * farad);
+    }
+    if (droop->reference_ohms[board] > 0.0) {
+        const double farad = loads->before[board] + fraction * (loads->after[board] - loads->before[board]);
+        const double load = droop->reference_ohms[board] * tx_hz * farad;
+        factor /= 1.0 - limited(first_order_step(reference, time, load, droop->reference_seconds[board]));
+    }
+    return factor;
+}
+
+double first_order_step(struct first_order *filter, double time, double input, double seconds)
+{
+    if (!filter->has_begun) {
+        *filter = (struct first_order){.time = time, .input = input, .output = input, .has_begun = true};
+    }
+    const double elapsed = time - filter->time;
+    if (elapsed > 0.0) {
+        const double slope = (input - filter->input) / elapsed;
+        const double behind = filter->output - filter->input + slope * seconds;
+        filter->output = input - slope * seconds + behind * exp(-elapsed / seconds);
+        filter->time = time;
+        filter->input = input;
+    }
+    return filter->output;
+}

@@ -1,0 +1,20 @@
+#include "emulator/effects/effect_boards.h"
+
+#include <assert.h>
+
+#include "emulator/effects/effect_line.h"
+
+static_assert(EFFECT_BOARDS_MAX == WORLD_BOARDS_MAX, "an effect holds parameters for every board of a world");
+
+int effect_line_boards(struct effect_line *line, struct effect_boards *boards)
+{
+    *boards = (struct effect_boards){0, EFFECT_BOARDS_MAX};
+    if (!effect_line_has(line, "board")) {
+        return 0;
+    }
+    if (effect_line_board(line, &boards->first)) {
+        return -1;
+    }
+    boards->end = boards->first + 1u;
+    return 0;
+}

@@ -1,0 +1,119 @@
+#include "emulator/effects/effect_line.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FIRST_KEY 3
+
+int effect_line_complain(const struct effect_line *line, const char *what)
+{
+    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->reader->path, line->reader->line, line->name, what);
+    return -1;
+}
+
+int effect_line_open(struct effect_line *line, const struct world_reader *reader)
+{
+    memset(line, 0, sizeof *line);
+    line->reader = reader;
+    if (reader->count < FIRST_KEY) {
+        return world_reader_complain(reader, "an effect needs a name and a form: effect NAME FORM key=value ...");
+    }
+    line->name = reader->words[1];
+    line->form = reader->words[2];
+    return 0;
+}
+
+int effect_line_form(struct effect_line *line, const char *const *forms)
+{
+    char known[160] = "";
+    for (int i = 0; forms[i]; i++) {
+        if (strcmp(line->form, forms[i]) == 0) {
+            return i;
+        }
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "", forms[i]);
+    }
+    fprintf(stderr, "world %s, line %d: effect %s: expected one of the forms %s, found '%s'\n", line->reader->path,
+            line->reader->line, line->name, known, line->form);
+    return -1;
+}
+
+/* Index of the word that holds `key=`, or 0. */
+static int find(const struct effect_line *line, const char *key)
+{
+    const size_t length = strlen(key);
+    for (int i = FIRST_KEY; i < line->reader->count; i++) {
+        if (strncmp(line->reader->words[i], key, length) == 0 && line->reader->words[i][length] == '=') {
+            return i;
+        }
+    }
+    return 0;
+}
+
+bool effect_line_has(const struct effect_line *line, const char *key)
+{
+    return find(line, key) != 0;
+}
+
+int effect_line_number(struct effect_line *line, const char *key, double low, double high, double *value)
+{
+    const int index = find(line, key);
+    char *end = NULL;
+    if (index) {
+        const char *text = line->reader->words[index] + strlen(key) + 1;
+        line->used[index] = true;
+        errno = 0;
+        *value = strtod(text, &end);
+        if (end != text && !*end && !errno && isfinite(*value) && *value >= low && *value <= high) {
+            return 0;
+        }
+    }
+    fprintf(stderr, "world %s, line %d: effect %s: expected %s= with a number from %g to %g, found %s\n", line->reader->path,
+            line->reader->line, line->name, key, low, high, index ? line->reader->words[index] : "nothing");
+    return -1;
+}
+
+int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback, double *value)
+{
+    *value = fallback;
+    return find(line, key) ? effect_line_number(line, key, low, high, value) : 0;
+}
+
+int effect_line_whole(struct effect_line *line, const char *key, long low, long high, long *value)
+{
+    double real;
+    if (effect_line_number(line, key, (double)low, (double)high, &real)) {
+        return -1;
+    }
+    *value = (long)real;
+    return real == floor(real) ? 0 : effect_line_complain(line, "expected a whole number");
+}
+
+int effect_line_board(struct effect_line *line, size_t *index)
+{
+    const int word = find(line, "board");
+    char *end = NULL;
+    const long address = word ? strtol(line->reader->words[word] + strlen("board="), &end, 0) : -1;
+    for (size_t i = 0; word && !*end && i < line->reader->world->board_count; i++) {
+        if (line->reader->world->boards[i].address == address) {
+            line->used[word] = true;
+            *index = i;
+            return 0;
+        }
+    }
+    return effect_line_complain(line, "expected board= with the address of one of this world's boards");
+}
+
+int effect_line_close(const struct effect_line *line)
+{
+    for (int i = FIRST_KEY; i < line->reader->count; i++) {
+        if (!line->used[i]) {
+            fprintf(stderr, "world %s, line %d: effect %s %s: unknown or misspelt '%s'\n", line->reader->path,
+                    line->reader->line, line->name, line->form, line->reader->words[i]);
+            return -1;
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,43 @@
+#include "emulator/effects/effects.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "emulator/effects/effect_line.h"
+
+static const struct {
+    const char *name;
+    int (*read)(struct effect_line *line, struct effects *effects);
+} modules[] = {
+    {"clock", clock_read},
+    {"coupling", coupling_read},
+    {"dead", dead_read},
+    {"drift", drift_read},
+    {"droop", droop_read},
+    {"exchange", exchange_read},
+    {"gain", gain_read},
+    {"late", late_read},
+    {"line", line_read},
+    {"noise", noise_read},
+    {"nonlinear", nonlinear_read},
+    {"saturation", saturation_read},
+    {"silent", silent_read},
+    {"stuck_bit", stuck_bit_read},
+    {"spread", spread_read},       {"rheology", rheology_read}, {"indent", indent_read},
+    {"proximity", proximity_read}, {"moisture", moisture_read}, {"modulus", modulus_read},
+};
+
+int effects_read_line(const struct world_reader *reader)
+{
+    struct effect_line line;
+    if (effect_line_open(&line, reader)) {
+        return -1;
+    }
+    for (size_t i = 0; i < sizeof modules / sizeof modules[0]; i++) {
+        if (strcmp(modules[i].name, line.name) == 0) {
+            return modules[i].read(&line, &reader->world->effects) ? -1 : effect_line_close(&line);
+        }
+    }
+    fprintf(stderr, "world %s, line %d: unknown effect '%s'\n", reader->path, reader->line, line.name);
+    return -1;
+}

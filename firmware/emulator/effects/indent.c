@@ -1,0 +1,72 @@
+#include "emulator/effects/indent.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+#include "emulator/layer.h"
+
+#define RECOVERED_M 1e-8 /* some hundredth of a count */
+
+int indent_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {[INDENT_SET] = "set", [INDENT_BEDDING] = "bedding", NULL};
+    struct indent_effect *indent = &effects->indent;
+    const int form = effect_line_form(line, forms);
+    if (form < 0) {
+        return -1;
+    }
+    *indent = (struct indent_effect){.form = (enum indent_form)form};
+    if (effect_line_number(line, "fraction", 0.0, 0.9, &indent->fraction)) {
+        return -1;
+    }
+    if (form == INDENT_BEDDING) {
+        return effect_line_number(line, "work_j_m2", 0.01, 1e4, &indent->work_j_m2);
+    }
+    return effect_line_number(line, "threshold_m", 0.0, LAYER_PILLAR_HEIGHT_M, &indent->threshold_m) ||
+                   effect_line_number(line, "recovery_s", 1.0, 1e6, &indent->recovery_s)
+               ? -1
+               : 0;
+}
+
+bool indent_is_on(const struct indent_effect *indent)
+{
+    return indent->fraction != 0.0;
+}
+
+double indent_decay(const struct indent_effect *indent, double seconds)
+{
+    return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
+}
+
+static double set(const struct indent_effect *indent, double decay, struct indent_cell *cell, double c)
+{
+    const double left = cell->depth * decay, pressed = indent->fraction * (c - indent->threshold_m);
+    const double depth = left > pressed ? left : pressed;
+    cell->depth = depth > RECOVERED_M ? depth : 0.0;
+    return cell->depth + c * (1.0 - cell->depth / LAYER_PILLAR_HEIGHT_M);
+}
+
+static double bed(const struct indent_effect *indent, struct indent_cell *cell, double c)
+{
+    if (c > cell->last) {
+        cell->work += layer_work(c) - layer_work(cell->last);
+    }
+    cell->last = c;
+    return c * (1.0 + indent->fraction * expm1(-cell->work / indent->work_j_m2));
+}
+
+bool indent_advance(const struct indent_effect *indent, double decay, struct indent_cell *cells, size_t count,
+                    double *compression)
+{
+    bool awake = false;
+    for (size_t i = 0; i < count; i++) {
+        struct indent_cell *cell = &cells[i];
+        if (compression[i] > 0.0 || cell->depth > 0.0 || cell->last > 0.0) {
+            const double c = compression[i];
+            compression[i] = indent->form == INDENT_SET ? set(indent, decay, cell, c) : bed(indent, cell, c);
+            awake = awake || cell->depth > 0.0 || cell->last > 0.0;
+        }
+    }
+    return awake;
+}

@@ -1,0 +1,86 @@
+#include "emulator/effects/late_history.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define FIRST_CAPACITY 64u
+
+struct late_history *late_history_open(size_t taxels, double delay_s)
+{
+    struct late_history *history = calloc(1, sizeof *history);
+    if (history) {
+        history->taxels = taxels;
+        history->delay = (vtime)(delay_s * (double)VTIME_SECOND);
+    }
+    return history;
+}
+
+void late_history_free(struct late_history *history)
+{
+    if (history) {
+        free(history->records);
+        free(history->fields);
+        free(history);
+    }
+}
+
+static bool make_room(struct late_history *history)
+{
+    const size_t taxels = history->taxels;
+    if (history->first && history->first + history->count == history->capacity) {
+        memmove(history->records, history->records + history->first, history->count * sizeof *history->records);
+        memmove(history->fields, history->fields + history->first * taxels, history->count * taxels * sizeof *history->fields);
+        history->first = 0;
+    }
+    if (history->count < history->capacity) {
+        return true;
+    }
+    const size_t capacity = history->capacity ? 2u * history->capacity : FIRST_CAPACITY;
+    struct late_record *records = realloc(history->records, capacity * sizeof *records);
+    history->records = records ? records : history->records;
+    struct taxel_field *fields = realloc(history->fields, capacity * taxels * sizeof *fields);
+    history->fields = fields ? fields : history->fields;
+    if (!records || !fields) {
+        return false;
+    }
+    history->capacity = capacity;
+    return true;
+}
+
+struct taxel_field *late_history_add(struct late_history *history, vtime time, bool holds, vtime now)
+{
+    /* A conversion asks for its middle, a little before now: one record more than the delay is kept. */
+    const vtime needed = history->delay + VTIME_SECOND / 10u;
+    while (history->count > 1u && history->records[history->first + 1u].time + needed < now) {
+        history->first++;
+        history->count--;
+    }
+    if (!make_room(history)) {
+        return NULL;
+    }
+    const size_t at = history->first + history->count++;
+    history->records[at] = (struct late_record){.time = time, .holds = holds};
+    return history->fields + at * history->taxels;
+}
+
+struct late_span late_history_find(const struct late_history *history, vtime time, vtime present_time)
+{
+    const struct late_record *records = history->records + history->first;
+    size_t low = 0, high = history->count;
+    while (high - low > 1u) {
+        const size_t middle = (low + high) / 2u;
+        if (records[middle].time <= time) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    const bool is_last = low + 1u == history->count;
+    const vtime end = is_last ? present_time : records[low + 1u].time;
+    struct late_span span = {.before = history->fields + (history->first + low) * history->taxels};
+    span.after = is_last ? NULL : span.before + history->taxels;
+    if (!records[low].holds && time > records[low].time && end > records[low].time) {
+        span.fraction = (double)(time - records[low].time) / (double)(end - records[low].time);
+    }
+    return span;
+}

@@ -1,0 +1,61 @@
+#include "emulator/effects/moisture.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+#include "emulator/layer.h"
+#include "emulator/skin/patch.h"
+
+#define WATER_PERMITTIVITY 80.0 /* at 20 degrees C and below some GHz */
+#define DRY 1e-7                /* a share of water far below a count */
+
+int moisture_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {[MOISTURE_FILM] = "film", [MOISTURE_DRYING] = "drying", NULL};
+    struct moisture_effect *moisture = &effects->moisture;
+    const int form = effect_line_form(line, forms);
+    if (form < 0) {
+        return -1;
+    }
+    *moisture = (struct moisture_effect){.form = (enum moisture_form)form};
+    if (effect_line_board(line, &moisture->board) ||
+        effect_line_number(line, "tx", -1.0, TAXEL_LINES_MAX, &moisture->tx) ||
+        effect_line_number(line, "rx", -1.0, TAXEL_LINES_MAX, &moisture->rx) ||
+        effect_line_number(line, "radius_m", 0.0, 0.1, &moisture->radius_m) ||
+        effect_line_optional(line, "edge_m", 1e-4, 0.02, 0.001, &moisture->edge_m) ||
+        effect_line_number(line, "water", 0.0, 0.3, &moisture->water)) {
+        return -1;
+    }
+    return form == MOISTURE_DRYING ? effect_line_number(line, "seconds", 0.1, 1e6, &moisture->seconds) : 0;
+}
+
+bool moisture_is_on(const struct moisture_effect *moisture)
+{
+    return moisture->water != 0.0;
+}
+
+void moisture_fill(const struct moisture_effect *moisture, const struct patch *patch, double *weight)
+{
+    for (size_t i = 0; i < patch->cell_count; i++) {
+        const int row = patch->grid_of[i] / patch->grid_columns, column = patch->grid_of[i] % patch->grid_columns;
+        const double along = (row + 0.5) * CELL_SIDE_M - (moisture->tx + 0.5) * TAXEL_PITCH_M;
+        const double across = (column + 0.5) * CELL_SIDE_M - (moisture->rx + 0.5) * TAXEL_PITCH_M;
+        const double share = 0.5 * (1.0 - tanh((hypot(along, across) - moisture->radius_m) / moisture->edge_m));
+        weight[i] = share < DRY ? 0.0 : share;
+    }
+}
+
+double moisture_water(const struct moisture_effect *moisture, double time)
+{
+    if (moisture->form == MOISTURE_FILM) {
+        return moisture->water;
+    }
+    const double water = moisture->water * exp(-time / moisture->seconds);
+    return water < DRY ? 0.0 : water;
+}
+
+double moisture_rise(double water, double rise)
+{
+    return rise + (1.0 + rise) * expm1(water * log(WATER_PERMITTIVITY) * layer_pores(rise));
+}

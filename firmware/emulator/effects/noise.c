@@ -1,0 +1,184 @@
+#include "emulator/effects/noise.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define NOISE_STREAM 0x6E6F697300000000ull
+#define SHORTEST_S 0.020
+#define STEPS_A_TIME 8.0
+
+static int read_form(struct effect_line *line, struct noise_slot *slot)
+{
+    long axis, shared = 0;
+    if (slot->form == NOISE_LINE) {
+        if (effect_line_whole(line, "axis", 0, 2, &axis)) {
+            return -1;
+        }
+        slot->axis = (int)axis;
+    }
+    if (slot->form == NOISE_PINK && effect_line_has(line, "shared") && effect_line_whole(line, "shared", 0, 1, &shared)) {
+        return -1;
+    }
+    slot->shared = shared != 0;
+    if (slot->form == NOISE_IMPULSE) {
+        double duration_ms;
+        if (effect_line_number(line, "rate_hz", 0.0, 1e4, &slot->rate_hz) ||
+            effect_line_optional(line, "duration_ms", 0.001, 1e5, 5.0, &duration_ms)) {
+            return -1;
+        }
+        slot->duration_s = duration_ms * 1e-3;
+    }
+    return 0;
+}
+
+int noise_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {
+        [NOISE_WHITE] = "white", [NOISE_LINE] = "line", [NOISE_PINK] = "pink", [NOISE_IMPULSE] = "impulse", NULL};
+    struct noise_effect *noise = &effects->noise;
+    struct noise_slot slot = {0};
+    const int form = effect_line_form(line, forms);
+    if (form < 0) {
+        return -1;
+    }
+    if (noise->count == NOISE_SLOTS_MAX) {
+        return effect_line_complain(line, "more than 8 lines of noise");
+    }
+    slot.form = (enum noise_form)form;
+    if (effect_line_boards(line, &slot.boards) || effect_line_number(line, "counts", 0.0, 65535.0, &slot.counts) ||
+        read_form(line, &slot)) {
+        return -1;
+    }
+    noise->slots[noise->count++] = slot;
+    return 0;
+}
+
+static bool acts_on(const struct noise_slot *slot, size_t board)
+{
+    const bool is_off = slot->counts == 0.0 || (slot->form == NOISE_IMPULSE && slot->rate_hz == 0.0);
+    return !is_off && effect_boards_hold(&slot->boards, board);
+}
+
+bool noise_is_on(const struct noise_effect *noise, size_t board)
+{
+    for (size_t i = 0; i < noise->count; i++) {
+        if (acts_on(&noise->slots[i], board)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed, uint8_t address)
+{
+    noise->count = 0;
+    noise->tx = -1;
+    for (size_t i = 0; i < effect->count; i++) {
+        if (acts_on(&effect->slots[i], board)) {
+            struct noise_state *state = &noise->state[noise->count];
+            random_init(&state->random, seed, NOISE_STREAM | (i << 8) | address);
+            noise->slot[noise->count++] = &effect->slots[i];
+        }
+    }
+}
+
+/* Nearly normal, of variance 1, from the sum of the eight bytes of one number: a process of many steps makes up for the rest. */
+static double quick_normal(struct random_source *random)
+{
+    const uint64_t low_bytes = 0x00FF00FF00FF00FFull;
+    const uint64_t value = random_u64(random);
+    const uint64_t pairs = (value & low_bytes) + ((value >> 8) & low_bytes);
+    const uint64_t sum = (pairs * 0x0001000100010001ull) >> 48;
+    return ((double)sum - 8.0 * 127.5) / 209.02153; /* sqrt(8 (256^2 - 1) / 12) */
+}
+
+static void step_pink(const struct noise_slot *slot, struct noise_state *state, double time, size_t taxels)
+{
+    const double each = slot->counts / sqrt((double)NOISE_OCTAVES);
+    const size_t count = slot->shared ? 1u : taxels;
+    double relaxation = SHORTEST_S;
+    for (int octave = 0; octave < NOISE_OCTAVES; octave++, relaxation *= 2.0) {
+        const double elapsed = time - state->stepped[octave];
+        if (state->has_begun && elapsed < relaxation / STEPS_A_TIME) {
+            continue;
+        }
+        const double keep = state->has_begun ? exp(-elapsed / relaxation) : 0.0;
+        const double fresh = each * sqrt(1.0 - keep * keep);
+        double *const process = state->process[octave];
+        state->stepped[octave] = time;
+        for (size_t i = 0; i < count; i++) {
+            const double value = keep * process[i] + fresh * quick_normal(&state->random);
+            state->pink[i] += value - process[i];
+            process[i] = value;
+        }
+    }
+    state->has_begun = true;
+}
+
+void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
+{
+    noise->tx = -1;
+    for (size_t i = 0; i < noise->count; i++) {
+        const struct noise_slot *slot = noise->slot[i];
+        struct noise_state *state = &noise->state[i];
+        if (slot->form == NOISE_PINK) {
+            step_pink(slot, state, time, taxels);
+        } else if (slot->form == NOISE_LINE && slot->axis == 1) {
+            for (size_t rx = 0; rx < TAXEL_LINES_MAX; rx++) {
+                state->of_rx[rx] = slot->counts * random_normal(&state->random);
+            }
+        } else if (slot->form == NOISE_LINE && slot->axis == 2) {
+            state->common = slot->counts * random_normal(&state->random);
+        }
+    }
+}
+
+static double waiting_time(struct noise_state *state, double rate_hz)
+{
+    return -log(1.0 - random_uniform(&state->random)) / rate_hz;
+}
+
+static double impulse(const struct noise_slot *slot, struct noise_state *state, double time)
+{
+    if (!state->has_begun) {
+        state->has_begun = true;
+        state->next = waiting_time(state, slot->rate_hz);
+    }
+    while (time >= state->next) {
+        state->until = state->next + slot->duration_s;
+        state->sign = random_u64(&state->random) >> 63 ? 1.0 : -1.0;
+        state->next += waiting_time(state, slot->rate_hz);
+    }
+    return time < state->until ? state->sign * slot->counts : 0.0;
+}
+
+double noise_counts(struct noise_board *noise, double time, int tx, int rx, size_t taxel)
+{
+    const bool is_new_line = tx != noise->tx;
+    double sum = 0.0;
+    noise->tx = tx;
+    for (size_t i = 0; i < noise->count; i++) {
+        const struct noise_slot *slot = noise->slot[i];
+        struct noise_state *state = &noise->state[i];
+        switch (slot->form) {
+        case NOISE_WHITE:
+            sum += slot->counts * random_normal(&state->random);
+            break;
+        case NOISE_LINE:
+            if (slot->axis == 0 && is_new_line) {
+                state->common = slot->counts * random_normal(&state->random);
+            }
+            sum += slot->axis == 1 ? state->of_rx[rx] : state->common;
+            break;
+        case NOISE_PINK:
+            sum += state->pink[slot->shared ? 0 : taxel];
+            break;
+        default:
+            sum += impulse(slot, state, time);
+            break;
+        }
+    }
+    return sum;
+}

@@ -1,0 +1,57 @@
+#include "emulator/effects/nonlinear.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define BOW_SKEW 0.5
+#define DENOMINATOR_MAX 12
+
+int nonlinear_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"dead_zone", "bow", NULL};
+    const int form = effect_line_form(line, forms);
+    struct effect_boards boards;
+    double value;
+    if (form < 0 || effect_line_boards(line, &boards) ||
+        effect_line_number(line, form == 0 ? "leak" : "counts", form == 0 ? 0.0 : -1000.0, form == 0 ? 0.05 : 1000.0, &value)) {
+        return -1;
+    }
+    double *const values = form == 0 ? effects->nonlinear.leak : effects->nonlinear.bow_counts;
+    for (size_t i = boards.first; i < boards.end; i++) {
+        values[i] = value;
+    }
+    return 0;
+}
+
+bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
+{
+    return nonlinear->leak[board] > 0.0 || nonlinear->bow_counts[board] != 0.0;
+}
+
+/* The fraction with the smallest denominator whose plateau holds `share`; else `share`. Longer patterns than that do not last
+ * in a modulator that has some noise. */
+static double locked(double share, double leak)
+{
+    for (int q = 2; q <= DENOMINATOR_MAX; q++) {
+        const double p = (double)(int)(share * q + 0.5);
+        if (fabs(share * q - p) <= 0.5 * leak * (1.0 - leak * (q - 1))) {
+            return p / q;
+        }
+    }
+    return share;
+}
+
+double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count, double hardware_count)
+{
+    const double share = hardware_count / largest_count;
+    if (share <= 0.0 || share >= 1.0) {
+        return hardware_count;
+    }
+    const double bow = nonlinear->bow_counts[board] * 4.0 * share * (1.0 - share) * (1.0 + BOW_SKEW * (1.0 - 2.0 * share));
+    if (nonlinear->leak[board] == 0.0) {
+        return hardware_count + bow;
+    }
+    return largest_count * locked(share + bow / largest_count, nonlinear->leak[board]);
+}

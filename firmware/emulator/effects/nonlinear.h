@@ -1,0 +1,26 @@
+/* A converter whose counts are not proportional to capacitance; keys board=.
+ *
+ * Form `dead_zone`: a first-order modulator whose integrator leaks locks to short patterns. With a leak a clock, inputs near
+ * the fraction p/q of full scale all give p/q; the plateau is leak (1 - leak (q - 1)) / q wide (contracted rotation, for
+ * a small leak), up to q = 12. leak=0 is the ideal sensor; 0.004 gives 13 counts of 6400 at one half.
+ * Form `bow`: the modulator's capacitor depends on its voltage: counts * 4 u (1 - u) (1 + 0.5 (1 - 2 u)) is added,
+ * u the hardware count over the largest count: none at the ends, `counts` in the middle, more below than above. */
+#ifndef EMULATOR_EFFECTS_NONLINEAR_H
+#define EMULATOR_EFFECTS_NONLINEAR_H
+
+#include <stdbool.h>
+
+#include "emulator/effects/effect_boards.h"
+
+struct effect_line;
+struct effects;
+
+struct nonlinear_effect {
+    double leak[EFFECT_BOARDS_MAX], bow_counts[EFFECT_BOARDS_MAX];
+};
+
+int nonlinear_read(struct effect_line *line, struct effects *effects);
+bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board);
+double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count, double hardware_count);
+
+#endif

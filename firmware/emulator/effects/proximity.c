@@ -1,0 +1,64 @@
+#include "emulator/effects/proximity.h"
+
+#include <math.h>
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+#include "emulator/layer.h"
+#include "emulator/skin/contact.h"
+
+#define IMAGE_FAR 5.0 /* electrode distances */
+
+int proximity_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {[PROXIMITY_IMAGE] = "image", [PROXIMITY_WEDGE] = "wedge", NULL};
+    const int form = effect_line_form(line, forms);
+    effects->proximity = (struct proximity_effect){.form = form == PROXIMITY_WEDGE ? PROXIMITY_WEDGE : PROXIMITY_IMAGE};
+    return form < 0 || effect_line_number(line, "share", 0.0, 1.0, &effects->proximity.share) ||
+                   effect_line_number(line, "reach_m", 1e-5, 0.02, &effects->proximity.reach_m)
+               ? -1
+               : 0;
+}
+
+bool proximity_is_on(const struct proximity_effect *proximity)
+{
+    return proximity->share != 0.0;
+}
+
+double proximity_far(const struct proximity_effect *proximity)
+{
+    const double far = proximity->form == PROXIMITY_IMAGE ? IMAGE_FAR * proximity->reach_m : proximity->reach_m;
+    return proximity_is_on(proximity) ? fmin(far, CONTACT_FAR_M) : 0.0;
+}
+
+static double answer(const struct proximity_effect *proximity, double thickness, double gap)
+{
+    const double ratio = 0.5 * proximity->reach_m / (thickness + gap);
+    return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio) : 1.0 / (1.0 + layer_permittivity() * gap / thickness);
+}
+
+void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness)
+{
+    curve->thickness = thickness;
+    curve->far = proximity_far(proximity);
+    curve->floor = thickness / (thickness + curve->far);
+    curve->steps = PROXIMITY_STEPS / (1.0 - curve->floor);
+    const double least = answer(proximity, thickness, curve->far), most = answer(proximity, thickness, 0.0);
+    for (int i = 0; i <= PROXIMITY_STEPS; i++) {
+        const double gap = thickness / (curve->floor + i / curve->steps) - thickness;
+        curve->value[i] = proximity->share * (answer(proximity, thickness, gap) - least) / (most - least);
+    }
+}
+
+double proximity_rise(const struct proximity_curve *curve, double gap)
+{
+    if (gap >= curve->far) {
+        return 0.0;
+    }
+    const double position = (curve->thickness / (curve->thickness + gap) - curve->floor) * curve->steps;
+    const int index = (int)position;
+    if (index >= PROXIMITY_STEPS) {
+        return curve->value[PROXIMITY_STEPS];
+    }
+    return curve->value[index] + (position - index) * (curve->value[index + 1] - curve->value[index]);
+}

@@ -1,0 +1,33 @@
+#include "emulator/effects/saturation.h"
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+int saturation_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"clip", "soft", NULL};
+    struct saturation_board board;
+    struct effect_boards boards;
+    const int form = effect_line_form(line, forms);
+    if (form < 0 || effect_line_boards(line, &boards) || effect_line_number(line, "counts", 1.0, 65535.0, &board.counts) ||
+        effect_line_optional(line, "strength", 0.0, 1.0, 1.0, &board.strength)) {
+        return -1;
+    }
+    board.soft = form == 1;
+    for (size_t i = boards.first; i < boards.end; i++) {
+        effects->saturation.board[i] = board;
+    }
+    return 0;
+}
+
+double saturation_limit(const struct saturation_board *board, double rest, double hardware_count)
+{
+    const double above = hardware_count - rest;
+    if (board->strength == 0.0 || above <= 0.0) {
+        return hardware_count;
+    }
+    const double limited = board->soft               ? above * board->counts / (above + board->counts)
+                           : above > board->counts ? board->counts
+                                                   : above;
+    return hardware_count + board->strength * (limited - above);
+}

@@ -1,0 +1,72 @@
+#include "emulator/effects/silent.h"
+
+#include "emulator/effects/effect_line.h"
+#include "emulator/effects/effects.h"
+
+#define SILENT_STREAM 0x73696C6500000000ull
+#define FOR_EVER 1e30
+
+static int read_from(struct effect_line *line, struct silent_effect *silent)
+{
+    double duration;
+    const size_t n = silent->count;
+    if (n == SILENCES_MAX) {
+        return effect_line_complain(line, "more than 64 silences");
+    }
+    if (effect_line_board(line, &silent->silences[n].board) ||
+        effect_line_number(line, "seconds", 0.0, 1e7, &silent->silences[n].from) ||
+        effect_line_optional(line, "duration", 0.0, 1e7, FOR_EVER, &duration)) {
+        return -1;
+    }
+    silent->silences[n].until = silent->silences[n].from + duration;
+    silent->count++;
+    return 0;
+}
+
+int silent_read(struct effect_line *line, struct effects *effects)
+{
+    static const char *const forms[] = {"from", "flaky", NULL};
+    struct silent_effect *silent = &effects->silent;
+    const int form = effect_line_form(line, forms);
+    struct effect_boards boards;
+    double p, burst;
+    if (form <= 0) {
+        return form < 0 ? -1 : read_from(line, silent);
+    }
+    if (effect_line_boards(line, &boards) || effect_line_number(line, "p", 0.0, 0.99, &p) ||
+        effect_line_optional(line, "burst", 1.0, 1e6, 4.0, &burst)) {
+        return -1;
+    }
+    if (p > burst * (1.0 - p)) {
+        return effect_line_complain(line, "bursts of that mean length cannot make up so large a p; raise burst=");
+    }
+    for (size_t i = boards.first; i < boards.end; i++) {
+        silent->probability[i] = p;
+        silent->burst[i] = burst;
+    }
+    return 0;
+}
+
+void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed, uint8_t address)
+{
+    random_init(&contact->random, seed, SILENT_STREAM | address);
+    contact->is_bad = random_uniform(&contact->random) < silent->probability[board];
+}
+
+bool silent_loses(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact)
+{
+    const double p = silent->probability[board], burst = silent->burst[board];
+    for (size_t i = 0; i < silent->count; i++) {
+        if (silent->silences[i].board == board && time >= silent->silences[i].from && time < silent->silences[i].until) {
+            return true;
+        }
+    }
+    if (p == 0.0) {
+        return false;
+    }
+    const double change = contact->is_bad ? 1.0 / burst : p / (burst * (1.0 - p));
+    if (random_uniform(&contact->random) < change) {
+        contact->is_bad = !contact->is_bad;
+    }
+    return contact->is_bad;
+}

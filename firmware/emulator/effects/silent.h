@@ -1,0 +1,40 @@
+/* Boards that the bus does not reach: their address goes unacknowledged while they scan on.
+ *
+ * Form `from`: board= answers nothing from `seconds` on, for `duration` seconds or for ever.
+ * Form `flaky`: a loose contact. Each addressing is lost with probability p, in runs of mean length `burst` (4) addressings:
+ * a chain of two states that leaves the bad one with 1 / burst and enters it with p / (burst (1 - p)). */
+#ifndef EMULATOR_EFFECTS_SILENT_H
+#define EMULATOR_EFFECTS_SILENT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "emulator/effects/effect_boards.h"
+#include "emulator/random.h"
+
+#define SILENCES_MAX 64
+
+struct effect_line;
+struct effects;
+
+struct silent_effect {
+    struct {
+        size_t board;
+        double from, until; /* seconds */
+    } silences[SILENCES_MAX];
+    size_t count;
+    double probability[EFFECT_BOARDS_MAX], burst[EFFECT_BOARDS_MAX];
+};
+
+struct silent_contact {
+    struct random_source random;
+    bool is_bad;
+};
+
+int silent_read(struct effect_line *line, struct effects *effects);
+void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed, uint8_t address);
+
+/* Whether this addressing, at a time in seconds, is lost. */
+bool silent_loses(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact);
+
+#endif

@@ -1,0 +1,113 @@
+#include "emulator/skin/native.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "emulator/layer.h"
+#include "emulator/skin/skin.h"
+
+struct taxel_contact {
+    struct world_description description;
+    struct stimulus stimulus;
+    struct skin skin;
+};
+
+struct taxel_contact *taxel_contact_open(const char *world_path)
+{
+    struct taxel_contact *contact = calloc(1, sizeof *contact);
+    if (!contact) {
+        return NULL;
+    }
+    layer_init();
+    contact->stimulus = (struct stimulus){.kind = STIMULUS_SCENE, .until = VTIME_NEVER, .fd = -1, .name = "contact"};
+    if (world_file_read(&contact->description, world_path)) {
+        free(contact);
+        return NULL;
+    }
+    contact->stimulus.values = STIMULUS_SCENE_VALUES(contact->description.board_count);
+    if (skin_init(&contact->skin, &contact->description, &contact->stimulus)) {
+        taxel_contact_close(contact);
+        return NULL;
+    }
+    return contact;
+}
+
+void taxel_contact_close(struct taxel_contact *contact)
+{
+    if (contact) {
+        skin_free(&contact->skin);
+        world_file_free(&contact->description);
+        free(contact);
+    }
+}
+
+size_t taxel_contact_boards(const struct taxel_contact *contact)
+{
+    return contact->skin.board_count;
+}
+
+size_t taxel_contact_taxels(const struct taxel_contact *contact)
+{
+    size_t taxels = 0;
+    for (size_t i = 0; i < contact->skin.board_count; i++) {
+        taxels += contact->skin.boards[i].patch.taxel_count;
+    }
+    return taxels;
+}
+
+void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t board, double *offset)
+{
+    memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));
+}
+
+void taxel_contact_object_offset(const struct taxel_contact *contact, size_t object, double *offset)
+{
+    memcpy(offset, &contact->description.objects[object].offset, sizeof(struct frame));
+}
+
+static void write_forces(const struct skin_board *board, bool touched, double *force)
+{
+    for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {
+        force[taxel] = 0.0;
+        for (size_t i = taxel * CELLS_PER_TAXEL; touched && i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
+            force[taxel] += layer_contact_pressure(board->compression[i]) * SKIN_CELL_AREA_M2;
+        }
+    }
+}
+
+int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose, const double *bracket_poses,
+                           double *load, double *force)
+{
+    const struct world_description *description = &contact->description;
+    const bool present = object >= 0 && (size_t)object < description->object_count;
+    struct frame object_of_world = frame_identity;
+    int touched_boards = 0;
+    if (present) {
+        struct frame believed;
+        memcpy(&believed, object_pose, sizeof believed);
+        const struct frame world_of_object = frame_product(&believed, &description->objects[object].offset);
+        object_of_world = frame_inverse(&world_of_object);
+    }
+    for (size_t i = 0; i < contact->skin.board_count; i++) {
+        struct skin_board *board = &contact->skin.boards[i];
+        struct contact_load sum = {0};
+        bool touched = false;
+        if (present) {
+            struct frame believed;
+            memcpy(&believed, bracket_poses + 12 * i, sizeof believed);
+            const struct frame bracket = frame_product(&believed, &description->boards[i].bracket_offset);
+            const struct frame object_of_bracket = frame_product(&object_of_world, &bracket);
+            touched = contact_press(&board->patch, &description->objects[object].shape, &object_of_bracket,
+                                    description->layer_thickness, 0.0, board->compression, NULL, &sum);
+        }
+        memcpy(load + 42 * i, sum.wrench, sizeof sum.wrench);
+        memcpy(load + 42 * i + 6, sum.stiffness, sizeof sum.stiffness);
+        if (force) {
+            write_forces(board, touched, force);
+            force += board->patch.taxel_count;
+        }
+        touched_boards += touched;
+    }
+    return touched_boards;
+}

@@ -1,0 +1,91 @@
+/* One board's field on its own, with effects given as lines of a world file. */
+#ifndef TAXEL_TESTS_SKIN_BENCH_H
+#define TAXEL_TESTS_SKIN_BENCH_H
+
+#include "check.h"
+#include "emulator/effects/effect_line.h"
+#include "emulator/layer.h"
+#include "emulator/skin/contact.h"
+#include "emulator/skin/field.h"
+
+#define BENCH_LINES 8
+#define BENCH_TAXELS (BENCH_LINES * BENCH_LINES)
+#define BENCH_CELLS (BENCH_TAXELS * CELLS_PER_TAXEL)
+#define BENCH_ADDRESS 0x22
+
+struct skin_bench {
+    struct world_description world;
+    struct patch patch;
+    struct field field;
+    struct field_load before, after;
+    double compression[BENCH_CELLS];
+    struct taxel_field fields[BENCH_TAXELS];
+    double time;
+};
+
+/* `line`: what comes after the word `effect`. Returns 0, or -1 if it is refused. */
+static inline int give_effect(struct world_description *world, const char *line)
+{
+    char copy[256];
+    struct world_reader reader = {.path = "test", .world = world};
+    static char effect[] = "effect";
+    snprintf(copy, sizeof copy, "%s", line);
+    reader.words[reader.count++] = effect;
+    for (char *word = strtok(copy, " "); word; word = strtok(NULL, " ")) {
+        reader.words[reader.count++] = word;
+    }
+    return effects_read_line(&reader);
+}
+
+/* An 8 x 8 board, without the crossings of `hole` (-1: none). */
+static inline void bench_open(struct skin_bench *bench, const char *line, int hole)
+{
+    memset(bench, 0, sizeof *bench);
+    bench->world.seed = 3;
+    bench->world.layer_thickness = 0.001;
+    bench->world.board_count = 1;
+    struct board_description *board = &bench->world.boards[0];
+    board->address = BENCH_ADDRESS;
+    board->rows = board->columns = BENCH_LINES;
+    memset(board->crossing_map, 0xFF, BENCH_TAXELS / 8);
+    board->taxel_count = BENCH_TAXELS;
+    if (hole >= 0) {
+        board->crossing_map[hole >> 3] &= (uint8_t)~(1u << (hole & 7));
+        board->taxel_count--;
+    }
+    layer_init();
+    CHECK(!line || give_effect(&bench->world, line) == 0);
+    CHECK(patch_init(&bench->patch, BENCH_LINES, BENCH_LINES, board->crossing_map, board->taxel_count, NULL) == 0);
+    CHECK(field_init(&bench->field, &bench->world, 0, &bench->patch) == 0);
+    CHECK(field_load_init(&bench->before, &bench->patch) == 0 && field_load_init(&bench->after, &bench->patch) == 0);
+}
+
+static inline void bench_close(struct skin_bench *bench)
+{
+    field_load_free(&bench->before);
+    field_load_free(&bench->after);
+    field_free(&bench->field);
+    patch_free(&bench->patch);
+}
+
+static inline void bench_go(struct skin_bench *bench, double seconds, bool jump)
+{
+    bench->time += seconds;
+    const struct field_moment moment = {.fraction = 1.0, .seconds = seconds, .time = bench->time, .jump = jump};
+    field_advance(&bench->field, &bench->before, &bench->after, &moment, bench->fields);
+    const struct field_load spare = bench->before;
+    bench->before = bench->after;
+    bench->after = spare;
+    field_load_clear(&bench->after, &bench->patch);
+}
+
+/* One taxel carries that force at the end of the time. */
+static inline void bench_press(struct skin_bench *bench, size_t taxel, double force, double seconds, bool jump)
+{
+    float forces[BENCH_TAXELS] = {0.0f};
+    forces[taxel] = (float)force;
+    field_press_taxels(&bench->field, forces, bench->compression, &bench->after);
+    bench_go(bench, seconds, jump);
+}
+
+#endif

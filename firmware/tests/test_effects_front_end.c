@@ -1,0 +1,278 @@
+/* Effects on one board's way from capacitance to count, each as a statement of its physics. */
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <math.h>
+#include <unistd.h>
+
+#include "effects_bench.h"
+
+#define ROWS 6
+#define COLUMNS 5
+#define TAXELS (ROWS * COLUMNS)
+#define SCAN_S 0.01
+
+static struct bench bench;
+
+static void prepare(const char *const *effects)
+{
+    bench_describe(&bench, 1, ROWS, COLUMNS);
+    for (; effects && *effects; effects++) {
+        bench_effect(&bench, *effects);
+    }
+    bench_open(&bench, 0);
+}
+
+static void prepare_one(const char *effect)
+{
+    const char *const effects[] = {effect, NULL};
+    prepare(effects);
+}
+
+/* Counts above the ideal rest, before quantisation took up to one. */
+static double drop(int taxel)
+{
+    return bench.largest - bench.raw[taxel] - bench.rest[taxel];
+}
+
+static void electrode_gain_is_log_normal_and_spares_the_fixed_part(void)
+{
+    double sum = 0.0, squares = 0.0, n = 0.0;
+    for (uint64_t seed = 1; seed <= 40; seed++) {
+        bench_describe(&bench, 1, ROWS, COLUMNS);
+        bench.world.seed = seed;
+        bench_open(&bench, 0);
+        const struct front_end ideal = bench.front_end;
+        bench_effect(&bench, "gain electrode log_std=0.2 factor=1.5");
+        bench_open(&bench, 0);
+        for (int i = 0; i < TAXELS; i++) {
+            const double log_gain = log(bench.front_end.taxels[i].fringe_f / ideal.taxels[i].fringe_f);
+            CHECK(bench.front_end.taxels[i].fixed_f == ideal.taxels[i].fixed_f);
+            sum += log_gain;
+            squares += log_gain * log_gain;
+            n += 1.0;
+        }
+    }
+    CHECK_BETWEEN(sum / n, log(1.5) - 0.02, log(1.5) + 0.02);
+    CHECK_BETWEEN(sqrt(squares / n - (sum / n) * (sum / n)), 0.19, 0.21);
+}
+
+static void idac_gain_scales_rest_and_drop_alike(void)
+{
+    bench_describe(&bench, 2, ROWS, COLUMNS);
+    bench_open(&bench, 1);
+    const double rest = bench.rest[4];
+    const double swing = front_end_hardware_count(&bench.front_end, 4, 1.0) - rest;
+    bench_effect(&bench, "gain idac board=0x21 factor=0.9");
+    bench_open(&bench, 1);
+    CHECK_BETWEEN(bench.rest[4] / rest, 0.9 - 1e-9, 0.9 + 1e-9);
+    CHECK_BETWEEN((front_end_hardware_count(&bench.front_end, 4, 1.0) - bench.rest[4]) / swing, 0.9 - 1e-9, 0.9 + 1e-9);
+    bench_open(&bench, 0);
+    CHECK(bench.front_end.idac_gain == 1.0);
+}
+
+static void warming_up_approaches_its_size(void)
+{
+    double at[4], end = 0.0;
+    static const double times[] = {0.0, 10.0, 20.0, 400.0};
+    prepare_one("drift warm_up counts=100 seconds=10 share=0");
+    for (int n = 0; n < 4; n++) {
+        bench_scan(&bench, 0, times[n]);
+        at[n] = end = drop(0);
+    }
+    CHECK_BETWEEN(at[0], -1.0, 1.0);
+    CHECK_BETWEEN(end, 30.0, 300.0); /* 100 exp(0.3 n) */
+    CHECK_BETWEEN(at[1] / end, 0.632 - 0.02, 0.632 + 0.02);
+    CHECK_BETWEEN(at[2] / end, 0.865 - 0.02, 0.865 + 0.02);
+    prepare_one("drift warm_up counts=100 seconds=10 share=0.5");
+    bench_scan(&bench, 0, 400.0);
+    CHECK(fabs(drop(0) - drop(1)) > 2.0);
+}
+
+static void saturation_stops_or_bends(void)
+{
+    prepare_one("saturation clip counts=300");
+    bench.rise[3] = 5.0;
+    bench.rise[4] = 0.1;
+    bench_scan(&bench, 0, 0.0);
+    CHECK_BETWEEN(drop(3), 299.0, 300.0);
+    CHECK_BETWEEN(drop(4) - 0.1 * bench.front_end.taxels[4].fringe_f * bench.front_end.counts_per_farad, -1.0, 0.0);
+    CHECK_BETWEEN(drop(5), -1.0, 0.0);
+    prepare_one("saturation soft counts=300");
+    bench.rise[3] = 300.0 / (bench.front_end.taxels[3].fringe_f * bench.front_end.counts_per_farad);
+    bench_scan(&bench, 0, 0.0);
+    CHECK_BETWEEN(drop(3), 149.0, 150.0);
+    bench.rise[3] *= 0.01;
+    bench_scan(&bench, 0, 0.0);
+    CHECK_BETWEEN(drop(3), 1.9, 3.0);
+}
+
+static void a_dead_taxel_rests_or_sticks(void)
+{
+    static const char *const effects[] = {"dead rest board=0x20 taxel=3", "dead stuck board=0x20 taxel=4 value=777", NULL};
+    prepare(effects);
+    for (int i = 0; i < TAXELS; i++) {
+        bench.rise[i] = 0.5;
+    }
+    bench_scan(&bench, 0, 0.0);
+    CHECK_BETWEEN(drop(3), -1.0, 0.0);
+    CHECK_EQUAL(bench.raw[4], 777);
+    CHECK(drop(2) > 100.0 && drop(5) > 100.0);
+}
+
+static void an_open_line_silences_its_taxels_alone(void)
+{
+    for (int axis = 0; axis < 2; axis++) {
+        uint16_t pressed[TAXELS];
+        prepare_one(axis ? "line open board=0x20 axis=1 index=2" : "line open board=0x20 axis=0 index=2");
+        for (int n = 0; n < 2; n++) {
+            for (int i = 0; i < TAXELS; i++) {
+                bench.rise[i] = n ? 0.0 : 0.5;
+            }
+            bench_scan(&bench, 0, n * SCAN_S);
+            if (n == 0) {
+                memcpy(pressed, bench.raw, sizeof pressed);
+            }
+        }
+        for (int i = 0; i < TAXELS; i++) {
+            const bool is_silent = (axis ? i % COLUMNS : i / COLUMNS) == 2;
+            CHECK(is_silent ? pressed[i] == bench.raw[i] && bench.raw[i] > 0.95 * bench.largest : bench.raw[i] - pressed[i] > 100);
+        }
+    }
+}
+
+static void shorted_lines_carry_the_mean(void)
+{
+    prepare_one("line short board=0x20 axis=0 index=1");
+    bench.rise[1 * COLUMNS + 3] = 0.5;
+    for (int n = 0; n < 3; n++) { /* and stay so from scan to scan */
+        bench_scan(&bench, 0, n * SCAN_S);
+    }
+    for (int k = 0; k < COLUMNS; k++) {
+        CHECK_EQUAL(bench.raw[COLUMNS + k], bench.raw[2 * COLUMNS + k]);
+    }
+    const double swing = 0.5 * bench.front_end.taxels[8].fringe_f * bench.front_end.counts_per_farad;
+    const double mean = 0.5 * (bench.rest[COLUMNS + 3] + bench.rest[2 * COLUMNS + 3] + swing);
+    CHECK_BETWEEN(bench.largest - bench.raw[2 * COLUMNS + 3] - mean, -1.0, 0.0);
+    CHECK_BETWEEN(drop(0), -1.0, 0.0);
+}
+
+static void lag_follows_a_step_with_its_time_constant(void)
+{
+    prepare_one("late lag seconds=0.2");
+    bench_scan(&bench, 0, 0.0);
+    bench.rise[0] = 1.0;
+    bench_scan(&bench, 0, 0.001);
+    const double full = bench.front_end.taxels[0].fringe_f * bench.front_end.counts_per_farad;
+    bench_scan(&bench, 0, 0.201);
+    CHECK_BETWEEN(drop(0) / full, 0.61, 0.65);
+    bench_scan(&bench, 0, 3.0);
+    CHECK_BETWEEN(drop(0) / full, 0.99, 1.0);
+    CHECK_BETWEEN(drop(1), -1.0, 0.0);
+}
+
+static void stuck_bits_read_as_they_are_stuck(void)
+{
+    static const char *const effects[] = {"stuck_bit low bit=3", "stuck_bit high bit=0", NULL};
+    uint16_t ideal[TAXELS];
+    prepare(NULL);
+    bench_scan(&bench, 0, 0.0);
+    memcpy(ideal, bench.raw, sizeof ideal);
+    prepare(effects);
+    bench_scan(&bench, 0, 0.0);
+    for (int i = 0; i < TAXELS; i++) {
+        CHECK_EQUAL(bench.raw[i], (ideal[i] & ~8) | 1);
+    }
+}
+
+static void exchanged_lines_swap_their_taxels_exactly(void)
+{
+    uint16_t ideal[TAXELS];
+    prepare(NULL);
+    bench.rise[1] = 0.7;
+    bench_scan(&bench, 0, 0.0);
+    memcpy(ideal, bench.raw, sizeof ideal);
+    prepare_one("exchange lines board=0x20 axis=1 index=1 other=3");
+    bench.rise[1] = 0.7;
+    bench_scan(&bench, 0, 0.0);
+    for (int i = 0; i < TAXELS; i++) {
+        const int k = i % COLUMNS;
+        CHECK(abs(bench.raw[i] - ideal[k == 1 ? i + 2 : k == 3 ? i - 2 : i]) <= 1);
+    }
+}
+
+static void supply_and_reference_give_way(void)
+{
+    prepare_one("droop supply ohms=1000");
+    bench.loads.all_before = bench.loads.all_after = 10e-12;
+    bench_scan(&bench, 0, 0.0);
+    const double fall = 1000.0 * 1.2e6 * 10e-12;
+    CHECK_BETWEEN(drop(0) / bench.rest[0], -fall - 1e-3, -fall);
+    prepare_one("droop reference ohms=1000 seconds=0.1");
+    bench_scan(&bench, 0, 0.0);
+    CHECK_BETWEEN(drop(0), -1.0, 0.0);
+    bench.loads.before[0] = bench.loads.after[0] = 10e-12;
+    bench_scan(&bench, 0, 0.001);
+    bench_scan(&bench, 0, 0.101);
+    CHECK_BETWEEN(drop(0) / bench.rest[0], 0.6 * fall, 0.68 * fall);
+    bench_scan(&bench, 0, 2.0);
+    CHECK_BETWEEN(drop(0) / bench.rest[0], 0.98 * fall, 1.03 * fall);
+}
+
+static void a_converter_is_not_a_line(void)
+{
+    struct nonlinear_effect nonlinear = {0};
+    unsigned at_half = 0;
+    nonlinear.leak[0] = 0.004;
+    for (double count = 3150.0; count < 3250.0; count += 0.5) {
+        at_half += nonlinear_count(&nonlinear, 0, 6400.0, count) == 3200.0;
+    }
+    CHECK_BETWEEN(at_half * 0.5, 12.0, 13.5); /* 6400 * leak / 2 */
+    nonlinear.leak[0] = 0.0;
+    nonlinear.bow_counts[0] = 20.0;
+    CHECK_BETWEEN(nonlinear_count(&nonlinear, 0, 6400.0, 3200.0) - 3200.0, 19.999, 20.001);
+    CHECK_BETWEEN(nonlinear_count(&nonlinear, 0, 6400.0, 0.0), -1e-9, 1e-9);
+    CHECK(nonlinear_count(&nonlinear, 0, 6400.0, 1600.0) - 1600.0 > nonlinear_count(&nonlinear, 0, 6400.0, 4800.0) - 4800.0);
+}
+
+static void wrong_lines_are_refused(void)
+{
+    static const char *const wrong[] = {
+        "coupling resistive tx_ohm=-1", "coupling traces", "noise line counts=1", "noise line axis=3 counts=1",
+        "noise brown counts=1", "gain idac factor=0", "drift wander counts=1", "saturation clip counts=0",
+        "dead rest board=0x20 taxel=30", "dead rest taxel=1", "line open board=0x20 axis=0 index=6",
+        "line short board=0x20 axis=1 index=4", "silent flaky p=0.9 burst=2", "silent from seconds=1",
+        "late delay seconds=9", "clock wander ppm=3", "exchange boards board=0x20 other=0x20",
+        "exchange boards board=0x20 other=0x2F", "stuck_bit low bit=16", "droop supply", "nonlinear bow counts=1 leak=1"};
+    bench_describe(&bench, 1, ROWS, COLUMNS);
+    const int saved = dup(2), nowhere = open("/dev/null", O_WRONLY);
+    dup2(nowhere, 2);
+    close(nowhere);
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        CHECK_EQUAL(read_effect(&bench.world, wrong[i]), -1);
+    }
+    for (int i = 0; i < NOISE_SLOTS_MAX; i++) {
+        CHECK_EQUAL(read_effect(&bench.world, "noise white counts=1"), 0);
+    }
+    CHECK_EQUAL(read_effect(&bench.world, "noise white counts=1"), -1);
+    dup2(saved, 2);
+    close(saved);
+}
+
+int main(void)
+{
+    RUN(electrode_gain_is_log_normal_and_spares_the_fixed_part);
+    RUN(idac_gain_scales_rest_and_drop_alike);
+    RUN(warming_up_approaches_its_size);
+    RUN(saturation_stops_or_bends);
+    RUN(a_dead_taxel_rests_or_sticks);
+    RUN(an_open_line_silences_its_taxels_alone);
+    RUN(shorted_lines_carry_the_mean);
+    RUN(lag_follows_a_step_with_its_time_constant);
+    RUN(stuck_bits_read_as_they_are_stuck);
+    RUN(exchanged_lines_swap_their_taxels_exactly);
+    RUN(supply_and_reference_give_way);
+    RUN(a_converter_is_not_a_line);
+    RUN(wrong_lines_are_refused);
+    bench_close(&bench);
+    return check_summary();
+}

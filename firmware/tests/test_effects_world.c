@@ -1,0 +1,256 @@
+/* Effects of the skin in a whole world: off is the ideal sensor to the bit, on is seen by the host. */
+#define _GNU_SOURCE
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "fake_world.h"
+#include "skin_bench.h"
+
+#define BOARDS 2u
+#define TAXELS 12u
+#define RECORDS 40u
+
+static struct fake_world fake;
+static struct taxel_place places[TAXELS];
+static struct object_description table = {
+    .shape = {.kind = SHAPE_CONVEX, .bound = 0.3, .plane_count = 6,
+              .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
+};
+
+static void describe(const char *const *lines)
+{
+    fake_world_describe(&fake, BOARDS, TAXELS);
+    fake.description.noise_counts = 0.0;
+    fake.description.boards[1].address = BENCH_ADDRESS;
+    table.offset = frame_identity;
+    fake.description.objects = &table;
+    fake.description.object_count = 1;
+    for (size_t i = 0; i < TAXELS; i++) {
+        places[i] = (struct taxel_place){.position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
+    }
+    for (size_t i = 0; i < BOARDS; i++) {
+        fake.description.boards[i].places = places;
+        fake.description.boards[i].placed = TAXELS;
+    }
+    for (; lines && *lines; lines++) {
+        CHECK_EQUAL(give_effect(&fake.description, *lines), 0);
+    }
+}
+
+/* Records every 20 ms from 0.5 s on: a press that grows and goes, on board 0; none before, none after. */
+static int stimulus_file(enum stimulus_kind kind)
+{
+    uint8_t header[24] = "TAXELSTM";
+    const int fd = memfd_create("stimulus", 0);
+    taxel_put_u32(header + 8, 1);
+    taxel_put_u32(header + 12, (uint32_t)kind);
+    taxel_put_u32(header + 16, BOARDS * TAXELS);
+    taxel_put_u32(header + 20, kind == STIMULUS_SCENE ? BOARDS : 0u);
+    bool written = write(fd, header, sizeof header) == (ssize_t)sizeof header;
+    for (unsigned i = 0; i < RECORDS; i++) {
+        const double time = 0.5 + 0.02 * i;
+        const float part = (float)(i < RECORDS / 2 ? i : RECORDS - 1u - i) / (RECORDS / 2 - 1u);
+        float values[STIMULUS_SCENE_VALUES(BOARDS)] = {0.0f};
+        size_t count = BOARDS * TAXELS;
+        if (kind == STIMULUS_FORCE) {
+            values[3] = values[4] = 0.5f * part;
+        } else {
+            const float height = 0.001f + 0.001f - 0.0012f * part; /* 1 mm above the skin to 0.2 mm into it, face down */
+            count = STIMULUS_SCENE_VALUES(BOARDS);
+            for (size_t pose = 0; pose <= BOARDS; pose++) {
+                values[1 + 12 * pose] = 1.0f;
+                values[6 + 12 * pose] = values[11 + 12 * pose] = pose ? -1.0f : 1.0f;
+                values[12 + 12 * pose] = pose == 0 ? 0.0f : pose == 1 ? height : 1.0f;
+            }
+        }
+        written = written && write(fd, &time, sizeof time) == (ssize_t)sizeof time &&
+                  write(fd, values, count * sizeof *values) == (ssize_t)(count * sizeof *values);
+    }
+    CHECK(written);
+    lseek(fd, 0, SEEK_SET);
+    return fd;
+}
+
+struct outcome {
+    uint32_t crc;
+    uint16_t rest[TAXELS], pressed[TAXELS], after[TAXELS], other[TAXELS];
+};
+
+static struct outcome run(enum stimulus_kind kind, const char *const *lines)
+{
+    struct outcome outcome;
+    describe(lines);
+    CHECK_EQUAL(fake_world_open(&fake, stimulus_file(kind)), 0);
+    CHECK(fake_world_start(&fake));
+    memcpy(outcome.rest, fake.counts_of[0x20], sizeof outcome.rest);
+    CHECK_EQUAL(fake_world_run(&fake, 0.385), 0);
+    memcpy(outcome.pressed, fake.counts_of[0x20], sizeof outcome.pressed);
+    CHECK_EQUAL(fake_world_run(&fake, 0.5), 0);
+    memcpy(outcome.after, fake.counts_of[0x20], sizeof outcome.after);
+    memcpy(outcome.other, fake.counts_of[BENCH_ADDRESS], sizeof outcome.other);
+    outcome.crc = fake.stream_crc;
+    CHECK(fake_world_adds_up(&fake));
+    fake_world_close(&fake);
+    return outcome;
+}
+
+static const enum stimulus_kind kinds[] = {STIMULUS_FORCE, STIMULUS_SCENE};
+
+static void an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit(void)
+{
+    static const char *const off[] = {
+        "spread film length_m=0.002 strength=0",
+        "spread pillars slope=0.1 strength=0",
+        "rheology solid fraction=0 seconds=1",
+        "rheology play fraction=0 width_m=1e-4 creep=0 seconds=1",
+        "indent set fraction=0 threshold_m=1e-4 recovery_s=100",
+        "indent bedding fraction=0 work_j_m2=10",
+        "proximity image share=0 reach_m=0.004",
+        "proximity wedge share=0 reach_m=0.001",
+        "moisture film board=0x22 tx=0 rx=3 radius_m=0.01 water=0",
+        "moisture drying board=0x22 tx=0 rx=3 radius_m=0.01 water=0 seconds=10",
+        "modulus taxels log_std=0",
+        "modulus board board=0x22 factor=1",
+    };
+    for (size_t k = 0; k < 2; k++) {
+        const uint32_t ideal = run(kinds[k], NULL).crc;
+        for (size_t i = 0; i < sizeof off / sizeof off[0]; i++) {
+            const char *const lines[] = {off[i], NULL};
+            CHECK_EQUAL(run(kinds[k], lines).crc, ideal);
+        }
+    }
+}
+
+static const char *const all[] = {
+    "spread film length_m=0.002",
+    "rheology play fraction=0.3 width_m=1e-4 creep=0.1 seconds=1",
+    "indent set fraction=0.2 threshold_m=2e-5 recovery_s=100",
+    "proximity image share=0.1 reach_m=0.004",
+    "moisture drying board=0x22 tx=0 rx=3 radius_m=0.008 water=0.05 seconds=5",
+    "modulus taxels log_std=0.2",
+    NULL,
+};
+
+static void a_seed_repeats_with_all_effects_on(void)
+{
+    for (size_t k = 0; k < 2; k++) {
+        const struct outcome once = run(kinds[k], all), again = run(kinds[k], all);
+        CHECK_EQUAL(once.crc, again.crc);
+        CHECK(once.crc != run(kinds[k], NULL).crc);
+    }
+}
+
+/* Of `taxel`, in counts; every effect alone. */
+static void each_effect_is_seen_by_the_host(void)
+{
+    const struct outcome ideal = run(STIMULUS_SCENE, NULL);
+    CHECK(ideal.pressed[5] < ideal.rest[5] && ideal.after[5] == ideal.rest[5]);
+    for (size_t i = 0; all[i]; i++) {
+        const char *const lines[] = {all[i], NULL};
+        const struct outcome with = run(STIMULUS_SCENE, lines);
+        if (strncmp(all[i], "moisture", 8) == 0) {
+            CHECK(with.other[3] < ideal.other[3] && with.other[11] == ideal.other[11]);
+        } else if (strncmp(all[i], "spread", 6) != 0) { /* a film smooths nothing that is the same everywhere */
+            CHECK(memcmp(with.pressed, ideal.pressed, sizeof with.pressed) != 0);
+        }
+        if (strncmp(all[i], "indent", 6) == 0) {
+            CHECK(with.after[5] < ideal.after[5]);
+        }
+    }
+}
+
+static void forces_spread_to_the_neighbours(void)
+{
+    const char *const lines[] = {all[0], NULL};
+    const struct outcome ideal = run(STIMULUS_FORCE, NULL), with = run(STIMULUS_FORCE, lines);
+    CHECK(ideal.pressed[2] == ideal.rest[2] && with.pressed[2] < with.rest[2]);
+    CHECK(with.pressed[3] > ideal.pressed[3]);
+}
+
+/* Nothing acts on the skin at all, and yet it dries. */
+static void rest_drifts_without_any_stimulus(void)
+{
+    const char *const lines[] = {"moisture drying board=0x22 tx=0 rx=3 radius_m=0.008 water=0.1 seconds=1", NULL};
+    describe(lines);
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    CHECK(fake_world_start(&fake));
+    uint16_t last = fake.counts_of[BENCH_ADDRESS][3];
+    for (int n = 0; n < 4; n++) {
+        CHECK_EQUAL(fake_world_run(&fake, 0.5), 0);
+        CHECK(fake.counts_of[BENCH_ADDRESS][3] > last);
+        last = fake.counts_of[BENCH_ADDRESS][3];
+    }
+    fake_world_close(&fake);
+}
+
+/* Two records make a ramp; what the layer's curve makes of it does not depend on how many there are in between. */
+static void a_ramp_of_forces_follows_the_layers_curve(void)
+{
+    uint16_t counts[2];
+    for (int on = 0; on < 2; on++) {
+        const char *const lines[] = {"modulus board board=0x22 factor=2", NULL};
+        uint8_t header[24] = "TAXELSTM";
+        const int fd = memfd_create("stimulus", 0);
+        taxel_put_u32(header + 8, 1);
+        taxel_put_u32(header + 16, BOARDS * TAXELS);
+        CHECK(write(fd, header, sizeof header) == (ssize_t)sizeof header);
+        for (int i = 0; i < 2; i++) {
+            const double time = 1.0 * i;
+            float values[BOARDS * TAXELS] = {0.0f};
+            values[3] = 2.0f * (float)i;
+            CHECK(write(fd, &time, sizeof time) == (ssize_t)sizeof time && write(fd, values, sizeof values) == (ssize_t)sizeof values);
+        }
+        lseek(fd, 0, SEEK_SET);
+        describe(on ? lines : NULL);
+        CHECK_EQUAL(fake_world_open(&fake, fd), 0);
+        CHECK(fake_world_start(&fake));
+        counts[on] = fake.counts_of[0x20][3];
+        fake_world_close(&fake);
+    }
+    CHECK_BETWEEN(counts[1] - counts[0], -1.0, 1.0); /* the other board is the stiff one */
+}
+
+/* A live stimulus: a record that says "now" takes effect, with effects on too. */
+static void a_live_record_takes_effect_at_once(void)
+{
+    const char *const *const cases[] = {NULL, all};
+    for (size_t i = 0; i < 2; i++) {
+        int ends[2];
+        uint8_t header[24] = "TAXELSTM";
+        float values[BOARDS * TAXELS] = {0.0f};
+        const double now = -1.0;
+        CHECK(pipe(ends) == 0);
+        taxel_put_u32(header + 8, 1);
+        taxel_put_u32(header + 16, BOARDS * TAXELS);
+        CHECK(write(ends[1], header, sizeof header) == (ssize_t)sizeof header);
+        describe(cases[i]);
+        CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+        world_free(&fake.world);
+        stimulus_close(&fake.stimulus);
+        CHECK_EQUAL(stimulus_open(&fake.stimulus, ends[0], "test", BOARDS * TAXELS, true), 0);
+        CHECK_EQUAL(world_init(&fake.world, &fake.description, &fake.stimulus, &fake.endpoint, &fake.script), 0);
+        CHECK(fake_world_start(&fake));
+        const uint16_t rest = fake.counts_of[0x20][3];
+        values[3] = 1.0f;
+        CHECK(write(ends[1], &now, sizeof now) == (ssize_t)sizeof now);
+        CHECK(write(ends[1], values, sizeof values) == (ssize_t)sizeof values);
+        CHECK_EQUAL(world_poll(&fake.world), 0);
+        CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
+        CHECK(fake.counts_of[0x20][3] < rest - 50);
+        fake_world_close(&fake);
+        close(ends[1]);
+    }
+}
+
+int main(void)
+{
+    RUN(an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit);
+    RUN(a_seed_repeats_with_all_effects_on);
+    RUN(each_effect_is_seen_by_the_host);
+    RUN(forces_spread_to_the_neighbours);
+    RUN(rest_drifts_without_any_stimulus);
+    RUN(a_ramp_of_forces_follows_the_layers_curve);
+    RUN(a_live_record_takes_effect_at_once);
+    return check_summary();
+}

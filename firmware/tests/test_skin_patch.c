@@ -1,0 +1,105 @@
+/* A board's cells: where they are, and which are neighbours. */
+#include <math.h>
+
+#include "check.h"
+#include "emulator/skin/patch.h"
+
+#define ROWS 3
+#define COLUMNS 5
+#define RADIUS_M 0.014
+
+static const uint8_t full_map[TAXEL_CROSSING_MAP_SIZE] = {0xFF, 0x7F};
+static const uint8_t holed_map[TAXEL_CROSSING_MAP_SIZE] = {0x7F, 0x7F}; /* without TX 1, RX 2 */
+
+static double distance(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+static void cells_of_a_flat_sheet_tile_it(void)
+{
+    struct patch patch;
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, NULL), 0);
+    CHECK_EQUAL(patch.cell_count, 15 * CELLS_PER_TAXEL);
+    CHECK(fabs(SKIN_CELL_AREA_M2 * CELLS_PER_TAXEL - TAXEL_PITCH_M * TAXEL_PITCH_M) < 1e-18);
+    for (int row = 0; row < patch.grid_rows; row++) {
+        for (int column = 0; column < patch.grid_columns; column++) {
+            const int cell = patch.cell_at[row * patch.grid_columns + column];
+            CHECK(cell >= 0 && patch.grid_of[cell] == row * patch.grid_columns + column);
+            const double *p = patch.cells[cell].position;
+            CHECK(fabs(p[0] - (1.5 - row) * CELL_SIDE_M) < 1e-12);
+            CHECK(fabs(p[1] - (1.5 - column) * CELL_SIDE_M) < 1e-12);
+            CHECK(p[2] == 0.0 && patch.cells[cell].normal[2] == 1.0);
+        }
+    }
+    patch_free(&patch);
+}
+
+static void a_crossing_without_a_taxel_is_a_hole(void)
+{
+    struct patch patch;
+    unsigned holes = 0;
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, holed_map, 14, NULL), 0);
+    for (int i = 0; i < patch.grid_rows * patch.grid_columns; i++) {
+        const int row = i / patch.grid_columns, column = i % patch.grid_columns;
+        const bool hole = row / CELLS_PER_SIDE == 1 && column / CELLS_PER_SIDE == 2;
+        CHECK((patch.cell_at[i] < 0) == hole);
+        holes += patch.cell_at[i] < 0;
+    }
+    CHECK_EQUAL(holes, CELLS_PER_TAXEL);
+    patch_free(&patch);
+}
+
+/* TX lines along the axis (x), RX lines round it; left is where the angle grows. */
+static void place_on_cylinder(struct taxel_place *places)
+{
+    for (int i = 0; i < ROWS * COLUMNS; i++) {
+        const double angle = -TAXEL_PITCH_M / RADIUS_M * (i % COLUMNS);
+        places[i] = (struct taxel_place){
+            .position = {-TAXEL_PITCH_M * (i / COLUMNS), RADIUS_M * sin(angle), RADIUS_M * cos(angle)},
+            .normal = {0.0, sin(angle), cos(angle)},
+            .distal = {1.0, 0.0, 0.0},
+        };
+    }
+}
+
+static void cells_follow_a_cylinder(void)
+{
+    struct taxel_place places[ROWS * COLUMNS];
+    struct patch patch;
+    place_on_cylinder(places);
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, places), 0);
+    for (size_t i = 0; i < patch.cell_count; i++) {
+        const double *p = patch.cells[i].position, *n = patch.cells[i].normal;
+        const double out = hypot(p[1], p[2]);
+        CHECK_BETWEEN(out - RADIUS_M, -20e-6, 20e-6);
+        CHECK((n[1] * p[1] + n[2] * p[2]) / out > cos(0.02)); /* within 0.02 rad of the radius */
+        CHECK(fabs(n[0]) < 1e-12);
+    }
+    for (int i = 0; i + 1 < patch.grid_columns; i++) { /* neighbours stay a cell apart, also across taxels */
+        const double apart = distance(patch.cells[patch.cell_at[i]].position, patch.cells[patch.cell_at[i + 1]].position);
+        CHECK_BETWEEN(apart / CELL_SIDE_M, 0.93, 1.07);
+    }
+    patch_free(&patch);
+}
+
+static void the_ball_holds_every_cell(void)
+{
+    struct taxel_place places[ROWS * COLUMNS];
+    struct patch patch;
+    place_on_cylinder(places);
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, places), 0);
+    for (size_t i = 0; i < patch.cell_count; i++) {
+        CHECK(distance(patch.cells[i].position, patch.centre) <= patch.bound);
+    }
+    patch_free(&patch);
+}
+
+int main(void)
+{
+    RUN(cells_of_a_flat_sheet_tile_it);
+    RUN(a_crossing_without_a_taxel_is_a_hole);
+    RUN(cells_follow_a_cylinder);
+    RUN(the_ball_holds_every_cell);
+    return check_summary();
+}

@@ -1,0 +1,133 @@
+"""Pictures of a campaign: each object's accumulated contact points, and one grasp with active and inactive taxels."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.counts import used_taxels
+from taxel.hand.transforms import apply, inverse
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+
+Array = NDArray[np.float64]
+
+VIEW = (18.0, -60.0)
+"""Elevation and azimuth of every picture, degrees."""
+
+_ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
+
+
+def taxel_points(data: GraspDataset, grasp: Grasp) -> Array:
+    """Taxel centres of a grasp in the nominal object's frame, metres, f64[n, 3]."""
+    table = data.taxels
+    brackets = (inverse(grasp.object_pose) @ grasp.sensor_pose)[data.sensors.index_of(table)]
+    return np.asarray(np.einsum("nij,nj->ni", brackets[:, :3, :3], table.position) + brackets[:, :3, 3])
+
+
+def accumulated(data: GraspDataset, name: str) -> Array:
+    """Centres of the active, used taxels over all grasps of an object, in its nominal frame, metres, f64[m, 3]."""
+    used = used_taxels(data)
+    points = [np.empty((0, 3))]
+    for grasp in data:
+        if grasp.object == name:
+            active, known = grasp.active()
+            points.append(taxel_points(data, grasp)[active & known & used])
+    return np.concatenate(points)
+
+
+def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
+    """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6."""
+    plt = _pyplot()
+    datasets = [GraspDataset(path) for path in paths]
+    try:
+        names = [name for name in datasets[0].objects if any(grasp.object == name for grasp in datasets[0])]
+        figure = plt.figure(figsize=(4.2 * len(names), 4.3 * len(datasets) + 0.4), layout="constrained")
+        for row, data in enumerate(datasets):
+            for column, name in enumerate(names):
+                axis = figure.add_subplot(len(datasets), len(names), row * len(names) + column + 1, projection="3d")
+                points = accumulated(data, name)
+                grasps = sum(grasp.object == name for grasp in data)
+                _draw_object(axis, data, name, np.eye(4))
+                axis.scatter(*(1e3 * points.T), s=2.0, c=_ACTIVE, alpha=0.5, linewidths=0)
+                label = "real" if data.source == "real" else "simulated"
+                axis.set_title(f"{name.replace('_', ' ')}, {label}\n{len(points)} points, {grasps} grasps", fontsize=10)
+                _frame(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
+        figure.savefig(out, dpi=110)
+        plt.close(figure)
+    finally:
+        for data in datasets:
+            data.close()
+
+
+def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_id: str) -> None:
+    """Draw one grasp of every dataset with active and inactive taxels to an image file, as Figure 5.3.
+
+    Raises `DatasetError` if a dataset lacks the grasp.
+    """
+    plt = _pyplot()
+    figure = plt.figure(figsize=(5.6 * len(paths), 5.6), layout="constrained")
+    for column, path in enumerate(paths):
+        with GraspDataset(path) as data:
+            grasp = data[grasp_id]
+            active, known = grasp.active()
+            points, used = 1e3 * taxel_points(data, grasp), used_taxels(data)
+            axis = figure.add_subplot(1, len(paths), column + 1, projection="3d")
+            _draw_object(axis, data, grasp.object, np.eye(4))
+            on = active & known
+            axis.scatter(*points[~on].T, s=4.0, c=_INACTIVE, linewidths=0)
+            axis.scatter(*points[on].T, s=16.0, c=_ACTIVE, linewidths=0)
+            label = "real" if data.source == "real" else "simulated"
+            what = f"{grasp.object.replace('_', ' ')}, {grasp.approach.replace('_', ' ')}"
+            axis.set_title(
+                f"{what}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
+            )
+            _frame(axis, points)
+    figure.savefig(out, dpi=110)
+    plt.close(figure)
+
+
+def _draw_object(axis: Any, data: GraspDataset, name: str, pose: Array) -> None:
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    mesh = data.objects[name]
+    corners = 1e3 * apply(pose, mesh.vertices)
+    axis.add_collection3d(Line3DCollection(corners[_sharp_edges(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8))
+
+
+def _sharp_edges(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Edges between faces that meet at an angle, [e, 2]: what an eye sees as the object's outline."""
+    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    owners: dict[tuple[int, int], list[int]] = {}
+    for index, face in enumerate(faces.tolist()):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            owners.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
+    sharp = [edge for edge, own in owners.items() if len(own) != 2 or normals[own[0]] @ normals[own[1]] < 0.9]
+    return np.array(sharp, dtype=np.intp).reshape(-1, 2)
+
+
+def _frame(axis: Any, points: Array) -> None:
+    low, high = points.min(axis=0), points.max(axis=0)
+    axis.set_xlim(low[0], high[0])
+    axis.set_ylim(low[1], high[1])
+    axis.set_zlim(low[2], high[2])
+    axis.set_box_aspect(tuple(high - low), zoom=0.86)  # one scale for all axes; smaller, or labels are cut off
+    axis.view_init(*VIEW)
+    axis.grid(False)
+    axis.tick_params(labelsize=6, pad=-2)
+    for letter in "xyz":
+        getattr(axis, f"set_{letter}label")(f"{letter} mm", fontsize=7, labelpad=-6)
+
+
+def _pyplot() -> Any:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt

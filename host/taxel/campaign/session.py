@@ -1,0 +1,147 @@
+"""One session on the emulated hand: one mounting of the skin, one power-up, its grasps one after another."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.hand_in_contact import HandInContact, Mount
+from taxel.campaign.motion import Motion, move
+from taxel.campaign.rows import Rows, rows_of
+from taxel.campaign.settings import EmulatedSettings, Scatter
+from taxel.campaign.setup import Setup
+from taxel.emulated.contact import SkinContact
+from taxel.emulated.scene import Scene, scene_text
+from taxel.grasp.controller import GraspController
+from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
+from taxel.grasp.plan import PlannedGrasp
+from taxel.grasp.timeline import Phase
+from taxel.hand.transforms import from_rotation_vector
+from taxel.hand.world import WorldSettings
+from taxel.link import run_emulator, write_scene
+from taxel.recording.grasp_record import GraspRecord
+from taxel.skin import open_skin
+from taxel.stream.start_script import write_start_script
+
+LEAD_IN_S = 4.0
+"""From power to the first grasp: every board is found and its clock has been read twice."""
+
+_SESSION_STREAM, _GRASP_STREAM = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A grasp that was made, and what moved."""
+
+    planned: PlannedGrasp
+    motion: Motion
+
+
+def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
+    """Make the grasps of one session, in order. The seed, the session and the grasp decide everything.
+
+    Raises `TaxelError` of one line: a pose out of reach, or a world that the emulator refuses.
+    """
+    session = plan[0].session
+    world = WorldSettings(
+        seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
+        scl_hz=settings.scl_hz,
+        baud=settings.baud,
+        noise_counts=settings.noise_counts,
+        effects=settings.effects,
+    )
+    text = scene_text(setup.hand, _scene(setup, settings, session), world)
+    with SkinContact(text) as contact:
+        made = [_make(setup, planned, settings, contact) for planned in plan]
+    rows = _emulate(setup, made, text, settings)
+    return [_record(setup, grasp, rows, place, settings) for place, grasp in enumerate(made)]
+
+
+def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
+    """Where the brackets are this time: each mounting puts them a little elsewhere."""
+    rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
+    scatter = settings.scatter
+    brackets = {board.name: _shift(rng, scatter.remount_m, scatter.remount_rad) for board in setup.hand.boards}
+    return Scene({name: item.shape for name, item in setup.objects.items()}, brackets)
+
+
+def _shift(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
+    shift = from_rotation_vector(radians * rng.normal(size=3))
+    shift[:3, 3] = metres * rng.normal(size=3)
+    return shift
+
+
+def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact) -> _Made:
+    approach, item = setup.approach(planned), setup.objects[planned.object]
+    rng = np.random.default_rng([settings.seed, _GRASP_STREAM, *planned.id.encode()])
+    scatter: Scatter = settings.scatter
+    true_pose = setup.object_pose(planned.object) @ _shift(rng, scatter.object_m, scatter.object_rad)
+    timeline = settings.timeline
+
+    def wrist_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        return setup.wrist_poses(setup.arm_angles(planned, timeline, times_s))
+
+    dynamics = HandInContact(
+        setup.hand,
+        setup.wrist_robot,
+        contact,
+        list(setup.objects).index(planned.object),
+        true_pose,
+        Mount(MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD, item.shape.height / 2.0),
+        wrist_at(np.zeros(1))[0],
+        approach.open_angles,
+    )
+    grip = 1.0 + scatter.grip * float(rng.normal())
+    return _Made(planned, move(dynamics, GraspController(approach, timeline, max(grip, 0.0)), timeline, wrist_at))
+
+
+def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: EmulatedSettings) -> Rows:
+    """Everything that moved, through the emulated skin, to the frames that a host decodes."""
+    length = settings.timeline.duration_s
+    names = list(setup.objects)
+    times, numbers, objects, brackets = [], [], [], []
+    for place, grasp in enumerate(made):
+        begin, motion = LEAD_IN_S + place * length, grasp.motion
+        times.append(begin + motion.time_s)
+        numbers.append(np.full(len(motion.time_s), names.index(grasp.planned.object)))
+        objects.append(motion.object_poses)
+        brackets.append(motion.bracket_poses)
+    with tempfile.TemporaryDirectory(prefix="taxel-") as name:
+        folder = Path(name)
+        scene, script, capture = folder / "scene.stimulus", folder / "host.capture", folder / "skin.capture"
+        arrays = [np.concatenate(parts) for parts in (times, numbers, objects, brackets)]
+        write_scene(scene, setup.hand.n_taxels, *arrays)
+        write_start_script(script)
+        run_emulator(world, capture, LEAD_IN_S + len(made) * length + 0.1, script, scene)
+        with open_skin(f"file:{capture}", setup.hand) as skin:
+            return rows_of(setup.hand, skin)
+
+
+def _record(setup: Setup, grasp: _Made, rows: Rows, place: int, settings: EmulatedSettings) -> GraspRecord:
+    timeline = settings.timeline
+    begin = LEAD_IN_S + place * timeline.duration_s
+    own = rows.between(begin, begin + timeline.duration_s)
+    since = own.time_s - begin
+    phase = timeline.phase_at(since)
+    joints = np.hstack([setup.arm_angles(grasp.planned, timeline, since), grasp.motion.joints.at(since)])
+    hold = joints[phase == Phase.HOLD]
+    held = hold.mean(axis=0) if len(hold) else joints[-1]
+    return GraspRecord(
+        object=grasp.planned.object,
+        approach=grasp.planned.approach,
+        iteration=grasp.planned.iteration,
+        session=grasp.planned.session,
+        timestamp=own.time_s,
+        phase=phase,
+        raw_counts=own.raw_counts,
+        valid=own.valid,
+        sensor_pose=setup.kinematics.sensor_poses(held),
+        object_pose=setup.object_pose(grasp.planned.object),
+        sensor_time=own.sensor_time,
+        joint_position=joints,
+    )

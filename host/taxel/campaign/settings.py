@@ -1,0 +1,78 @@
+"""What a campaign on the emulated hand is like: the scatter of reality, and how far its skin is from ideal."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from taxel.errors import TaxelError
+from taxel.grasp.timeline import Timeline
+
+DEFAULT_EFFECTS = (
+    "noise white counts=8",
+    "noise line axis=1 counts=4",
+    "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800",
+    "spread film length_m=0.0035",
+)
+"""Noise, coupling and spread, which the thesis holds responsible for its gap (5.6.2); their sizes are ours."""
+
+PRESETS: dict[str, Sequence[str]] = {"thesis": DEFAULT_EFFECTS, "none": ()}
+
+
+class UnknownPresetError(TaxelError, ValueError):
+    """A set of effects that has no such name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+
+    def __str__(self) -> str:
+        names = ", ".join(PRESETS)
+        return f"effects: expected {names}, or lines such as 'spread film length_m=0.002', found {self.args[0]!r}"
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations of what nobody commands. All zero: every repeat is the same.
+
+    object_m, object_rad: where the object stands, each grasp, each axis. grip: relative, of the torque, each grasp.
+    remount_m, remount_rad: of every bracket, each session. mount: relative, of the object's mount, each session.
+    """
+
+    object_m: float = 0.7e-3
+    object_rad: float = 0.01
+    grip: float = 0.05
+    remount_m: float = 0.15e-3
+    remount_rad: float = 0.004
+
+
+@dataclass(frozen=True)
+class EmulatedSettings:
+    """A campaign on the emulated hand.
+
+    effects: lines of the world file without the word `effect` (firmware/emulator/README.md). noise_counts: white
+    read-out noise of every taxel beside them. scl_hz, baud: of I2C and UART.
+    """
+
+    seed: int = 1
+    scatter: Scatter = field(default_factory=Scatter)
+    effects: Sequence[str] = DEFAULT_EFFECTS
+    noise_counts: float = 4.0
+    scl_hz: float = 400e3
+    baud: float = 1e6
+    timeline: Timeline = field(default_factory=Timeline)
+
+    def describe(self) -> str:
+        """One line for the dataset's generator. It names no effect: what a recording lacks is for others to find."""
+        key = hashlib.sha256(repr(self).encode()).hexdigest()[:12]
+        return f"emulated hand, settings {key}"
+
+
+def effects_of(text: str) -> Sequence[str]:
+    """A preset by name, or effect lines apart by ';'. Raises `UnknownPresetError` for neither."""
+    if text in PRESETS:
+        return PRESETS[text]
+    lines = [line.strip() for line in text.split(";") if line.strip()]
+    if not lines or any(len(line.split()) < 2 for line in lines):
+        raise UnknownPresetError(text)
+    return lines

@@ -1,0 +1,30 @@
+"""Open what a physical campaign drives: arm, hand and skin by their URLs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from taxel.campaign.physical import Workstation
+from taxel.errors import TaxelError
+from taxel.hand import Hand
+from taxel.hand.allegro import AllegroHand, open_bus
+from taxel.hand.arm import SimulatedArm, Ur5eArm
+from taxel.skin import open_skin
+
+
+@contextmanager
+def physical_station(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
+    """Open and, at the end, close them. Raises `TaxelError` of one line for what is missing."""
+    kind, _, host = arm.partition(":")
+    if kind not in {"rtde", "simulated"} or (kind == "rtde") != bool(host):
+        raise TaxelError(f"--arm: expected rtde:HOST or simulated, found '{arm}'")
+    with ExitStack() as stack:
+        bus = stack.enter_context(open_bus(can))
+        allegro = stack.enter_context(AllegroHand(bus))
+        skin_open = stack.enter_context(open_skin(skin, hand))
+        if kind == "simulated":
+            simulated = SimulatedArm()
+            yield Workstation(simulated, allegro, skin_open, simulated.step)
+        else:
+            yield Workstation(stack.enter_context(Ur5eArm(host)), allegro, skin_open)

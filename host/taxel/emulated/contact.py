@@ -1,0 +1,159 @@
+"""How the emulated skin pushes back: the emulator's own contact (firmware/emulator/skin), called through ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.resources
+import os
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import TaxelError
+
+LOAD_VALUES = 42
+"""Of a board: force and moment (6), stiffness (6 x 6)."""
+
+
+class ContactLibraryError(TaxelError):
+    """The compiled contact library is missing, or refuses a world."""
+
+
+class ContactLoad(NamedTuple):
+    """What contact does to the boards, each in its true bracket frame about that frame's origin.
+
+    wrench: f64[s, 6], force (N) and moment (Nm) on the board. stiffness: f64[s, 6, 6]: how the wrench falls with a
+    small motion of the board against the object (translation, rotation); symmetric, positive semidefinite. touched:
+    how many boards.
+    """
+
+    wrench: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    touched: int
+
+
+@cache
+def contact_library() -> ctypes.CDLL:
+    """The loaded library. Raises `ContactLibraryError` if it was not built."""
+    path = importlib.resources.files("taxel") / "native" / "libtaxel_contact.so"
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise ContactLibraryError(
+            "the compiled contact library is missing from the package; install taxel again (pip install .)"
+        ) from error
+    pointer, size = ctypes.c_void_p, ctypes.c_size_t
+    library.taxel_contact_open.argtypes, library.taxel_contact_open.restype = [ctypes.c_char_p], pointer
+    library.taxel_contact_close.argtypes, library.taxel_contact_close.restype = [pointer], None
+    for name in ("taxel_contact_boards", "taxel_contact_taxels"):
+        getattr(library, name).argtypes, getattr(library, name).restype = [pointer], size
+    for name in ("taxel_contact_bracket_offset", "taxel_contact_object_offset"):
+        getattr(library, name).argtypes, getattr(library, name).restype = [pointer, size, pointer], None
+    library.taxel_contact_evaluate.argtypes = [pointer, ctypes.c_int, pointer, pointer, pointer, pointer]
+    library.taxel_contact_evaluate.restype = ctypes.c_int
+    return library
+
+
+class SkinContact:
+    """The contact of a world's skin with its objects. `world`: the text of `taxel.emulated.scene.scene_text`.
+
+    Poses are those that are believed; the world's own offsets are applied inside. Use it as a context manager. Raises
+    `ContactLibraryError` with the emulator's own line if it refuses the world.
+    """
+
+    def __init__(self, world: str) -> None:
+        self._library = contact_library()
+        self._handle = self._open(world)
+        self.boards = int(self._library.taxel_contact_boards(self._handle))
+        self.taxels = int(self._library.taxel_contact_taxels(self._handle))
+        self._load = np.zeros((self.boards, LOAD_VALUES))
+        self._force = np.zeros(self.taxels)
+
+    def _open(self, world: str) -> int:
+        with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+            path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
+            path.write_text(world)
+            with _stderr_into(complaint):
+                handle = self._library.taxel_contact_open(os.fsencode(path))
+            if not handle:
+                lines = complaint.read_text(errors="replace").strip().splitlines()
+                raise ContactLibraryError(lines[-1] if lines else "the contact library has no memory")
+            return int(handle)
+
+    def bracket_offset(self, board: int) -> NDArray[np.float64]:
+        """Where a board's bracket (its place in the world file) truly is, in its believed frame, f64[4, 4]."""
+        return self._offset("taxel_contact_bracket_offset", board)
+
+    def object_offset(self, index: int) -> NDArray[np.float64]:
+        """The same for an object."""
+        return self._offset("taxel_contact_object_offset", index)
+
+    def _offset(self, function: str, index: int) -> NDArray[np.float64]:
+        offset = np.eye(4)
+        rows = np.zeros((3, 4))
+        getattr(self._library, function)(self._handle, index, rows.ctypes.data)
+        offset[:3] = rows
+        return offset
+
+    def load(self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64]) -> ContactLoad:
+        """Contact of object `index` (-1: none) at `object_pose` [4, 4] with brackets at `bracket_poses` [s, 4, 4]."""
+        touched = self._evaluate(index, object_pose, bracket_poses, None)
+        return ContactLoad(self._load[:, :6].copy(), self._load[:, 6:].reshape(-1, 6, 6).copy(), touched)
+
+    def forces(
+        self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Normal force on every taxel, newtons, f64[n], before anything spreads."""
+        self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data)
+        return self._force.copy()
+
+    def _evaluate(
+        self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64], force: int | None
+    ) -> int:
+        poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
+        if len(poses) != self.boards:
+            raise ValueError(f"expected the poses of {self.boards} brackets, found {len(poses)}")
+        pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
+        return int(
+            self._library.taxel_contact_evaluate(
+                self._handle, index, pose.ctypes.data, poses.ctypes.data, self._load.ctypes.data, force
+            )
+        )
+
+    def close(self) -> None:
+        """Free the library's memory."""
+        if self._handle:
+            self._library.taxel_contact_close(self._handle)
+            self._handle = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _stderr_into:  # noqa: N801 - a context manager used like a function
+    """Let the C library's complaints go to a file: it writes to the process's standard error."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        sys.stderr.flush()
+        self._saved = os.dup(2)
+        target = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o600)
+        os.dup2(target, 2)
+        os.close(target)
+
+    def __exit__(self, *_: object) -> None:
+        os.dup2(self._saved, 2)
+        os.close(self._saved)

@@ -1,0 +1,360 @@
+"""Convex solids as exact geometry: rays and distances from their formulas, never from a mesh.
+
+Lengths are metres, in the object's own frame: origin in the middle of the bottom face, z up. All methods take any
+leading axes and are vectorised over them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+
+from taxel.errors import TaxelError
+
+__all__ = ["ConvexPolytope", "Cylinder", "Shape", "ShapeError"]
+
+FloatArray = npt.NDArray[np.float64]
+FaceArray = npt.NDArray[np.int32]
+
+# Share of the solid's size within which two vertices are one: far above rounding, far below what can be made.
+_MERGE = 1e-9
+
+
+class ShapeError(TaxelError, ValueError):
+    """Numbers that bound no solid. Attributes: shape, expected, found."""
+
+    def __init__(self, shape: str, expected: str, found: str) -> None:
+        super().__init__(shape, expected, found)
+        self.shape = shape
+        self.expected = expected
+        self.found = found
+
+    def __str__(self) -> str:
+        return f"{self.shape}: expected {self.expected}, found {self.found}; correct the object's sizes or its mesh"
+
+
+class Shape(Protocol):
+    """A convex solid."""
+
+    @property
+    def height(self) -> float:
+        """Extent along z, metres."""
+        ...
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Smallest and largest coordinates, f64[2, 3]."""
+        ...
+
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+        """Vertices f64[v, 3] and triangles i32[f, 3], wound so that normals point outward."""
+        ...
+
+    def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
+        """How far each point is from the solid along a direction, f64[...].
+
+        points: f64[..., 3]. directions: unit vectors f64[..., 3]; the two broadcast. The result is the signed distance
+        from the point to where the line enters the solid: negative where the point is inside (it entered behind the
+        point), +inf where the line misses or the solid lies wholly behind the point.
+        """
+        ...
+
+    def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """`ray_separation` f64[...], and the outward unit normal f64[..., 3] where the line enters; 0 for a miss."""
+        ...
+
+    def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
+        """Euclidean distance of points f64[..., 3] to the surface, f64[...]; negative inside."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexPolytope:
+    """The points p with normals @ p <= offsets.
+
+    normals: f64[k, 3], of any length but zero (they are made unit vectors). offsets: f64[k], metres for unit normals.
+    Raises ShapeError if they bound no solid.
+    """
+
+    normals: FloatArray
+    offsets: FloatArray
+
+    def __post_init__(self) -> None:
+        normals, offsets = np.array(self.normals, dtype=np.float64), np.array(self.offsets, dtype=np.float64)
+        if normals.ndim != 2 or normals.shape[1:] != (3,) or offsets.shape != normals.shape[:1]:
+            raise ShapeError("polytope", "normals [k, 3] and offsets [k]", f"{normals.shape} and {offsets.shape}")
+        length = np.linalg.norm(normals, axis=1)
+        if not (np.isfinite(length).all() and np.isfinite(offsets).all() and (length > 0).all()):
+            raise ShapeError("polytope", "finite normals above zero length and finite offsets", "others")
+        object.__setattr__(self, "normals", _read_only(normals / length[:, None]))
+        object.__setattr__(self, "offsets", _read_only(offsets / length))
+        _ = self._faces  # found now, so that a mistake shows where it was made
+
+    @classmethod
+    def box(cls, width: float, depth: float, height: float) -> ConvexPolytope:
+        """An upright box: `width` along x, `depth` along y, bottom at z = 0. Raises ShapeError for a size of 0."""
+        _check_sizes("box", width=width, depth=depth, height=height)
+        normals = np.concatenate([np.eye(3), -np.eye(3)])
+        return cls(normals, np.array([width / 2, depth / 2, height, width / 2, depth / 2, 0.0]))
+
+    @classmethod
+    def prism(cls, side: float, height: float) -> ConvexPolytope:
+        """An upright equilateral triangular prism about the z axis, one side face's normal along +y.
+
+        `side`: of the triangle, so that each side face is side / (2 sqrt 3) from the axis. Raises ShapeError.
+        """
+        _check_sizes("prism", side=side, height=height)
+        angles = np.pi / 2 + np.arange(3) * 2 * np.pi / 3
+        around = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+        normals = np.concatenate([around, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+        return cls(normals, np.array([side / (2 * np.sqrt(3))] * 3 + [height, 0.0]))
+
+    @classmethod
+    def from_mesh(cls, vertices: npt.ArrayLike) -> ConvexPolytope:
+        """The convex hull of vertices f64[v, 3]; they keep their frame. Raises ShapeError if they lie in a plane."""
+        points = np.asarray(vertices, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
+            raise ShapeError("mesh", "finite vertices [v, 3]", f"shape {points.shape}")
+        try:
+            equations = ConvexHull(points).equations
+        except (QhullError, ValueError) as error:
+            raise ShapeError("mesh", "four vertices that are not in one plane", f"{len(points)} that are") from error
+        # Triangles of one flat face share one equation up to rounding.
+        scale = np.array([1.0, 1.0, 1.0, 1.0 / np.ptp(points, axis=0).max()])
+        _, first = np.unique(np.round(equations * scale, 9), axis=0, return_index=True)
+        kept = equations[np.sort(first)]
+        return cls(kept[:, :3], -kept[:, 3])
+
+    @property
+    def height(self) -> float:
+        """Extent along z, metres."""
+        return float(np.ptp(self.vertices[:, 2]))
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Smallest and largest coordinates, f64[2, 3]."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @cached_property
+    def vertices(self) -> FloatArray:
+        """Corners, f64[v, 3]."""
+        return _read_only(_vertices(self.normals, self.offsets))
+
+    @cached_property
+    def _faces(self) -> list[npt.NDArray[np.intp]]:
+        """Corners of each flat face, anticlockwise from outside; each once, though half-spaces may repeat."""
+        size = np.ptp(self.vertices, axis=0).max()
+        faces: dict[frozenset[int], npt.NDArray[np.intp]] = {}
+        for normal, offset in zip(self.normals, self.offsets, strict=True):
+            on = np.flatnonzero(np.abs(self.vertices @ normal - offset) < 10 * _MERGE * size)
+            if len(on) >= 3:
+                faces.setdefault(frozenset(on.tolist()), on[_around(self.vertices[on], normal)])
+        return list(faces.values())
+
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+        """See `Shape`. A flat face needs no `resolution`."""
+        fans = [[face[0], face[i], face[i + 1]] for face in self._faces for i in range(1, len(face) - 1)]
+        return self.vertices.copy(), np.array(fans, dtype=np.int32)
+
+    def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
+        """See `Shape`."""
+        return self._clip(points, directions)[0]
+
+    def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """See `Shape`."""
+        separation, face = self._clip(points, directions)
+        return separation, np.where(np.isfinite(separation)[..., None], self.normals[face], 0.0)
+
+    def _clip(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+        """Separation and entered face: the line clipped by one half-space after the other (Cyrus and Beck 1978)."""
+        p, d = _points(points), _points(directions)
+        enter = np.full(np.broadcast_shapes(p.shape, d.shape)[:-1], -np.inf)
+        leave = -enter
+        face = np.zeros(enter.shape, dtype=np.intp)
+        for index, (normal, offset) in enumerate(zip(self.normals, self.offsets, strict=True)):
+            room, speed = offset - p @ normal, d @ normal
+            with np.errstate(divide="ignore", invalid="ignore"):
+                at = room / speed
+            later = (speed < 0) & (at > enter)
+            enter = np.where(later, at, enter)
+            face = np.where(later, index, face)
+            leave = np.fmin(leave, np.where(speed > 0, at, np.inf))
+            leave = np.where((speed == 0) & (room < 0), -np.inf, leave)
+        return np.where((enter <= leave) & (leave >= 0), enter, np.inf), face
+
+    def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
+        """See `Shape`. Outside, the nearest point lies in a face that the point is before, or else on an edge."""
+        p = _points(points)
+        above = p @ self.normals.T - self.offsets
+        result: FloatArray = np.asarray(above.max(axis=-1))
+        outside = result > 0
+        if outside.any():
+            result[outside] = self._outside_distance(p[outside], above[outside])
+        return result
+
+    def _outside_distance(self, points: FloatArray, above: FloatArray) -> FloatArray:
+        best = np.full(len(points), np.inf)
+        tolerance = _MERGE * np.ptp(self.vertices, axis=0).max()
+        for face, normal in enumerate(self.normals):
+            before = np.flatnonzero(above[:, face] > 0)
+            # Heights over all half-spaces of the foot of the perpendicular: in the face if none is above 0.
+            foot = above[before] - above[before, face, None] * (self.normals @ normal)
+            hit = before[foot.max(axis=1) <= tolerance]
+            best[hit] = np.minimum(best[hit], above[hit, face])
+        rest = np.flatnonzero(np.isinf(best))
+        for start, end in self._edges:
+            along = self.vertices[end] - self.vertices[start]
+            offset = points[rest] - self.vertices[start]
+            part = np.clip(offset @ along / (along @ along), 0.0, 1.0)
+            best[rest] = np.minimum(best[rest], np.linalg.norm(offset - part[:, None] * along, axis=1))
+        return best
+
+    @cached_property
+    def _edges(self) -> list[tuple[int, int]]:
+        pairs = {
+            (int(min(a, b)), int(max(a, b)))
+            for face in self._faces
+            for a, b in zip(face, np.roll(face, -1), strict=True)
+        }
+        return sorted(pairs)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder about the z axis, bottom at z = 0; metres. Raises ShapeError for a size of 0."""
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        _check_sizes("cylinder", radius=self.radius, height=self.height)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Smallest and largest coordinates, f64[2, 3]."""
+        r = self.radius
+        return np.array([[-r, -r, 0.0], [r, r, self.height]])
+
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+        """See `Shape`. `resolution`: corners of each cap, which lie on the circle; at least 3 (ShapeError)."""
+        if resolution < 3:
+            raise ShapeError("cylinder", "a resolution of at least 3", str(resolution))
+        angles = 2 * np.pi * np.arange(resolution) / resolution
+        ring = self.radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        low = np.column_stack([ring, np.zeros(resolution)])
+        high = np.column_stack([ring, np.full(resolution, self.height)])
+        vertices = np.concatenate([low, high, [[0.0, 0.0, 0.0], [0.0, 0.0, self.height]]])
+        i = np.arange(resolution)
+        j = (i + 1) % resolution
+        bottom, top = np.full_like(i, 2 * resolution), np.full_like(i, 2 * resolution + 1)
+        parts = [(i, j, j + resolution), (i, j + resolution, i + resolution), (bottom, j, i)]
+        parts.append((top, i + resolution, j + resolution))
+        return vertices, np.concatenate([np.stack(part, axis=1) for part in parts]).astype(np.int32)
+
+    def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
+        """See `Shape`."""
+        return self._clip(points, directions)[0]
+
+    def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """See `Shape`."""
+        separation, by_wall = self._clip(points, directions)
+        hit = np.isfinite(separation)
+        p, d = np.broadcast_arrays(_points(points), _points(directions))
+        normal = (p + np.where(hit, separation, 0.0)[..., None] * d) / self.radius
+        normal[..., 2] = 0.0
+        cap = np.where(by_wall, 0.0, -np.sign(d[..., 2]))[..., None] * np.array([0.0, 0.0, 1.0])
+        return separation, np.where(hit[..., None], np.where(by_wall[..., None], normal, cap), 0.0)
+
+    def _clip(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Separation, and whether by the wall: the line clipped by the round wall and by the two caps."""
+        p, d = np.broadcast_arrays(_points(points), _points(directions))
+        wall_in, wall_out = self._wall(p, d)
+        z, dz = p[..., 2], d[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low, high = -z / dz, (self.height - z) / dz
+        level = dz == 0
+        between = (z >= 0) & (z <= self.height)
+        cap_in = np.where(level, np.where(between, -np.inf, np.inf), np.minimum(low, high))
+        cap_out = np.where(level, np.where(between, np.inf, -np.inf), np.maximum(low, high))
+        enter, leave = np.maximum(wall_in, cap_in), np.minimum(wall_out, cap_out)
+        return np.where((enter <= leave) & (leave >= 0), enter, np.inf), wall_in >= cap_in
+
+    def _wall(self, p: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where lines enter and leave the endless cylinder; an empty interval where they miss it."""
+        x, y, dx, dy = p[..., 0], p[..., 1], d[..., 0], d[..., 1]
+        a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self.radius**2
+        # b^2 - a c by Lagrange's identity: no cancellation far from the cylinder.
+        discriminant = a * self.radius**2 - (x * dy - y * dx) ** 2
+        root = np.sqrt(np.maximum(discriminant, 0.0))
+        q = -(b + np.copysign(root, b))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one = q / a
+            # q is 0 only for a point at which the line touches: both roots are 0.
+            two = np.where(q == 0, one, c / q)
+        upright = a == 0
+        inside = c <= 0
+        miss = np.where(upright, ~inside, discriminant < 0)
+        enter = np.where(upright, -np.inf, np.minimum(one, two))
+        leave = np.where(upright, np.inf, np.maximum(one, two))
+        return np.where(miss, np.inf, enter), np.where(miss, -np.inf, leave)
+
+    def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
+        """See `Shape`."""
+        p = _points(points)
+        radial = np.hypot(p[..., 0], p[..., 1]) - self.radius
+        axial = np.abs(p[..., 2] - self.height / 2) - self.height / 2
+        outside = np.hypot(np.maximum(radial, 0.0), np.maximum(axial, 0.0))
+        return outside + np.minimum(np.maximum(radial, axial), 0.0)
+
+
+def _vertices(normals: FloatArray, offsets: FloatArray) -> FloatArray:
+    """Corners of a polytope of unit normals. Raises ShapeError if it is empty, flat or unbounded."""
+    # Chebyshev's centre: the point p with the largest r so that normals @ p + r <= offsets.
+    system = np.column_stack([normals, np.ones(len(normals))])
+    limits = [(None, None)] * 3 + [(0, None)]
+    centre = linprog([0, 0, 0, -1], A_ub=system, b_ub=offsets, bounds=limits)
+    if centre.x is None or not centre.success or centre.x[3] <= 0:
+        raise ShapeError("polytope", "half-spaces that bound a solid", "an empty, flat or endless one")
+    try:
+        found = HalfspaceIntersection(np.column_stack([normals, -offsets]), centre.x[:3]).intersections
+    except QhullError as error:
+        raise ShapeError("polytope", "half-spaces that bound a solid", "a flat or endless one") from error
+    if not np.isfinite(found).all():
+        raise ShapeError("polytope", "half-spaces that bound a solid", "an endless one")
+    kept: list[FloatArray] = []
+    limit = _MERGE * np.ptp(found, axis=0).max()
+    for point in found:
+        if all(np.abs(point - other).max() > limit for other in kept):
+            kept.append(point)
+    return np.array(kept)
+
+
+def _around(corners: FloatArray, normal: FloatArray) -> npt.NDArray[np.intp]:
+    """Order of the corners of a flat convex face, anticlockwise seen from where the normal points."""
+    arms = corners - corners.mean(axis=0)
+    first = arms[0] / np.linalg.norm(arms[0])
+    return np.argsort(np.arctan2(arms @ np.cross(normal, first), arms @ first))
+
+
+def _check_sizes(shape: str, **sizes: float) -> None:
+    for name, value in sizes.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ShapeError(shape, f"a {name} above 0 metres", str(value))
+
+
+def _points(points: npt.ArrayLike) -> FloatArray:
+    array = np.asarray(points, dtype=np.float64)
+    if array.shape[-1:] != (3,):
+        raise ValueError(f"points: expected 3 numbers in the last axis, found shape {array.shape}")
+    return array
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array

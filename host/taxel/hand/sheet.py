@@ -1,0 +1,113 @@
+"""The dielectric sheet of each board: over its taxels, and the bare margin beside them.
+
+The margin touches and bears like the rest, but no electrode is under it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.description import Board, BoardKind, Hand
+from taxel.hand.geometry import Surface
+
+Array = NDArray[np.float64]
+
+_STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Squares of sheet, one pitch wide: first those over the taxels in the hand's order, then the bare ones.
+
+    Attributes:
+        position, normal, distal: f64[n_taxels + m, 3], as those of `Hand`.
+        board_index: which board each belongs to, [n_taxels + m].
+        n_taxels: squares in all (named as on a `Hand`, for whoever takes either).
+        name, boards, layer_m: those of the hand.
+    """
+
+    name: str
+    boards: tuple[Board, ...]
+    layer_m: float | None
+    position: Array
+    normal: Array
+    distal: Array
+    board_index: NDArray[np.intp]
+
+    @property
+    def n_taxels(self) -> int:
+        """Number of squares."""
+        return len(self.position)
+
+
+@lru_cache(maxsize=8)
+def sheet_of(hand: Hand, parts: int = 1) -> Sheet:
+    """The sheet of every board, each square cut into parts x parts pieces that follow each other.
+
+    Pieces lie in their square's plane. Raises HandGeometryError if the description gives no positions.
+    """
+    rows, owners = [np.hstack([hand.position, hand.normal, hand.distal])], [hand.board_index]
+    for index, board in enumerate(hand.boards):
+        if board.kind.surface is not None:
+            rows.append(margin_of(board.kind, board.kind.surface, hand.pitch_m))
+            owners.append(np.full(len(rows[-1]), index))
+    table = _cut(np.vstack(rows), parts, hand.pitch_m)
+    owner = np.repeat(np.concatenate(owners), parts * parts)
+    return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], owner)
+
+
+def _cut(table: Array, parts: int, pitch_m: float) -> Array:
+    offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
+    left = np.cross(table[:, 3:6], table[:, 6:])
+    pieces = np.repeat(table[:, None], parts * parts, axis=1)
+    along, across = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    pieces[:, :, :3] += along[:, None] * table[:, None, 6:] + across[:, None] * left[:, None]
+    return np.asarray(pieces.reshape(-1, table.shape[1]))
+
+
+def margin_of(kind: BoardKind, surface: Surface, pitch_m: float) -> Array:
+    """Squares of bare sheet at every place beside a taxel, in the map or just outside it, that has none.
+
+    Each is carried on from its neighbours along the sheet's curvature. f64[m, 9]: centre (metres), normal, and the
+    direction of the distal side, bracket frame.
+    """
+    place = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    found: dict[tuple[int, int], list[Array]] = {}
+    for (tx, rx), index in place.items():
+        for step in _STEPS:
+            beside = (tx + step[0], rx + step[1])
+            if beside not in place:
+                behind = place.get((tx - step[0], rx - step[1]))
+                found.setdefault(beside, []).append(_carried_on(surface, index, behind, step, pitch_m))
+    squares = [np.mean(found[beside], axis=0) for beside in sorted(found)]
+    if not squares:
+        return np.empty((0, 9))
+    rows = np.stack(squares)
+    rows[:, 3:6] /= np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
+    rows[:, 6:] -= rows[:, 3:6] * np.sum(rows[:, 3:6] * rows[:, 6:], axis=1, keepdims=True)
+    rows[:, 6:] /= np.linalg.norm(rows[:, 6:], axis=1, keepdims=True)
+    return rows
+
+
+def _carried_on(surface: Surface, index: int, behind: int | None, step: tuple[int, int], pitch: float) -> Array:
+    """One pitch beyond taxel `index`, on a circle through it that bends as from the taxel on its other side."""
+    position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
+    left = np.cross(normal, distal)
+    along = -step[0] * distal - step[1] * left  # TX 0 is distal, RX 0 is left
+    bend = 0.0
+    if behind is not None:
+        bend = float((normal - surface.normal[behind]) @ along) / pitch
+    angle = float(np.clip(bend * pitch, -np.pi / 2, np.pi / 2))
+    if abs(angle) < _FLAT:
+        moved = pitch * along
+    else:
+        radius = pitch / angle
+        moved = radius * (np.sin(angle) * along - (1.0 - np.cos(angle)) * normal)
+    turned = np.cos(angle) * along - np.sin(angle) * normal
+    direction = -step[0] * turned if step[0] else distal
+    return np.concatenate([position + moved, np.cos(angle) * normal + np.sin(angle) * along, direction])

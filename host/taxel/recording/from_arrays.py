@@ -1,0 +1,216 @@
+"""A grasp dataset from plain NumPy arrays, or from an .npz file of them.
+
+The names are the paths of the format page without the leading slash; attributes are 0-d arrays (or plain values):
+
+    source, hand, created, generator                            texts; created and generator may be absent
+    taxels/sensor, taxels/tx, taxels/rx, taxels/position, taxels/normal, taxels/size
+    sensors/address, sensors/name, sensors/kind, sensors/rate_hz
+    objects/<name>/vertices, objects/<name>/faces
+    sensor_model/baseline_counts, ...                           only where source = "sim"
+    grasps/<id>/object, grasps/<id>/approach, grasps/<id>/iteration, grasps/<id>/session
+    grasps/<id>/timestamp, grasps/<id>/raw_counts, ...          as the page says
+
+``np.savez("x.npz", **arrays)`` makes such a file: the names may hold slashes. Dictionaries may also be nested:
+``{"taxels": {"sensor": ...}}``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taxel.hand.errors import shown, shown_path
+from taxel.recording.errors import DatasetError
+from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_format import (
+    GRASP,
+    GRASP_ATTRIBUTES,
+    LARGEST_ARRAY_BYTES,
+    MESH,
+    ROOT_ATTRIBUTES,
+    SENSORS,
+    TAXELS,
+)
+from taxel.recording.grasp_record import GraspRecord
+from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel
+from taxel.recording.grasp_storage import check_target, put_in_place, writing_errors
+from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
+from taxel.recording.grasp_writer import GraspDatasetWriter
+
+GENERATOR = "taxel from_arrays"
+
+_SINGLE: Mapping[str, tuple[str, ...]] = {
+    "taxels": tuple(TAXELS),
+    "sensors": tuple(SENSORS),
+    "sensor_model": REQUIRED + OPTIONAL,
+}
+_MANY: Mapping[str, tuple[str, ...]] = {"objects": tuple(MESH), "grasps": GRASP_ATTRIBUTES + tuple(GRASP)}
+
+
+def write_from_arrays(
+    path: str | PathLike[str], arrays: Mapping[str, Any] | str | PathLike[str], *, overwrite: bool = False
+) -> None:
+    """Write a grasp dataset from arrays by name (see above), or from the .npz file that holds them.
+
+    The grasps are written in the order of their ids. An .npz is read grasp by grasp, without pickle.
+
+    Raises DatasetError for the first mistake: a name that the format does not have, one that is missing, or anything
+    that the reader would refuse. In an .npz that cannot be read, the error names that file.
+    """
+    if not isinstance(arrays, Mapping):
+        with _Npz(Path(arrays)) as values:
+            _write(path, values, overwrite)
+        return
+    flat = dict(_flat(arrays, ""))
+    _write(path, _Values(flat.keys(), flat.__getitem__, Place(str(path))), overwrite)
+
+
+class _Values:
+    """Arrays by name; missing and unknown names are refused."""
+
+    def __init__(self, names: Any, read: Callable[[str], Any], place: Place) -> None:
+        self.place = place
+        self._names = sorted(str(name) for name in names)
+        self._read = read
+        known: set[str] = set()
+        for name in self._names:
+            if name not in known and not _is_known(name):
+                self.place.key(name).fail("a name of the format", "an unknown one", _suggestion(name))
+            known.add(name)
+
+    def ids(self, group: str) -> list[str]:
+        """Names of the groups below objects or grasps."""
+        return sorted({name.split("/")[1] for name in self._names if name.startswith(f"{group}/")})
+
+    def has_group(self, group: str) -> bool:
+        """Whether anything stands below that group."""
+        return any(name.startswith(f"{group}/") for name in self._names)
+
+    def get(self, name: str, required: bool = True) -> Any:
+        """One value; a 0-d array as the plain value. None where it is absent and not required."""
+        if name not in self._names:
+            if required:
+                self.place.key(name).fail("a value", "nothing", "add it to the arrays")
+            return None
+        value = self._read(name)
+        # np.str_ is a str; 0-d arrays of it and of numbers become scalars here.
+        return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+    def table(self, group: str, names: tuple[str, ...]) -> dict[str, Any]:
+        """All arrays of a table."""
+        return {name: self.get(f"{group}/{name}") for name in names}
+
+
+class _Npz:
+    """The arrays of an .npz file, each read when it is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._place = Place(str(path))
+        if not path.is_file():
+            self._place.fail("an .npz file", "a folder" if path.is_dir() else "nothing", "check the path")
+        try:
+            self._zip = zipfile.ZipFile(path)
+        except (zipfile.BadZipFile, OSError) as error:
+            self._place.fail("an .npz file", shown(str(error)), "write it with numpy.savez")
+
+    def __enter__(self) -> _Values:
+        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._array, self._place)
+
+    def __exit__(self, *_: object) -> None:
+        self._zip.close()
+
+    def _array(self, name: str) -> Any:
+        place = self._place.key(name)
+        try:
+            member = self._zip.getinfo(f"{name}.npy")
+            if member.file_size > LARGEST_ARRAY_BYTES:
+                place.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", str(member.file_size), "split the grasp")
+            with self._zip.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                header = (
+                    np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                )
+                shape, _, dtype = header(file)
+                # A false header would else make NumPy allocate whatever it claims.
+                if int(np.prod(shape, dtype=object)) * dtype.itemsize > member.file_size:
+                    place.fail("a whole array", "one whose end is missing", "write it anew")
+            with self._zip.open(member) as file:
+                return np.lib.format.read_array(file, allow_pickle=False)
+        except (ValueError, OSError, KeyError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
+            reason = shown(str(error).partition("\n")[0])
+            place.fail("a plain array", reason, "store numbers or texts, without Python objects")
+
+
+def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
+    target, place = Path(path), Place(str(path))
+    check_target(target, overwrite, place)
+    # Beside the target: a mistake in a late grasp must not leave half a dataset, or cost the one that was there.
+    whole = target.with_name(f".{target.name}.import")
+    try:
+        _write_whole(whole, values)
+        with writing_errors(place):
+            put_in_place(whole, target, overwrite, place)
+    except DatasetError as error:
+        if error.file != shown_path(whole):
+            raise
+        raise DatasetError(shown_path(path), *error.args[1:]) from None
+    finally:
+        whole.unlink(missing_ok=True)
+
+
+def _write_whole(path: Path, values: _Values) -> None:
+    header = {name: values.get(name, required=name in ("source", "hand")) for name in ROOT_ATTRIBUTES}
+    if header["generator"] is None:
+        header["generator"] = GENERATOR
+    model = None
+    if values.has_group("sensor_model"):
+        required = values.table("sensor_model", REQUIRED)
+        optional = {name: values.get(f"sensor_model/{name}", required=False) for name in OPTIONAL}
+        model = SensorModel(**required, **{name: value for name, value in optional.items() if value is not None})
+    if not values.has_group("objects"):
+        values.place.key("objects").fail("at least one object", "nothing", "add objects/<name>/vertices and faces")
+    with GraspDatasetWriter.create(
+        path,
+        **header,
+        taxels=TaxelTable(**values.table("taxels", tuple(TAXELS))),
+        sensors=SensorTable(**values.table("sensors", tuple(SENSORS))),
+        objects={name: ObjectMesh(**values.table(f"objects/{name}", tuple(MESH))) for name in values.ids("objects")},
+        sensor_model=model,
+        overwrite=True,
+    ) as out:
+        for grasp_id in values.ids("grasps"):
+            fields = {name: values.get(f"grasps/{grasp_id}/{name}") for name in GRASP_ATTRIBUTES}
+            arrays = {name: values.get(f"grasps/{grasp_id}/{name}", required=False) for name in GRASP}
+            out.add(GraspRecord(**fields, **arrays), grasp_id)
+
+
+def _flat(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for name, value in arrays.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}/")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _is_known(name: str) -> bool:
+    parts = name.split("/")
+    if len(parts) == 1:
+        return name in ROOT_ATTRIBUTES
+    if len(parts) == 2:
+        return parts[1] in _SINGLE.get(parts[0], ())
+    return len(parts) == 3 and bool(parts[1]) and parts[2] in _MANY.get(parts[0], ())
+
+
+def _suggestion(name: str) -> str:
+    group, _, leaf = name.rpartition("/")
+    kind = group.split("/")[0]
+    leaves = _SINGLE.get(kind) or _MANY.get(kind) or ROOT_ATTRIBUTES
+    near = difflib.get_close_matches(leaf[:64], leaves, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(leaves)}"

@@ -1,0 +1,112 @@
+"""The grasp dataset, version 1, as tables: which arrays stand where, of which type and shape.
+
+One row for each array of the format page (docs: grasp dataset). The reader, the writer and the importer of plain
+arrays check against the same rows. Axes are letters: n taxels, s sensors, T frames, v vertices, f faces, j joints.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+FORMAT = "taxel-grasp-dataset"
+VERSION = 1
+
+REAL = "real"
+SIM = "sim"
+LAYERS = ("uncoupled", "coupled")
+
+BASELINE_FRAMES = 100
+"""Valid phase-0 frames that make a taxel's baseline (format page, "What counts as active")."""
+
+ACTIVE_DROP_COUNTS = 150.0
+"""A taxel is active when its count falls by more than this (format page, "What counts as active")."""
+
+
+class Phase(IntEnum):
+    """The commanded state of the hand at a frame."""
+
+    BASELINE = 0
+    CLOSING = 1
+    HOLD = 2
+    RELEASE = 3
+    RECOVERY = 4
+
+
+LARGEST_AXIS: Mapping[str, int] = {
+    "n": 2**20,
+    "s": 256,  # an address is one byte
+    "T": 10**7,
+    "v": 2**24,
+    "f": 2**24,
+    "j": 2**12,
+}
+"""Elements along an axis. A file is not trusted: nothing larger is allocated."""
+
+LARGEST_ARRAY_BYTES = 2**32
+"""Of one array in memory, and of one chunk in the file."""
+
+LONGEST_TEXT = 1000
+"""Characters of a name or another text."""
+
+STRING = "str"
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """One array of the format.
+
+    dtype: NumPy type in memory ("u1", "u2", "i4", "f8", "?") or STRING.
+    axes: letters and fixed lengths, such as ("n", 3).
+    required: False where the array may be absent.
+    sim_only: True where it may stand only in a file whose source is "sim".
+    """
+
+    dtype: str
+    axes: tuple[str | int, ...]
+    required: bool = True
+    sim_only: bool = False
+
+
+TAXELS: Mapping[str, ArraySpec] = {
+    "sensor": ArraySpec("u1", ("n",)),
+    "tx": ArraySpec("u1", ("n",)),
+    "rx": ArraySpec("u1", ("n",)),
+    "position": ArraySpec("f8", ("n", 3)),
+    "normal": ArraySpec("f8", ("n", 3)),
+    "size": ArraySpec("f8", ("n",)),
+}
+
+SENSORS: Mapping[str, ArraySpec] = {
+    "address": ArraySpec("u1", ("s",)),
+    "name": ArraySpec(STRING, ("s",)),
+    "kind": ArraySpec(STRING, ("s",)),
+    "rate_hz": ArraySpec("f8", ("s",)),
+}
+
+MESH: Mapping[str, ArraySpec] = {
+    "vertices": ArraySpec("f8", ("v", 3)),
+    "faces": ArraySpec("i4", ("f", 3)),
+}
+
+GRASP: Mapping[str, ArraySpec] = {
+    "timestamp": ArraySpec("f8", ("T",)),
+    "phase": ArraySpec("u1", ("T",)),
+    "raw_counts": ArraySpec("u2", ("T", "n")),
+    "valid": ArraySpec("?", ("T", "s")),
+    "sensor_pose": ArraySpec("f8", ("s", 4, 4)),
+    "object_pose": ArraySpec("f8", (4, 4)),
+    "sensor_time": ArraySpec("f8", ("T", "s"), required=False),
+    "sensor_pose_t": ArraySpec("f8", ("T", "s", 4, 4), required=False),
+    "joint_position": ArraySpec("f8", ("T", "j"), required=False),
+    "contact_force": ArraySpec("f8", ("T", "n"), sim_only=True),
+    "separation": ArraySpec("f8", ("T", "n"), sim_only=True),
+    "distance": ArraySpec("f8", ("T", "n"), required=False, sim_only=True),
+}
+
+ROOT_ATTRIBUTES = ("source", "hand", "created", "generator")
+GRASP_ATTRIBUTES = ("object", "approach", "iteration", "session")
+
+
+def needs(spec: ArraySpec, source: str) -> bool:
+    """Whether a file of this source must have the array."""
+    return spec.required and (source == SIM or not spec.sim_only)

@@ -1,0 +1,212 @@
+"""One grasp in a scene: the hand closes, holds and opens, and every board's contact wrench is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from taxel.grasp.controller import GraspController
+from taxel.grasp.objects import standing_pose
+from taxel.grasp.plan import Approach
+from taxel.grasp.timeline import Phase, Timeline
+from taxel.hand.transforms import FloatArray, to_quaternion
+from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches, read_contacts
+from taxel.sim.scene import STEP_S, Scene
+
+RATE_HZ: Final = 20.0
+SETTLE_S: Final = 0.3  # before closing: an object that was placed against the open hand comes to rest
+AVERAGED_STEPS: Final = 10  # steps before a sample over which its wrench is the mean
+START_SPREAD_RAD: Final = 0.005  # standard deviation of where a held joint stops from one grasp to the next (chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class GraspMotion:
+    """What moved and what pressed during one grasp: T samples, j joints, L links, s boards; metres, newtons.
+
+    Attributes:
+        time_s: f64[T], from the start of the grasp.
+        phase: u8[T], see `taxel.grasp.timeline.Phase`.
+        joint_angles: f64[T, j], radians, in the order of `scene.joint_names`.
+        link_poses: f64[T, L, 4, 4] in the world, in the order of `scene.links`.
+        sensor_poses: f64[T, s, 4, 4], the brackets in the world, in the order of `hand.boards`.
+        object_pose: f64[T, 4, 4] in the world.
+        wrench: f64[T, s, 6], what the object does to each board: force and moment about the bracket's origin, in the
+            bracket's frame, mean of the last steps before the sample. Contact of one finger with another is not in it.
+        contacts: MuJoCo's contact points of the hand with the object at the samples.
+    """
+
+    time_s: FloatArray
+    phase: npt.NDArray[np.uint8]
+    joint_angles: FloatArray
+    link_poses: FloatArray
+    sensor_poses: FloatArray
+    object_pose: FloatArray
+    wrench: FloatArray
+    contacts: ContactPoints
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """The scene at one moment."""
+
+    angles: FloatArray
+    links: FloatArray
+    sensors: FloatArray
+    object: FloatArray
+    wrench: FloatArray
+    contacts: StepContacts
+
+
+def simulate_grasp(
+    scene: Scene,
+    approach: Approach,
+    timeline: Timeline,
+    rate_hz: float = RATE_HZ,
+    object_offset: FloatArray | None = None,
+    torque_scale: float = 1.0,
+    seed: int | None = None,
+    object_pose: FloatArray | None = None,
+) -> GraspMotion:
+    """Run one grasp. The same arguments give the same bytes.
+
+    The palm comes to the object when closing begins and withdraws at the end of release (`Timeline.withdrawn_at`).
+    Baseline and recovery are static: the states before and after.
+
+    Args:
+        scene: of the object that the approach is for.
+        approach: joints in the order of `scene.joint_names`.
+        timeline: the phases.
+        rate_hz: samples a second; at most one a step of `STEP_S`.
+        object_offset: f64[4, 4], where the object truly is in its nominal frame; None: there.
+        torque_scale: factor on the planned torques.
+        seed: draws where the held joints truly stop (`START_SPREAD_RAD`); None: exactly where planned.
+        object_pose: nominal pose in the world, f64[4, 4]; None: `standing_pose()`.
+
+    Raises:
+        ValueError: another number of joints, another object, or a rate above one sample a step.
+    """
+    _check(scene, approach, rate_hz)
+    nominal = standing_pose() if object_pose is None else object_pose
+    true = nominal if object_offset is None else nominal @ object_offset
+    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal)
+    run.place(true)
+    return run.record(timeline, rate_hz)
+
+
+def _check(scene: Scene, approach: Approach, rate_hz: float) -> None:
+    joints = len(scene.joint_names)
+    if approach.torque.shape != (joints,):
+        raise ValueError(f"approach {approach.name!r}: expected {joints} joints, found {approach.torque.shape}")
+    if approach.object != scene.item.name:
+        raise ValueError(f"approach {approach.name!r} is for {approach.object!r}, the scene holds {scene.item.name!r}")
+    if not 0 < rate_hz <= 1 / STEP_S:
+        raise ValueError(f"rate_hz: expected above 0 and at most {1 / STEP_S:g}, found {rate_hz}")
+
+
+def _spread(approach: Approach, seed: int | None) -> Approach:
+    if seed is None:
+        return approach
+    drawn = np.random.default_rng(seed).normal(0.0, START_SPREAD_RAD, approach.base_targets.shape)
+    return replace(approach, base_targets=approach.base_targets + drawn)
+
+
+class _Run:
+    """The state of one grasp."""
+
+    def __init__(self, scene: Scene, controller: GraspController, nominal: FloatArray) -> None:
+        self.scene = scene
+        self.controller = controller
+        self.nominal = nominal
+        self.data = mujoco.MjData(scene.model)
+        self._recent: list[FloatArray] = []
+        self._withdrawn = -1.0  # no place yet
+
+    def place(self, item: FloatArray) -> None:
+        """Put the mount and the joints where the grasp begins."""
+        self._put(self.scene.model.body("mount").id, item)
+        self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
+
+    def _put(self, body: int, transform: FloatArray) -> None:
+        index = self.scene.model.body_mocapid[body]
+        self.data.mocap_pos[index] = transform[:3, 3]
+        self.data.mocap_quat[index] = to_quaternion(transform)
+
+    def _put_palm(self, time: float) -> None:
+        withdrawn = self.controller.timeline.withdrawn_at(time)
+        if withdrawn != self._withdrawn:
+            self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.palm_pose_at(withdrawn))
+            self._withdrawn = withdrawn
+
+    def record(self, timeline: Timeline, rate_hz: float) -> GraspMotion:
+        """Step from rest to the end of release, and take the samples."""
+        times = timeline.sample_times(rate_hz)
+        begin, end = timeline.begin(Phase.CLOSING), timeline.begin(Phase.RECOVERY)
+        for _ in range(round(SETTLE_S / STEP_S)):
+            self._step(0.0)
+        states: list[_State] = []
+        done, now = 0, self._state()
+        for time in times:
+            wanted = round((min(max(time, begin), end) - begin) / STEP_S)
+            if wanted > done:
+                for step in range(done, wanted):
+                    self._step(begin + step * STEP_S, watched=step >= wanted - AVERAGED_STEPS)
+                done, now = wanted, self._state()
+            states.append(now)
+        return self._motion(times, timeline.phase_at(times), states)
+
+    def _step(self, time: float, watched: bool = False) -> None:
+        scene, data = self.scene, self.data
+        self._put_palm(time)
+        angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
+        data.qfrc_applied[scene.joint_dofs] = self.controller.torque(time, angles, velocities)
+        mujoco.mj_step(scene.model, data)
+        if watched:
+            self._recent.append(self._wrenches(read_contacts(scene, data)))
+
+    def _sensors(self) -> FloatArray:
+        bodies = self.scene.board_bodies
+        return _poses(self.data.xmat[bodies], self.data.xpos[bodies]) @ self.scene.board_poses
+
+    def _wrenches(self, contacts: StepContacts) -> FloatArray:
+        return board_wrenches(contacts, self._sensors())
+
+    def _state(self) -> _State:
+        """The present state; poses and forces of the same moment, which is the angles' too."""
+        scene, data = self.scene, self.data
+        mujoco.mj_forward(scene.model, data)
+        contacts = read_contacts(scene, data)
+        recent = self._recent or [self._wrenches(contacts)]
+        self._recent = []
+        item = scene.model.body("object").id
+        return _State(
+            data.qpos[scene.joint_addresses],
+            _poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
+            self._sensors(),
+            _poses(data.xmat[item], data.xpos[item]),
+            np.mean(recent, axis=0),
+            contacts,
+        )
+
+    def _motion(self, times: FloatArray, phase: npt.NDArray[np.uint8], states: list[_State]) -> GraspMotion:
+        return GraspMotion(
+            times,
+            phase,
+            np.stack([state.angles for state in states]),
+            np.stack([state.links for state in states]),
+            np.stack([state.sensors for state in states]),
+            np.stack([state.object for state in states]),
+            np.stack([state.wrench for state in states]),
+            ContactPoints.of([state.contacts for state in states]),
+        )
+
+
+def _poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
+    result = np.zeros((*origins.shape[:-1], 4, 4))
+    result[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
+    result[..., :3, 3] = origins
+    result[..., 3, 3] = 1.0
+    return result

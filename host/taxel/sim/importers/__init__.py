@@ -1,0 +1,1 @@
+"""Turn what other programs recorded into grasp datasets."""

@@ -1,0 +1,73 @@
+"""What can be wrong with a file that is to be imported: each mistake prints as one line and carries its data."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NoReturn
+
+from taxel.errors import TaxelError
+from taxel.hand.errors import shown, shown_path
+
+__all__ = ["ImportDataError", "Source", "near_names"]
+
+_NEAR = 3
+_NEAR_CHARACTERS = 64
+
+
+class ImportDataError(TaxelError, ValueError):
+    """A file that cannot be turned into a grasp dataset.
+
+    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
+
+    Attributes:
+        file: the file that was read.
+        field: where in it, such as ``line 7, column fx`` or ``qpos``; ``file`` where the whole file is meant.
+        expected: what should stand there.
+        found: what stands there.
+        remedy: what to do about it.
+    """
+
+    def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
+        # All five are args, so that the error survives pickling between processes.
+        super().__init__(file, field, expected, found, remedy)
+        self.file = file
+        self.field = field
+        self.expected = expected
+        self.found = found
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A place in a file that is imported: where an error points."""
+
+    file: str
+    field: str = "file"
+
+    def at(self, line: int, column: str = "") -> Source:
+        """A line, and a column, of a CSV file."""
+        return Source(self.file, f"line {line}, column {shown_path(column)}" if column else f"line {line}")
+
+    def key(self, name: str) -> Source:
+        """A named part of the file."""
+        bare = shown_path(name) if len(name) <= _NEAR_CHARACTERS else shown(name)
+        return Source(self.file, bare if self.field == "file" else f"{self.field}.{bare}")
+
+    def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
+        """Raise ImportDataError for this place."""
+        raise ImportDataError(shown_path(self.file), self.field, expected, found, remedy)
+
+
+def near_names(name: str, known: Iterable[str]) -> str:
+    """What to write instead of an unknown name: close matches, else all that are known, as part of a remedy."""
+    names = list(known)
+    near = difflib.get_close_matches(name[:_NEAR_CHARACTERS], names, n=_NEAR, cutoff=0.5)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    more = ", ..." if len(names) > 2 * _NEAR else ""
+    return f"known are {', '.join(names[: 2 * _NEAR])}{more}" if names else "there are none"

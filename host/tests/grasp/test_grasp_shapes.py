@@ -1,0 +1,215 @@
+"""Rays and distances of the solids are exact: they equal those of dense meshes, and of formulas in plain cases."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taxel.grasp.shapes import ConvexPolytope, Cylinder, ShapeError
+
+BOX = ConvexPolytope.box(0.09, 0.055, 0.14)
+PRISM = ConvexPolytope.prism(0.055, 0.13)
+CYLINDER = Cylinder(0.03, 0.14)
+HULL = ConvexPolytope.from_mesh(np.random.default_rng(7).normal((0, 0, 0.05), 0.04, size=(20, 3)))
+SHAPES = {"box": BOX, "prism": PRISM, "cylinder": CYLINDER, "hull": HULL}
+every_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+UP, EAST, NORTH = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def crossings(shape, point, direction, resolution):
+    """Where a line crosses the triangles of the mesh (Moeller and Trumbore 1997)."""
+    vertices, faces = shape.mesh(resolution)
+    corner, b, c = vertices[faces].swapaxes(0, 1)
+    one, two = b - corner, c - corner
+    h = np.cross(direction, two)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / np.sum(one * h, axis=1)
+        u = np.sum((point - corner) * h, axis=1) * inverse
+        q = np.cross(point - corner, one)
+        v = (q @ direction) * inverse
+        t = np.sum(two * q, axis=1) * inverse
+    return t[(u >= -1e-12) & (v >= -1e-12) & (u + v <= 1 + 1e-12)]
+
+
+@every_shape
+def test_a_ray_enters_where_it_enters_the_mesh(shape):
+    seed = 1
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.08, 0.16, (150, 3))
+    directions = unit(rng.uniform((-0.04, -0.04, 0.03), (0.04, 0.04, 0.11), (150, 3)) - points)
+    found = shape.ray_separation(points, directions)
+    hits = 0
+    for point, direction, separation in zip(points, directions, found, strict=True):
+        at = crossings(shape, point, direction, 2000)
+        expected = at.min() if len(at) > 1 and at.max() >= 0 else np.inf
+        if np.isfinite(expected) != np.isfinite(separation):
+            # A line that cuts off less of the round wall than a chord of the mesh does.
+            assert shape is CYLINDER, f"seed {seed}"
+            continue
+        hits += np.isfinite(expected)
+        if np.isfinite(expected):
+            assert separation == pytest.approx(expected, abs=1e-5 if shape is CYLINDER else 1e-12), f"seed {seed}"
+    assert hits > 40
+
+
+@every_shape
+def test_the_distance_is_that_to_the_nearest_point_of_a_dense_mesh(shape):
+    seed = 2
+    rng = np.random.default_rng(seed)
+    vertices, faces = shape.mesh(400)
+    weights = rng.dirichlet(np.ones(3), size=(len(faces), 120_000 // len(faces)))
+    samples = np.einsum("fsk,fkc->fsc", weights, vertices[faces]).reshape(-1, 3)
+    points = rng.uniform(-0.08, 0.18, (60, 3))
+    nearest = np.array([np.linalg.norm(samples - point, axis=1).min() for point in points])
+    found = shape.signed_distance(points)
+    inside = np.isfinite(shape.ray_separation(points, UP)) & (shape.ray_separation(points, UP) < 0)
+    assert ((found < 0) == inside).all(), f"seed {seed}"
+    assert (np.abs(found) <= nearest + 5e-6).all(), f"seed {seed}"
+    np.testing.assert_allclose(np.abs(found), nearest, atol=2e-3, err_msg=f"seed {seed}")
+
+
+@every_shape
+def test_the_entry_lies_on_the_surface_with_the_normal_there(shape):
+    seed = 3
+    rng = np.random.default_rng(seed)
+    points, directions = rng.uniform(-0.08, 0.16, (500, 3)), unit(rng.normal(size=(500, 3)))
+    separation, normal = shape.ray_entry(points, directions)
+    hit = np.isfinite(separation)
+    at = points[hit] + separation[hit, None] * directions[hit]
+    np.testing.assert_allclose(shape.signed_distance(at), 0.0, atol=1e-12)
+    np.testing.assert_allclose(shape.signed_distance(at + 1e-6 * normal[hit]), 1e-6, atol=1e-9)
+    assert (np.sum(normal[hit] * directions[hit], axis=1) < 0).all()
+    assert (normal[~hit] == 0).all()
+
+
+@every_shape
+def test_the_mesh_is_closed_wound_outward_and_within_the_bounds(shape):
+    vertices, faces = shape.mesh()
+    edges = {(int(a), int(b)) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
+    assert len(edges) == 3 * len(faces)
+    assert {(b, a) for a, b in edges} == edges
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    middle = vertices.mean(axis=0)
+    assert (np.sum(np.cross(b - a, c - a) * (a - middle), axis=1) > 0).all()
+    np.testing.assert_allclose([vertices.min(axis=0), vertices.max(axis=0)], shape.bounds, atol=1e-12)
+    assert shape.height == pytest.approx(np.ptp(vertices[:, 2]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    name=st.sampled_from(sorted(SHAPES)),
+    seed=st.integers(0, 2**32 - 1),
+    step=st.floats(-0.02, 0.02),
+)
+def test_moving_along_the_ray_shortens_it_by_the_step(name, seed, step):
+    shape, rng = SHAPES[name], np.random.default_rng(seed)
+    point, direction = rng.uniform(-0.05, 0.12, 3), unit(rng.normal(size=3))
+    before, after = shape.ray_separation(point, direction), shape.ray_separation(point + step * direction, direction)
+    if np.isfinite(before) and np.isfinite(after):
+        assert after == pytest.approx(before - step, abs=1e-9)
+    # A lower bound, outside: nothing is nearer along a ray than at all.
+    assert before >= shape.signed_distance(point) - 1e-12 or before < 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(name=st.sampled_from(sorted(SHAPES)), seed=st.integers(0, 2**32 - 1))
+def test_the_distance_changes_no_faster_than_the_point_moves(name, seed):
+    shape, rng = SHAPES[name], np.random.default_rng(seed)
+    one = rng.uniform(-0.08, 0.16, (30, 3))
+    two = one + rng.normal(scale=0.01, size=(30, 3))
+    change = np.abs(shape.signed_distance(one) - shape.signed_distance(two))
+    assert (change <= np.linalg.norm(one - two, axis=1) + 1e-12).all()
+
+
+def test_a_point_inside_has_entered_behind_itself():
+    assert BOX.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.045)
+    assert CYLINDER.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.03)
+    assert CYLINDER.ray_separation([0, 0, 0.07], UP) == pytest.approx(-0.07)
+    assert BOX.signed_distance([0, 0, 0.07]) == pytest.approx(-0.0275)
+
+
+def test_a_shape_that_lies_behind_is_missed():
+    assert BOX.ray_separation([0.05, 0, 0.07], EAST) == np.inf
+    assert CYLINDER.ray_separation([0.05, 0, 0.07], EAST) == np.inf
+    assert CYLINDER.ray_separation([0, 0, 0.2], UP) == np.inf
+
+
+def test_rays_parallel_to_a_face_hit_inside_the_slab_only():
+    heights = np.array([-1e-6, 1e-6, 0.07, 0.14 - 1e-6, 0.14 + 1e-6])
+    points = np.stack([np.full(5, -0.1), np.zeros(5), heights], axis=1)
+    for shape, entry in ((BOX, 0.055), (CYLINDER, 0.07)):
+        expected = [np.inf, entry, entry, entry, np.inf]
+        np.testing.assert_allclose(shape.ray_separation(points, EAST), expected)
+
+
+def test_rays_along_the_cylinders_axis_hit_its_caps_within_the_radius():
+    x = np.array([0.0, 0.03 - 1e-9, 0.03 + 1e-9])
+    points = np.stack([x, np.zeros(3), np.full(3, 0.2)], axis=1)
+    np.testing.assert_allclose(CYLINDER.ray_separation(points, -UP), [0.06, 0.06, np.inf])
+    np.testing.assert_allclose(CYLINDER.ray_separation(points - [0, 0, 0.3], UP), [0.1, 0.1, np.inf])
+
+
+def test_grazing_rays_hit_just_inside_and_miss_just_outside():
+    for offset, hits in ((1e-9, False), (-1e-9, True)):
+        assert np.isfinite(CYLINDER.ray_separation([-0.1, 0.03 + offset, 0.07], EAST)) == hits
+        assert np.isfinite(BOX.ray_separation([-0.1, 0.0275 + offset, 0.07], EAST)) == hits
+        # Over an edge at 45 degrees.
+        start = np.array([0.045 + 0.05 + offset, 0.0275 - 0.05, 0.07])
+        assert np.isfinite(BOX.ray_separation(start, unit(NORTH - EAST))) == hits
+
+
+def test_a_grazing_hit_is_as_exact_as_the_formula():
+    depth = 1e-8
+    half_chord = np.sqrt(2 * 0.03 * depth - depth**2)
+    assert CYLINDER.ray_separation([-0.1, 0.03 - depth, 0.07], EAST) == pytest.approx(0.1 - half_chord, abs=1e-9)
+
+
+def test_distances_at_faces_edges_and_corners():
+    np.testing.assert_allclose(BOX.signed_distance([0.055, 0, 0.07]), 0.01)
+    np.testing.assert_allclose(BOX.signed_distance([0.048, 0.0315, 0.07]), 0.005)
+    np.testing.assert_allclose(BOX.signed_distance([0.046, 0.0295, -0.002]), 0.003)
+    np.testing.assert_allclose(CYLINDER.signed_distance([0.033, 0, 0.144]), 0.005)
+    np.testing.assert_allclose(CYLINDER.signed_distance([0, 0, -0.004]), 0.004)
+
+
+def test_the_prism_shows_one_face_to_the_thumbs_side():
+    assert PRISM.signed_distance([0, 0.055 / (2 * np.sqrt(3)) + 0.01, 0.06]) == pytest.approx(0.01)
+    assert PRISM.bounds[:, 0] == pytest.approx([-0.0275, 0.0275])
+
+
+def test_leading_axes_are_a_batch_and_broadcast():
+    points = np.random.default_rng(4).uniform(-0.1, 0.1, (2, 5, 3))
+    for shape in SHAPES.values():
+        assert shape.ray_separation(points, UP).shape == (2, 5)
+        assert shape.signed_distance(points).shape == (2, 5)
+        assert shape.ray_separation(points[0, 0], UP).shape == ()
+        assert shape.ray_entry(points[0, 0], UP)[1].shape == (3,)
+        np.testing.assert_array_equal(shape.signed_distance(points[1, 3]), shape.signed_distance(points)[1, 3])
+
+
+def test_half_spaces_that_repeat_or_only_touch_change_nothing():
+    normals = np.concatenate([BOX.normals, BOX.normals[:1], [[1.0, 1.0, 0.0]]])
+    offsets = np.concatenate([BOX.offsets, BOX.offsets[:1], [0.045 + 0.0275]])
+    vertices, faces = ConvexPolytope(normals, offsets).mesh()
+    assert (vertices.shape, faces.shape) == ((8, 3), (12, 3))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ConvexPolytope.box(0.1, 0.0, 0.1), "box: expected a depth above 0 metres, found 0.0"),
+        (lambda: Cylinder(float("nan"), 0.1), "cylinder: expected a radius above 0 metres, found nan"),
+        (lambda: ConvexPolytope(np.eye(3), np.ones(3)), "bound a solid"),
+        (lambda: ConvexPolytope(np.concatenate([np.eye(3), -np.eye(3)]), -np.ones(6)), "bound a solid"),
+        (lambda: ConvexPolytope(np.zeros((4, 3)), np.ones(4)), "above zero length"),
+        (lambda: ConvexPolytope.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), "not in one plane"),
+        (lambda: CYLINDER.mesh(2), "resolution of at least 3"),
+    ],
+)
+def test_numbers_that_bound_no_solid_are_refused(make, message):
+    with pytest.raises(ShapeError, match=message):
+        make()

@@ -1,0 +1,299 @@
+"""A file that h5py alone wrote by the format page is read: tables, grasps, baseline and activity."""
+
+import pickle
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.recording import DatasetError, GraspDataset, Phase, SensorModel, TaxelTable
+
+TAXELS, SENSORS = 5, 2  # three taxels on board 0x20, two on board 0x21
+PHASES = np.repeat(np.arange(5, dtype=np.uint8), (6, 2, 4, 2, 1))
+FRAMES = len(PHASES)
+
+
+def write_file(path, source="real", grasps=("0001", "0002")):
+    """The page, line by line, with h5py and nothing of ours."""
+    with h5py.File(path, "w") as file:
+        file.attrs.update(format="taxel-grasp-dataset", version=1, source=source, hand="two boards")
+        file.attrs.update(created="2024-05-31T12:00:00+00:00", generator="a test 1.0")
+        file["taxels/sensor"] = np.array([0x20, 0x20, 0x20, 0x21, 0x21], np.uint8)
+        file["taxels/tx"] = np.array([0, 0, 1, 0, 1], np.uint8)
+        file["taxels/rx"] = np.array([0, 1, 0, 0, 0], np.uint8)
+        file["taxels/position"] = np.arange(15.0).reshape(5, 3) * 0.005
+        file["taxels/normal"] = np.tile([0.0, 0.0, 1.0], (5, 1))
+        file["taxels/size"] = np.full(5, 0.003)
+        file["sensors/address"] = np.array([0x21, 0x20], np.uint8)
+        file["sensors/name"] = ["fingertip_index", "palm"]
+        file["sensors/kind"] = ["fingertip", "palm"]
+        file["sensors/rate_hz"] = np.array([6.0, 6.5])
+        file["objects/tetrahedron/vertices"] = np.vstack([np.zeros(3), np.eye(3)]) * 0.05
+        file["objects/tetrahedron/faces"] = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
+        if source == "sim":
+            model = file.create_group("sensor_model").attrs
+            model.update(baseline_counts=30_000, full_scale_drop_counts=4000.0, half_force_n=2.0, layer="uncoupled")
+        file.create_group("grasps")
+        for number, grasp_id in enumerate(grasps):
+            write_grasp(file, grasp_id, number, source)
+
+
+def write_grasp(file, grasp_id, number, source):
+    grasp = file.create_group(f"grasps/{grasp_id}")
+    grasp.attrs.update(object="tetrahedron", approach="from above", iteration=number, session=0)
+    grasp["timestamp"] = np.arange(FRAMES) / 6.0
+    grasp["phase"] = PHASES
+    counts = np.full((FRAMES, TAXELS), 30_000 + number, np.uint16)
+    counts[PHASES == Phase.HOLD] -= 1000
+    grasp.create_dataset("raw_counts", data=counts, chunks=(FRAMES, TAXELS), compression="gzip", fletcher32=True)
+    grasp["valid"] = np.ones((FRAMES, SENSORS), bool)
+    grasp["sensor_pose"] = np.tile(np.eye(4), (SENSORS, 1, 1))
+    grasp["object_pose"] = np.eye(4)
+    if source == "sim":
+        grasp["contact_force"] = np.full((FRAMES, TAXELS), 0.5)
+        grasp["separation"] = np.full((FRAMES, TAXELS), 0.05)
+
+
+@pytest.fixture
+def real(tmp_path):
+    write_file(tmp_path / "real.h5")
+    return tmp_path / "real.h5"
+
+
+def change(path, field, value, grasp="0001"):
+    with h5py.File(path, "r+") as file:
+        del file[f"grasps/{grasp}/{field}"]
+        file[f"grasps/{grasp}/{field}"] = value
+
+
+def counts_of(path, grasp="0001"):
+    with h5py.File(path) as file:
+        return file[f"grasps/{grasp}/raw_counts"][()], file[f"grasps/{grasp}/valid"][()]
+
+
+def test_header_and_tables_are_read(real):
+    with GraspDataset(real) as data:
+        assert (data.source, data.hand, data.generator) == ("real", "two boards", "a test 1.0")
+        assert data.created == "2024-05-31T12:00:00+00:00"
+        assert data.taxels.n == 5
+        assert data.taxels.position[4].tolist() == pytest.approx([0.06, 0.065, 0.07])
+        assert data.taxels.rx_line.tolist() == [0, 1, 0, 2, 2]
+        assert data.sensors.address.tolist() == [0x21, 0x20]
+        assert data.sensors.name == ("fingertip_index", "palm")
+        assert data.sensors.kind == ("fingertip", "palm")
+        assert data.sensors.index_of(data.taxels).tolist() == [1, 1, 1, 0, 0]
+        assert list(data.objects) == ["tetrahedron"]
+        assert data.objects["tetrahedron"].faces.dtype == np.int32
+        assert data.sensor_model is None
+        data.check()
+
+
+def test_grasps_come_in_order_of_time_with_all_their_arrays(tmp_path):
+    write_file(tmp_path / "x.h5", grasps=("0010", "0002", "0001"))
+    with GraspDataset(tmp_path / "x.h5") as data:
+        assert len(data) == 3
+        assert data.ids == ("0001", "0002", "0010")
+        assert [grasp.id for grasp in data] == list(data.ids)
+        assert "0010" in data
+        grasp = data["0002"]
+        assert (grasp.object, grasp.approach, grasp.iteration, grasp.session) == ("tetrahedron", "from above", 1, 0)
+        assert grasp.n_frames == FRAMES
+        assert grasp.raw_counts.dtype == np.uint16
+        assert grasp.valid.dtype == np.bool_
+        assert grasp.sensor_pose.shape == (2, 4, 4)
+        assert not grasp.raw_counts.flags.writeable
+        optional = ("sensor_time", "sensor_pose_t", "joint_position", "contact_force", "separation", "distance")
+        assert [getattr(grasp, name) for name in optional] == [None] * 6
+
+
+def test_a_simulated_file_has_forces_and_a_sensor_model(tmp_path):
+    write_file(tmp_path / "sim.h5", "sim")
+    with GraspDataset(tmp_path / "sim.h5") as data:
+        assert data["0001"].contact_force.max() == 0.5
+        assert data["0001"].separation.max() == 0.05
+        assert data["0001"].distance is None
+        model = data.sensor_model
+        assert (model.baseline_counts, model.noise_counts, model.layer) == (30_000.0, 0.0, "uncoupled")
+        assert model.contact_stiffness_n_per_m is None
+        assert model.drop([0.0, 2.0, 6.0]).tolist() == [0.0, 2000.0, 3000.0]
+        data.check()
+
+
+def test_the_sensor_model_makes_counts():
+    forces = np.array([[0.0, 2.0, 1e9]])
+    assert SensorModel(1000.4, 2000.0, 2.0).counts(forces, np.random.default_rng(0)).tolist() == [[1000, 0, 0]]
+    noisy = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
+    counts = noisy.counts(np.zeros((400, 3)), np.random.default_rng(1), np.array([0, 1, 0]))
+    assert (counts[:, 0] == counts[:, 2]).all()
+    assert (counts[:, 0] != counts[:, 1]).any()
+    assert 45 < counts[:, 0].std() < 55
+    with pytest.raises(ValueError, match="rx_line"):
+        noisy.counts(forces, np.random.default_rng(0))
+
+
+def test_other_widths_and_string_forms_are_read_when_every_value_fits(real):
+    counts, valid = counts_of(real)
+    change(real, "raw_counts", counts.astype(">i8"))
+    change(real, "valid", valid.astype(np.int32))
+    change(real, "timestamp", np.arange(FRAMES, dtype=np.float32))
+    with h5py.File(real, "r+") as file:
+        file["grasps/0001"].attrs["object"] = np.bytes_("tetrahedron")
+        file["grasps/0001"].attrs["iteration"] = np.uint8(3)
+        del file["sensors/name"]
+        file["sensors/name"] = np.array([b"index", b"palm"])
+        file["taxels"].attrs["remark"] = "more may stand beside"
+        file["notes/anything"] = np.arange(3)
+    with GraspDataset(real) as data:
+        assert data["0001"].raw_counts.dtype == np.uint16
+        assert np.array_equal(data["0001"].raw_counts, counts)
+        assert data["0001"].valid.dtype == np.bool_
+        assert data["0001"].timestamp.dtype == np.float64
+        assert data["0001"].iteration == 3
+        assert data.sensors.name == ("index", "palm")
+        data.check()
+
+
+def test_taxel_tables_are_equal_only_to_the_last_bit(real):
+    with GraspDataset(real) as data, GraspDataset(real) as again:
+        assert data.taxels.equal_to(again.taxels)
+        table = vars(data.taxels)
+        assert not data.taxels.equal_to(TaxelTable(**{**table, "size": np.nextafter(table["size"], 1.0)}))
+        assert not data.taxels.equal_to(TaxelTable(**{name: array[:4] for name, array in table.items()}))
+
+
+def test_a_file_without_grasps_is_readable(tmp_path):
+    write_file(tmp_path / "empty.h5", grasps=())
+    with GraspDataset(tmp_path / "empty.h5", baseline_frames=100) as data:
+        assert len(data) == 0
+        assert list(data) == []
+        data.check()
+
+
+def test_the_baseline_is_the_mean_of_the_first_valid_frames_of_the_own_sensor(real):
+    counts, valid = counts_of(real)
+    counts[:6, 0] = (100, 200, 300, 400, 999, 999)
+    counts[:6, 3] = (10, 999, 30, 40, 50, 60)
+    valid[1, 0] = False  # column 0 is board 0x21: taxels 3 and 4
+    change(real, "raw_counts", counts)
+    change(real, "valid", valid)
+    with GraspDataset(real) as data:
+        assert data["0001"].baseline(4).tolist() == [250.0, 30_000.0, 30_000.0, 32.5, 30_000.0]
+
+
+def test_a_drop_of_exactly_the_threshold_is_not_active(real):
+    counts, _ = counts_of(real)
+    rest = np.array([30_000, 30_001, 30_000])  # a mean that no float holds
+    counts[:3] = rest[:, None]
+    counts[PHASES == Phase.HOLD] = 29_850
+    change(real, "phase", np.where(PHASES == Phase.HOLD, (np.cumsum(PHASES == Phase.HOLD) <= 3) * 2, PHASES))
+    hold = np.flatnonzero(PHASES == Phase.HOLD)[:3]
+    counts[hold] = rest[:, None] - 150
+    counts[hold[0], 1] -= 1
+    counts[hold[0], 2] += 1
+    change(real, "raw_counts", counts)
+    with GraspDataset(real) as data:
+        drop = data["0001"].hold_drop(3)
+        assert drop[[0, 3, 4]].tolist() == [150.0] * 3
+        active, known = data["0001"].active(baseline_frames=3)
+        assert active.tolist() == [False, True, False, False, False]
+        assert known.all()
+        assert data["0001"].active(threshold=149.0, baseline_frames=3)[0].all()
+
+
+def test_a_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real):
+    _, valid = counts_of(real)
+    valid[PHASES == Phase.HOLD, 0] = False
+    change(real, "valid", valid)
+    with GraspDataset(real) as data:
+        active, known = data["0001"].active(baseline_frames=6)
+        assert known.tolist() == [True, True, True, False, False]
+        assert active.tolist() == [True, True, True, False, False]
+        assert np.isnan(data["0001"].hold_drop(6)).tolist() == (~known).tolist()
+
+
+def test_a_grasp_without_a_hold_phase_is_all_unknown(real):
+    change(real, "phase", np.zeros(FRAMES, np.uint8))
+    with GraspDataset(real) as data:
+        active, known = data["0001"].active(baseline_frames=6)
+        assert not active.any()
+        assert not known.any()
+
+
+def test_invalid_hold_frames_do_not_count(real):
+    counts, valid = counts_of(real)
+    first = np.flatnonzero(PHASES == Phase.HOLD)[0]
+    counts[first] = 0
+    valid[first] = False
+    change(real, "raw_counts", counts)
+    change(real, "valid", valid)
+    with GraspDataset(real) as data:
+        assert data["0001"].hold_drop(6).tolist() == [1000.0] * 5
+
+
+def test_too_few_baseline_frames_are_refused(real):
+    with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/phase: expected 7 baseline frames.*found 6"):
+        GraspDataset(real, baseline_frames=7)
+    _, valid = counts_of(real, "0002")
+    valid[2, 1] = False
+    change(real, "valid", valid, "0002")
+    with GraspDataset(real) as data:
+        data.require_baseline(5)
+        with pytest.raises(DatasetError, match=r"/grasps/0002/valid: expected 6 baseline frames.*found 5 valid"):
+            data.require_baseline(6)
+        with pytest.raises(DatasetError, match="/grasps/0002/valid"):
+            data["0002"].baseline(6)
+        with pytest.raises(DatasetError, match="/grasps/0002/valid"):
+            data["0002"].active(baseline_frames=6)
+        with pytest.raises(ValueError, match="1 or more"):
+            data["0001"].baseline(0)
+
+
+def test_a_board_that_never_answered_is_missing_and_not_short_of_frames(real):
+    _, valid = counts_of(real)
+    valid[:, 0] = False
+    change(real, "valid", valid)
+    with GraspDataset(real, baseline_frames=6) as data:
+        assert np.isnan(data["0001"].baseline(6)).tolist() == [False, False, False, True, True]
+        assert data["0001"].active(baseline_frames=6)[1].tolist() == [True, True, True, False, False]
+
+
+def test_reading_one_grasp_does_not_read_another(real):
+    with h5py.File(real) as file:
+        chunk = file["grasps/0001/raw_counts"].id.get_chunk_info(0)
+    with open(real, "r+b") as file:
+        file.seek(chunk.byte_offset)
+        file.write(b"\xff" * chunk.size)
+    with GraspDataset(real) as data:
+        assert data["0002"].raw_counts[0, 0] == 30_001
+        assert data["0001"].phase[0] == 0
+        with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/raw_counts: expected readable") as caught:
+            _ = data["0001"].raw_counts
+        assert "\n" not in str(caught.value)
+        with pytest.raises(DatasetError, match="/grasps/0001/raw_counts"):
+            data.check()
+
+
+def test_a_grasp_keeps_what_it_read_and_a_new_one_reads_anew(real):
+    with GraspDataset(real) as data:
+        grasp = data["0001"]
+        assert grasp.raw_counts is grasp.raw_counts
+        assert data["0001"].raw_counts is not grasp.raw_counts
+
+
+def test_an_unknown_grasp_and_a_closed_file_are_refused(real):
+    with GraspDataset(real) as data:
+        grasp = data["0001"]
+        with pytest.raises(DatasetError, match=r"real\.h5: /grasps/7: expected a grasp of this file"):
+            _ = data["7"]
+    with pytest.raises(DatasetError, match="expected an open dataset"):
+        _ = data["0001"]
+    with pytest.raises(DatasetError, match="/grasps/0001/phase"):
+        _ = grasp.phase
+
+
+def test_the_error_survives_pickling(real):
+    with pytest.raises(DatasetError) as caught:
+        GraspDataset(real, baseline_frames=1000)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
+    assert again.field == "/grasps/0001/phase"

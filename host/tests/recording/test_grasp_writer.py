@@ -1,0 +1,363 @@
+"""What goes in comes out, mistakes are refused before anything is written, and a kill costs one grasp at most."""
+
+import os
+import signal
+import time
+from dataclasses import replace
+from functools import cache
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.recording import (
+    DatasetError,
+    GraspDataset,
+    GraspDatasetWriter,
+    GraspRecord,
+    ObjectMesh,
+    SensorModel,
+    SensorTable,
+    TaxelTable,
+    grasp_writer,
+)
+from taxel.recording.grasp_format import GRASP
+from taxel.recording.grasp_storage import PAGE_BYTES, ROOM_FOR_GRASPS
+
+SEED = 7
+N, S, T = 40, 2, 30
+CREATED = "2024-05-31T12:00:00+00:00"
+
+
+def table():
+    number = np.arange(N)
+    return TaxelTable(
+        sensor=np.where(number < 20, 0x20, 0x21).astype(np.uint8),
+        tx=(number % 20 // 5).astype(np.uint8),
+        rx=(number % 5).astype(np.uint8),
+        position=number[:, None] * np.array([0.005, 0.001, 0.0]),
+        normal=np.tile([0.0, 0.6, 0.8], (N, 1)),
+        size=np.full(N, 0.003),
+    )
+
+
+def header(source="real"):
+    return {
+        "source": source,
+        "hand": "two boards",
+        "taxels": table(),
+        "sensors": SensorTable(np.array([0x20, 0x21], np.uint8), ("a", "b"), ("k", "k"), np.array([6.0, 6.5])),
+        "objects": {"cube": ObjectMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))},
+        "generator": "a test",
+        "created": CREATED,
+        "sensor_model": SensorModel(np.full(N, 3e4), 4e3, 2.0, layer="coupled") if source == "sim" else None,
+    }
+
+
+@cache
+def record(number, source="real", full=False):
+    """A grasp whose values follow from its number alone."""
+    generator = np.random.default_rng([SEED, number])
+    grasp = GraspRecord(
+        object="cube",
+        approach=f"approach {number}",
+        iteration=number,
+        session=number // 2,
+        timestamp=np.sort(generator.random(T)),
+        phase=np.sort(generator.integers(0, 5, T)).astype(np.uint8),
+        raw_counts=generator.integers(0, 65_536, (T, N)).astype(np.uint16),
+        valid=generator.random((T, S)) < 0.9,
+        sensor_pose=np.tile(np.eye(4), (S, 1, 1)),
+        object_pose=np.eye(4),
+    )
+    if full:
+        poses = np.tile(np.eye(4), (T, S, 1, 1))
+        joints = generator.random((T, 22))
+        grasp = replace(grasp, sensor_time=generator.random((T, S)), sensor_pose_t=poses, joint_position=joints)
+    if source == "sim":
+        force, separation = generator.random((2, T, N))
+        grasp = replace(grasp, contact_force=force, separation=separation, distance=separation if full else None)
+    return grasp
+
+
+def assert_same(grasp, expected):
+    for name in ("object", "approach", "iteration", "session"):
+        assert getattr(grasp, name) == getattr(expected, name)
+    for name in GRASP:
+        found, wanted = getattr(grasp, name), getattr(expected, name)
+        assert (found is None) == (wanted is None), name
+        if wanted is not None:
+            assert found.dtype == wanted.dtype
+            assert np.array_equal(found, wanted), name
+
+
+def write(path, count=3, source="real", **changes):
+    with GraspDatasetWriter.create(path, **header(source) | changes) as out:
+        for number in range(count):
+            out.add(record(number, source))
+    return path
+
+
+@pytest.mark.parametrize("source", ["real", "sim"])
+@pytest.mark.parametrize("full", [False, True], ids=["required arrays", "all arrays"])
+def test_what_goes_in_comes_out(tmp_path, source, full):
+    given = header(source)
+    with GraspDatasetWriter.create(tmp_path / "x.h5", **given) as out:
+        ids = [out.add(record(number, source, full)) for number in range(3)]
+        assert out.ids == tuple(ids) == ("0001", "0002", "0003")
+    with GraspDataset(tmp_path / "x.h5") as data:
+        data.check()
+        assert (data.source, data.hand, data.generator, data.created) == (source, "two boards", "a test", CREATED)
+        assert data.taxels.equal_to(given["taxels"])
+        assert data.sensors.name == ("a", "b")
+        assert np.array_equal(data.sensors.rate_hz, [6.0, 6.5])
+        assert np.array_equal(data.objects["cube"].vertices, np.eye(3))
+        for number, grasp in enumerate(data):
+            assert_same(grasp, record(number, source, full))
+        if source == "sim":
+            assert np.array_equal(data.sensor_model.baseline_counts, np.full(N, 3e4))
+            assert (data.sensor_model.half_force_n, data.sensor_model.layer) == (2.0, "coupled")
+
+
+def test_the_file_is_plain_hdf5_as_the_page_says(tmp_path):
+    with h5py.File(write(tmp_path / "x.h5", 1, "sim")) as file:
+        assert set(file) == {"taxels", "sensors", "objects", "grasps", "sensor_model"}
+        assert file.attrs["format"] == "taxel-grasp-dataset"
+        assert file["grasps/0001"].attrs["approach"] == "approach 0"
+        assert file["grasps/0001/valid"].dtype == np.bool_
+        assert file["grasps/0001/contact_force"].dtype == np.float64
+        assert file["sensors/name"].asstr()[()].tolist() == ["a", "b"]
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path):
+    one = write(tmp_path / "one.h5", 3, "sim").read_bytes()
+    time.sleep(1.1)  # HDF5's own time stamps have a resolution of one second
+    assert write(tmp_path / "two.h5", 3, "sim").read_bytes() == one
+    assert write(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != one
+
+
+def test_an_existing_file_is_not_overwritten_unasked(tmp_path):
+    path = write(tmp_path / "x.h5")
+    before = path.read_bytes()
+    with pytest.raises(DatasetError, match=r"x\.h5: /: expected a new file, found an existing one") as caught:
+        GraspDatasetWriter.create(path, **header())
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == before
+    GraspDatasetWriter.create(path, **header(), overwrite=True).close()
+    with GraspDataset(path) as data:
+        assert len(data) == 0
+    assert os.listdir(tmp_path) == ["x.h5"]
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match="make the folder first"):
+        GraspDatasetWriter.create(tmp_path / "none" / "x.h5", **header())
+    with pytest.raises(DatasetError, match="expected a new file"):
+        GraspDatasetWriter.create(tmp_path, **header(), overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("field", "changes"),
+    [
+        ("/source", {"source": "emulated"}),
+        ("/created", {"created": "today"}),
+        ("/hand", {"hand": ""}),
+        ("/taxels/position", {"taxels": replace(table(), position=np.full((N, 3), np.nan))}),
+        ("/taxels/normal", {"taxels": replace(table(), normal=np.ones((N, 3)))}),
+        ("/taxels/sensor", {"taxels": replace(table(), sensor=np.full(N, 0x30, np.uint8), tx=np.arange(N))}),
+        ("/sensors/name", {"sensors": SensorTable(np.array([0x20, 0x21]), ("a",), ("k", "k"), np.ones(2))}),
+        ("/objects/cube/faces", {"objects": {"cube": ObjectMesh(np.eye(3), np.array([[0, 1, 3]]))}}),
+        ("/objects", {"objects": {"a/b": ObjectMesh(np.eye(3), np.array([[0, 1, 2]]))}}),
+        ("/sensor_model", {"sensor_model": SensorModel(3e4, 4e3, 2.0)}),
+        ("/sensor_model", {"source": "sim"}),
+        ("/sensor_model/half_force_n", {"source": "sim", "sensor_model": SensorModel(3e4, 4e3, 0.0)}),
+    ],
+)
+def test_a_wrong_table_is_refused_and_no_file_is_made(tmp_path, field, changes):
+    with pytest.raises(DatasetError) as caught:
+        GraspDatasetWriter.create(tmp_path / "x.h5", **header() | changes)
+    assert caught.value.field == field
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("object", "ball"),
+        ("approach", ""),
+        ("iteration", -1),
+        ("session", 1.0),
+        ("timestamp", np.arange(T)[::-1] * 1.0),
+        ("phase", np.full(T, 5, np.uint8)),
+        ("raw_counts", np.zeros((T, N + 1), np.uint16)),
+        ("raw_counts", np.zeros((T, N))),
+        ("valid", np.ones((T, N), bool)),
+        ("sensor_pose", np.zeros((S, 4, 4))),
+        ("object_pose", None),
+        ("sensor_time", np.full((T, S), np.nan)),
+        ("contact_force", np.zeros((T, N))),
+    ],
+)
+def test_a_wrong_grasp_is_refused_before_anything_is_written(tmp_path, name, value):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", **header()) as out:
+        out.add(record(0))
+        before = out.path.read_bytes()
+        with pytest.raises(DatasetError) as caught:
+            out.add(replace(record(1), **{name: value}))
+        assert caught.value.field == f"/grasps/0002/{name}"
+        assert out.path.read_bytes() == before
+        out.add(record(1))
+    with GraspDataset(tmp_path / "x.h5") as data:
+        assert_same(data["0002"], record(1))
+
+
+def test_ids_sort_in_order_of_time(tmp_path):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", **header()) as out:
+        assert out.add(record(0), "0005") == "0005"
+        for wrong in ("0005", "0004", None):
+            with pytest.raises(DatasetError, match="sorts after '0005'"):
+                out.add(record(1), wrong)
+        for wrong in ("a/b", ".", "a\nb", ""):
+            with pytest.raises(DatasetError, match="/grasps: expected"):
+                out.add(record(1), wrong)
+        assert out.add(record(1), "b") == "b"
+    with pytest.raises(DatasetError, match="expected an open dataset"):
+        out.add(record(2))
+
+
+def test_a_campaign_goes_on(tmp_path):
+    path = write(tmp_path / "x.h5", 2)
+    (tmp_path / ".x.h5.part").write_bytes(b"left by a program that was killed")
+    with GraspDatasetWriter.extend(path) as out:
+        assert out.ids == ("0001", "0002")
+        assert out.add(record(2)) == "0003"
+    assert os.listdir(tmp_path) == ["x.h5"]
+    with GraspDataset(path) as data:
+        data.check()
+        for number, grasp in enumerate(data):
+            assert_same(grasp, record(number))
+    with pytest.raises(DatasetError, match="found nothing"):
+        GraspDatasetWriter.extend(tmp_path / "y.h5")
+
+
+def assert_prefix(path, last=None):
+    """The file holds the first grasps, whole (or only the last few are compared); returns how many."""
+    with GraspDataset(path) as data:
+        assert data.ids == tuple(f"{number + 1:04}" for number in range(len(data)))
+        for number in range(0 if last is None else max(0, len(data) - last), len(data)):
+            assert_same(data[data.ids[number]], record(number))
+        return len(data)
+
+
+def test_after_every_single_write_the_file_holds_the_finished_grasps(tmp_path, monkeypatch):
+    before, after = 6, 11  # HDF5 by itself keeps 8 links in a header, and more of them in several places
+    path = write(tmp_path / "x.h5", before)
+    states = []
+
+    class Recorded:
+        """A file that keeps a copy of itself after each write that reaches it."""
+
+        def __init__(self):
+            self.raw = open(path, "r+b", buffering=0)  # noqa: SIM115
+            self.seek, self.tell, self.read, self.readinto = (
+                getattr(self.raw, name) for name in ("seek", "tell", "read", "readinto")
+            )
+
+        def __repr__(self):
+            return str(path)  # h5py takes this for the file's name
+
+        def write(self, data):
+            states.append(path.read_bytes())
+            count = self.raw.write(data)
+            states.append(path.read_bytes())
+            return count
+
+        def truncate(self, size=None):
+            self.raw.truncate(size)
+            states.append(path.read_bytes())
+
+        def flush(self):
+            pass
+
+    monkeypatch.setattr(
+        grasp_writer, "open_hdf5", lambda path, mode, libver: h5py.File(Recorded(), mode, libver=libver)
+    )
+    finished = []
+    with GraspDatasetWriter.extend(path) as out:
+        for number in range(before, after):
+            out.add(record(number))
+            finished.append(len(states))
+    found = before
+    cut = tmp_path / "cut.h5"
+    for index, state in enumerate(states):
+        if index and state == states[index - 1]:
+            continue
+        cut.write_bytes(state)
+        count = assert_prefix(cut, last=1)
+        assert count >= found
+        assert count >= before + sum(end <= index for end in finished)
+        found = count
+    assert assert_prefix(cut) == after
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_killed_writer_leaves_the_grasps_that_were_finished(tmp_path):
+    print("seed", SEED)
+    generator = np.random.default_rng(SEED)
+    lengths = []
+    for case, delay in enumerate(generator.uniform(0.0, 0.05, 20)):
+        path = tmp_path / f"{case}.h5"
+        reading, writing = os.pipe()
+        child = os.fork()
+        if child == 0:
+            try:
+                with GraspDatasetWriter.create(path, **header()) as out:
+                    os.write(writing, b"x")
+                    for number in range(ROOM_FOR_GRASPS):
+                        out.add(record(number))
+                    time.sleep(60)
+            finally:
+                os._exit(1)
+        os.read(reading, 1)
+        if case == 0:
+            with pytest.raises(DatasetError, match="open elsewhere"):
+                GraspDataset(path)
+        time.sleep(delay)
+        os.kill(child, signal.SIGKILL)
+        assert os.WIFSIGNALED(os.waitpid(child, 0)[1]), "the child ended by itself"
+        os.close(reading)
+        os.close(writing)
+        lengths.append(assert_prefix(path))
+        with GraspDatasetWriter.extend(path) as out:
+            out.add(record(lengths[-1]))
+        assert assert_prefix(path, last=2) == lengths[-1] + 1
+    assert max(lengths) > 0
+
+
+def test_killed_while_it_is_made_there_is_no_half_file(tmp_path, monkeypatch):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(grasp_writer, "create_grasps_group", killed)
+    with pytest.raises(KeyboardInterrupt):
+        GraspDatasetWriter.create(tmp_path / "x.h5", **header())
+    assert os.listdir(tmp_path) == [".x.h5.part"]
+    monkeypatch.undo()
+    write(tmp_path / "x.h5", 1)
+    assert os.listdir(tmp_path) == ["x.h5"]
+
+
+def test_the_links_of_the_grasps_stand_in_the_first_page(tmp_path):
+    path = write(tmp_path / "x.h5", 1)
+    with h5py.File(path) as file:
+        info = h5py.h5o.get_info(file["grasps"].id)
+        print(info.addr, info.hdr.space.total)
+        assert info.hdr.nchunks == 1
+        assert 1000 < info.addr + info.hdr.space.total <= PAGE_BYTES
+        assert info.hdr.space.free >= 19 * (ROOM_FOR_GRASPS - 1)
+
+
+def test_more_grasps_than_the_header_has_room_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("taxel.recording.grasp_storage.ROOM_FOR_GRASPS", 2)
+    path = write(tmp_path / "x.h5", 30)
+    assert assert_prefix(path) == 30

@@ -1,0 +1,73 @@
+"""The thesis's contact filter: cones on the taxels, contact points, and a threshold on their distance."""
+
+import numpy as np
+import pytest
+
+from taxel.grasp.shapes import ConvexPolytope, Cylinder
+from taxel.hand import load_hand
+from taxel.hand.kinematics import taxel_positions
+from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, base_radius, nominal_forces
+from taxel.sim.sensor_model import SimSensor
+
+HAND = load_hand("allegro")
+PALM = HAND.slice_of(HAND.board_named("palm").address)
+SLAB = ConvexPolytope.box(0.4, 0.4, 0.1)
+IDENTITY = np.eye(4)[None]
+
+
+def palm_over(gap, shape=SLAB):
+    """Poses with the palm's cones `gap` above the top of a shape; all other boards are far away."""
+    poses = np.tile(np.eye(4), (1, len(HAND.boards), 1, 1))
+    poses[..., :3, 3] = [0, 0, 5.0]
+    palm = [board.name for board in HAND.boards].index("palm")
+    poses[0, palm] = np.diag([1.0, -1.0, -1.0, 1.0])
+    poses[0, palm, :3, 3] = [0, 0, shape.height + 0.001 + gap]
+    return poses
+
+
+def test_the_threshold_is_the_distance_from_tip_to_rim():
+    assert base_radius(HAND) == pytest.approx(2.12e-3, abs=5e-6)
+    assert ConeSensing(base_radius(HAND)).threshold_m == pytest.approx(2.35e-3, abs=5e-6)
+    assert ConeSensing(base_radius(HAND, pitches=1)).threshold_m == pytest.approx(7.19e-3, abs=5e-6)
+
+
+@pytest.mark.parametrize(("gap", "offset", "touches"), [(1e-4, 2e-4, True), (3e-4, 2e-4, False), (-1e-4, -2e-4, False)])
+def test_a_cone_touches_within_the_offset(gap, offset, touches):
+    cones = ConeSensing(base_radius(HAND), contact_offset_m=offset)
+    found = cones.tips_in_contact(HAND, SLAB, palm_over(gap), IDENTITY)
+    assert found[0, PALM].all() == touches
+    assert found.sum() == touches * 121
+
+
+def test_a_narrow_object_activates_the_taxels_over_it_and_a_wide_base_their_neighbours():
+    rod = Cylinder(0.004, 0.1)
+    poses = palm_over(0.0, rod)
+    narrow = ConeSensing(base_radius(HAND)).active(HAND, rod, poses, IDENTITY)[0]
+    wide = ConeSensing(base_radius(HAND, pitches=1)).active(HAND, rod, poses, IDENTITY)[0]
+    centres = taxel_positions(HAND, poses)[0]
+    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)
+    gap = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
+    np.testing.assert_array_equal(wide[PALM], gap[PALM] < 0.0072)
+    assert 0 < narrow.sum() < wide.sum() < 121
+
+
+def test_the_engines_own_contact_points_count_too():
+    poses = palm_over(0.02)
+    taxel = PALM.start + 60
+    centre = taxel_positions(HAND, poses)[0, taxel]
+    cones = ConeSensing(base_radius(HAND))
+    assert not cones.active(HAND, SLAB, poses, IDENTITY).any()
+    points = (np.array([0]), centre[None] - [0, 0, 0.001])
+    assert np.flatnonzero(cones.active(HAND, SLAB, poses, IDENTITY, points)).tolist() == [taxel]
+
+
+def test_frames_are_apart():
+    poses = np.concatenate([palm_over(0.0), palm_over(0.01), palm_over(0.0)])
+    active = ConeSensing(base_radius(HAND)).active(HAND, SLAB, poses, np.tile(np.eye(4), (3, 1, 1)))
+    assert active.sum(axis=1).tolist() == [121, 0, 121]
+
+
+def test_an_active_taxel_gets_a_force_that_the_sensor_sees():
+    force = nominal_forces(np.array([[True, False]]))
+    assert force.tolist() == [[NOMINAL_FORCE_N, 0.0]]
+    assert SimSensor().drop(NOMINAL_FORCE_N) > 2 * 150

@@ -1,0 +1,67 @@
+"""How many grasps a second a campaign makes, against what 144 grasps in the allowed time ask for."""
+
+from __future__ import annotations
+
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from figures import Figure
+
+from taxel.campaign.emulated import run_emulated
+from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.simulated import SimSettings, run_simulated
+from taxel.grasp.plan import PlannedGrasp, thesis_plan
+
+GRASPS = 144
+SIM_S, EMULATED_S = 180.0, 360.0
+"""Seconds that a campaign of that many grasps may take on two cores."""
+
+EACH_SESSION = 3
+
+
+def _short_plan() -> list[PlannedGrasp]:
+    """A few grasps of as many sessions as there are processes, so that all of them have the same to do."""
+    sessions = min(os.cpu_count() or 1, 6)
+    plan: list[PlannedGrasp] = []
+    for session in range(sessions):
+        own = [planned for planned in thesis_plan(1) if planned.session == session]
+        plan += own[:EACH_SESSION]
+    return [replace(planned) for planned in plan]
+
+
+def _rate(make: Callable[[Path], object], count: int) -> float:
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        begun = time.perf_counter()
+        make(Path(folder) / "campaign.h5")
+        return count / (time.perf_counter() - begun)
+
+
+def measure() -> list[Figure]:
+    """Grasps a second of both sources, start of the processes included."""
+    plan = _short_plan()
+    sim = _rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
+    emulated = _rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    memory = f"largest process {max(own, child) / 1024:.0f} MB"
+    return [
+        Figure(
+            "grasp campaign, simulator",
+            sim * SIM_S / GRASPS,
+            1.0,
+            f"{GRASPS} grasps in {SIM_S / 60:g} minutes",
+            f"{sim:.2f} grasps/s; {memory}",
+        ),
+        Figure(
+            "grasp campaign, emulated hand",
+            emulated * EMULATED_S / GRASPS,
+            1.0,
+            f"{GRASPS} grasps in {EMULATED_S / 60:g} minutes",
+            f"{emulated:.2f} grasps/s; default effects on; {memory}",
+        ),
+    ]
