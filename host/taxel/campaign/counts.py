@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.grasp.timeline import Phase
+from taxel.recording.grasp import BASELINE_FRAMES, Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 
 UNUSED_NAMES = ("fingertip_middle", "fingertip_pinkie")
@@ -34,14 +36,27 @@ def used_taxels(data: GraspDataset) -> NDArray[np.bool_]:
     return np.asarray(np.array(used)[data.sensors.index_of(data.taxels)])
 
 
+def baseline_frames(grasp: Grasp) -> int:
+    """How many frames a grasp's baseline can be the mean of: the usual number, or what its shortest board has."""
+    held = (grasp.valid & (grasp.phase == Phase.HOLD)[:, None]).any(axis=0)
+    still = (grasp.valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
+    return int(min([BASELINE_FRAMES, *still[held].tolist()]))
+
+
 def contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
-    """Active taxels over all grasps, by object; a taxel without a valid hold frame does not count."""
+    """Active taxels over all grasps, by object; a taxel without a valid hold frame does not count.
+
+    A grasp in which a board has a hold but no baseline is left out.
+    """
     with GraspDataset(path) as data:
         used = used_taxels(data)
         grasps = dict.fromkeys(data.objects, 0)
         points = dict.fromkeys(data.objects, 0)
         for grasp in data:
-            active, known = grasp.active()
+            frames = baseline_frames(grasp)
+            if not frames:
+                continue
+            active, known = grasp.active(baseline_frames=frames)
             grasps[grasp.object] += 1
             points[grasp.object] += int((active & known & used).sum())
     return {name: PointCount(grasps[name], points[name]) for name in grasps}

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from itertools import groupby
-from multiprocessing import get_context
 
+from taxel.campaign.processes import in_processes
 from taxel.campaign.progress import Progress, silent
-from taxel.campaign.session import run_session
+from taxel.campaign.session import check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import begin_or_extend
 from taxel.grasp.plan import PlannedGrasp
-from taxel.recording.grasp_record import GraspRecord
 
 POLL_BITS = 20_500
 """I2C bits of one poll of the default hand's 17 boards; gives the rate that the sensor table states."""
@@ -33,32 +31,23 @@ def run_emulated(
     """Make the grasps of `plan` on the emulated hand and write them to `path`.
 
     jobs: processes; None: one a core. resume: keep the sessions that a file from a cut campaign already has. The
-    same plan and settings give the same grasps, whatever `jobs`. Raises `TaxelError` of one line.
+    same plan and settings give the same grasps, whatever `jobs`. Raises `TaxelError` of one line; effects that the
+    emulator refuses leave the file as it was.
     """
     setup = setup or Setup()
+    check_world(setup, settings)
     with begin_or_extend(path, "real", setup, _rate_hz(settings), settings.describe(), overwrite, resume) as out:
         finished = set(out.ids)
         sessions = [list(part) for _, part in groupby(plan, key=lambda grasp: grasp.session)]
         missing = [part for part in sessions if not finished.issuperset(grasp.id for grasp in part)]
         done = sum(len(part) for part in sessions) - sum(len(part) for part in missing)
         progress(done, len(plan))
-        for part, records in zip(missing, _in_processes(setup, missing, settings, jobs), strict=True):
+        for part, records in zip(missing, in_processes(run_session, setup, missing, settings, jobs), strict=True):
             for planned, record in zip(part, records, strict=True):
                 if planned.id not in finished:
                     out.add(record, planned.id)
                 done += 1
                 progress(done, len(plan))
-
-
-def _in_processes(
-    setup: Setup, sessions: Sequence[Sequence[PlannedGrasp]], settings: EmulatedSettings, jobs: int | None
-) -> Iterator[list[GraspRecord]]:
-    jobs = min(jobs or os.cpu_count() or 1, len(sessions))
-    if jobs <= 1:
-        yield from (run_session(setup, part, settings) for part in sessions)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(run_session, [setup] * len(sessions), sessions, [settings] * len(sessions))
 
 
 def _rate_hz(settings: EmulatedSettings) -> float:

@@ -64,11 +64,15 @@ def move(
             objects.append(dynamics.object_pose())
             brackets.append(dynamics.bracket_poses())
 
+    periods = itertools.count()
+
+    def wait() -> int:
+        virtual.step(PERIOD_S)
+        return next(periods)
+
     channel = f"taxel-campaign-{next(_channels)}"
     with can.Bus(interface="virtual", channel=channel) as ours, can.Bus(interface="virtual", channel=channel) as theirs:
         virtual = VirtualAllegro(theirs, dynamics)
         with AllegroHand(ours, clock=lambda: virtual.time_s, advance=virtual.step) as hand:
-            joints = perform(
-                hand, controller, begin, timeline.end(Phase.RELEASE), lambda: virtual.step(PERIOD_S), watch
-            )
+            joints = perform(hand, controller, begin, timeline.end(Phase.RELEASE), wait, watch)
     return Motion(np.array(times), np.stack(objects), np.stack(brackets), joints)

@@ -21,7 +21,7 @@ from taxel.errors import TaxelError
 from taxel.grasp.controller import GraspController
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
-from taxel.hand.allegro.driver import AllegroHand
+from taxel.hand.allegro.driver import POSITION_PERIOD_MS, AllegroHand
 from taxel.hand.arm.base import Arm
 from taxel.hand.control_loop import ControlLoop
 from taxel.recording.grasp_record import GraspRecord
@@ -32,9 +32,16 @@ RATE_HZ = 18.8
 """What 17 boards give at 400 kHz; the frames themselves say when they were made."""
 
 ARM_SPEED_RAD_S = 0.5
+WITHDRAW_SHARE = 0.5
+"""Of the release, after which the arm withdraws: the fingers have opened."""
+
 ARM_TIMEOUT_S = 60.0
 LATE_FRAMES_S = 0.3
 """How long frames of a grasp may still be on their way when it is over."""
+
+
+JOIN_TIMEOUT_S = 2.0
+"""The thread that reads frames may wait for a frame that never comes."""
 
 
 class ArmStuckError(TaxelError):
@@ -79,7 +86,7 @@ def run_physical(
             before: PlannedGrasp | None = None
             for planned in missing:
                 if ask is not None and (before is None or _place(before) != _place(planned)):
-                    ask(planned)
+                    _ask(station, ask, planned)
                 out.add(_make(setup, planned, station, timeline, tap), planned.id)
                 before, done = planned, done + 1
                 progress(done, len(plan))
@@ -91,38 +98,60 @@ def _place(planned: PlannedGrasp) -> tuple[str, int]:
 
 def _make(setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, tap: _FrameTap) -> GraspRecord:
     at, away = setup.arm_path(planned)
-    approach = setup.approach(planned)
-    loop = ControlLoop(PERIOD_S, time.monotonic)
+    guide = _ArmGuide(station, timeline, at, away)
     try:
         _move_arm(station, away)
         tap.forget()
-        arm_log: list[tuple[float, NDArray[np.float64]]] = []
-        steps = {"there": False, "back": False}
-        began = time.monotonic() + PERIOD_S
-
-        def watch(time_s: float) -> None:
-            if not steps["there"] and time_s >= timeline.begin(Phase.CLOSING):
-                steps["there"] = True
-                station.arm.move_joints(at, ARM_SPEED_RAD_S)
-            if not steps["back"] and timeline.share_at(Phase.RELEASE, time_s) >= 0.5 and not station.arm.is_moving:
-                steps["back"] = True
-                station.arm.move_joints(away, ARM_SPEED_RAD_S)
-            arm_log.append((time_s, station.arm.joint_angles()))
-
-        def wait() -> None:
-            loop.wait()
-            if station.step_arm is not None:
-                station.step_arm(PERIOD_S)
-
-        controller = GraspController(approach, timeline)
-        joints = perform(station.hand, controller, 0.0, timeline.duration_s, wait, watch)
+        controller = GraspController(setup.approach(planned), timeline)
+        joints = perform(station.hand, controller, 0.0, timeline.duration_s, guide.wait, guide.watch)
+        time.sleep(LATE_FRAMES_S)
+        frames = tap.frames()
     except BaseException:
-        station.arm.stop()
+        with contextlib.suppress(TaxelError):  # the error on its way out says more
+            station.arm.stop()
         raise
-    time.sleep(LATE_FRAMES_S)
-    rows = rows_of(setup.hand, tap.frames()).between(began, began + timeline.duration_s)
-    arm = JointLog(np.array([moment for moment, _ in arm_log]), np.stack([angles for _, angles in arm_log]))
-    return _record(setup, planned, timeline, rows, began, arm, joints)
+    rows = rows_of(setup.hand, frames).between(guide.began_s, guide.began_s + timeline.duration_s)
+    return _record(setup, planned, timeline, rows, guide.began_s, guide.log(), joints)
+
+
+class _ArmGuide:
+    """Sends the arm to the object and back while the hand is controlled, and remembers where it was.
+
+    began_s: when the grasp's time was 0, on the clock of the skin's frames.
+    """
+
+    def __init__(
+        self, station: Workstation, timeline: Timeline, at: NDArray[np.float64], away: NDArray[np.float64]
+    ) -> None:
+        self._station, self._timeline = station, timeline
+        self._ways = [(timeline.begin(Phase.CLOSING), at)]
+        self._ways += [(timeline.begin(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, away)]
+        self._loop = ControlLoop(PERIOD_S, time.monotonic)
+        self._period = 0
+        self._times: list[float] = []
+        self._angles: list[NDArray[np.float64]] = []
+        self.began_s = 0.0
+
+    def wait(self) -> int:
+        """Wait for the next control period; returns its number."""
+        before, self._period = self._period, self._loop.wait()
+        if self._station.step_arm is not None:
+            self._station.step_arm((self._period - before) * PERIOD_S)
+        return self._period
+
+    def watch(self, time_s: float) -> None:
+        """Start the arm's next way when it is time and the arm stands."""
+        if not self._times:
+            self.began_s = time.monotonic() - time_s
+        arm = self._station.arm
+        if self._ways and time_s >= self._ways[0][0] and not arm.is_moving:
+            arm.move_joints(self._ways.pop(0)[1], ARM_SPEED_RAD_S)
+        self._times.append(time_s)
+        self._angles.append(arm.joint_angles())
+
+    def log(self) -> JointLog:
+        """What the arm's encoders said."""
+        return JointLog(np.array(self._times), np.stack(self._angles))
 
 
 def _record(
@@ -157,17 +186,29 @@ def _record(
 
 
 def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
-    """Take the arm there and wait until it stands."""
+    """Take the arm there, from wherever it still goes, and wait until it stands."""
+    _wait_for_arm(station)
     station.arm.move_joints(target, ARM_SPEED_RAD_S)
+    _wait_for_arm(station)
+
+
+def _wait_for_arm(station: Workstation) -> None:
     end = time.monotonic() + ARM_TIMEOUT_S
     while station.arm.is_moving:
+        station.hand.update()  # its reports are taken and its faults are seen meanwhile
         if station.step_arm is not None:
             station.step_arm(PERIOD_S)
         else:
             time.sleep(PERIOD_S)
         if time.monotonic() > end:
-            station.arm.stop()
             raise ArmStuckError(f"arm: did not arrive within {ARM_TIMEOUT_S:g} s; clear its way and start again")
+
+
+def _ask(station: Workstation, ask: Callable[[PlannedGrasp], object], planned: PlannedGrasp) -> None:
+    """Ask somebody; nobody reads the hand's reports meanwhile, so it sends none."""
+    station.hand.set_period(0)
+    ask(planned)
+    station.hand.set_period(POSITION_PERIOD_MS)
 
 
 class _FrameTap:
@@ -192,16 +233,20 @@ class _FrameTap:
             self._error = error
 
     def forget(self) -> None:
-        """Drop what has arrived so far."""
+        """Drop what has arrived so far; raises what ended the reading."""
+        self._check()
         with self._lock:
             self._frames = []
 
     def frames(self) -> list[TaxelFrame]:
         """What has arrived since; raises what ended the reading."""
-        if self._error is not None:
-            raise self._error
+        self._check()
         with self._lock:
             return list(self._frames)
+
+    def _check(self) -> None:
+        if self._error is not None:
+            raise self._error
 
     def __enter__(self) -> _FrameTap:
         self._thread.start()
@@ -209,5 +254,4 @@ class _FrameTap:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        with contextlib.suppress(RuntimeError):
-            self._thread.join(timeout=2.0)
+        self._thread.join(timeout=JOIN_TIMEOUT_S)

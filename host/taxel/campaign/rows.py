@@ -14,6 +14,9 @@ from taxel.stream import TaxelFrame
 CYCLE_MODULUS = 1 << 16
 CLOCK_MODULUS_US = 1 << 32
 
+LATE_CYCLES = 16
+"""A frame is never this much older than the one that arrived before it, unless the hub has started anew."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -29,18 +32,20 @@ class Rows:
 
     def between(self, begin_s: float, end_s: float) -> Rows:
         """The rows with begin_s <= time_s < end_s."""
-        part = slice(*np.searchsorted(self.time_s, [begin_s, end_s]).tolist())
+        part = (self.time_s >= begin_s) & (self.time_s < end_s)
         return Rows(self.time_s[part], self.raw_counts[part], self.valid[part], self.sensor_time[part])
 
 
 def rows_of(hand: Hand, frames: Iterable[TaxelFrame]) -> Rows:
     """Sort the frames of every board into poll cycles. A cycle in which no board answered is no row."""
-    own: dict[int, list[TaxelFrame]] = {board.address: [] for board in hand.boards}
-    for frame in frames:
-        own[frame.address].append(frame)
-    cycles = {address: _unwrapped([frame.cycle for frame in part]) for address, part in own.items()}
-    _align(cycles, own)
-    present = np.unique(np.concatenate([*cycles.values(), np.empty(0, np.int64)]))
+    arrived = list(frames)
+    numbers = _cycles([frame.cycle for frame in arrived])
+    present = np.unique(numbers)
+    own: dict[int, tuple[list[TaxelFrame], list[int]]] = {board.address: ([], []) for board in hand.boards}
+    for frame, place in zip(arrived, np.searchsorted(present, numbers).tolist(), strict=True):
+        part, places = own[frame.address]
+        part.append(frame)
+        places.append(place)
     count = len(present)
     rows = Rows(
         np.full(count, np.inf),
@@ -49,40 +54,29 @@ def rows_of(hand: Hand, frames: Iterable[TaxelFrame]) -> Rows:
         np.zeros((count, len(hand.boards))),
     )
     for column, board in enumerate(hand.boards):
-        _fill(
-            rows,
-            column,
-            hand.slice_of(board.address),
-            own[board.address],
-            np.searchsorted(present, cycles[board.address]),
-        )
+        part, places = own[board.address]
+        if part:
+            _fill(rows, column, hand.slice_of(board.address), part, np.array(places))
     return rows
 
 
-def _unwrapped(numbers: list[int]) -> NDArray[np.int64]:
-    """Cycle numbers count modulo 65,536; a board is never silent for half of that."""
+def _cycles(numbers: list[int]) -> NDArray[np.int64]:
+    """Cycle numbers of frames in the order of arrival, without their wraps; a hub that starts anew goes on counting."""
     values = np.array(numbers, dtype=np.int64)
+    steps = _signed_steps(values, CYCLE_MODULUS)
+    steps[steps < -LATE_CYCLES] = 1
+    return np.asarray(values[:1] + np.cumsum(steps))
+
+
+def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
+    """Differences of a counter, 0 for the first; each less than half of the modulus."""
     steps = np.diff(values, prepend=values[:1])
-    return np.asarray(values[:1] + np.cumsum((steps + CYCLE_MODULUS // 2) % CYCLE_MODULUS - CYCLE_MODULUS // 2))
-
-
-def _align(cycles: dict[int, NDArray[np.int64]], own: dict[int, list[TaxelFrame]]) -> None:
-    """A board that was first heard after a wrap of the cycle number belongs that many wraps later: its time says so."""
-    heard = [(own[address][0].time_s, address) for address in cycles if len(cycles[address])]
-    if not heard:
-        return
-    first = min(heard)[1]
-    times = np.array([frame.time_s for frame in own[first]])
-    for _, address in heard:
-        expected = np.interp(own[address][0].time_s, times, cycles[first])
-        cycles[address] += CYCLE_MODULUS * round((expected - cycles[address][0]) / CYCLE_MODULUS)
+    return np.asarray((steps + modulus // 2) % modulus - modulus // 2)
 
 
 def _fill(rows: Rows, column: int, where: slice, frames: list[TaxelFrame], index: NDArray[np.intp]) -> None:
-    if not frames:
-        return
     clock = np.array([frame.board_time_us for frame in frames], dtype=np.int64)
-    ticks = np.diff(clock, prepend=clock[:1]) % CLOCK_MODULUS_US
+    ticks = _signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that starts anew goes back
     rows.time_s[index] = np.minimum(rows.time_s[index], [frame.time_s for frame in frames])
     rows.valid[index, column] = True
     latest = np.maximum.accumulate(np.where(rows.valid[:, column], np.arange(len(rows.time_s)), -1))

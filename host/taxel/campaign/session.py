@@ -47,7 +47,20 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
 
     Raises `TaxelError` of one line: a pose out of reach, or a world that the emulator refuses.
     """
-    session = plan[0].session
+    text = _world(setup, settings, plan[0].session)
+    with SkinContact(text) as contact:
+        made = [_make(setup, planned, settings, contact) for planned in plan]
+    rows = _emulate(setup, made, text, settings)
+    return [_record(setup, grasp, rows, place, settings) for place, grasp in enumerate(made)]
+
+
+def check_world(setup: Setup, settings: EmulatedSettings) -> None:
+    """Raises `ContactLibraryError` for effects that the emulator refuses."""
+    with SkinContact(_world(setup, settings, 0)):
+        pass
+
+
+def _world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
         scl_hz=settings.scl_hz,
@@ -55,11 +68,7 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
         noise_counts=settings.noise_counts,
         effects=settings.effects,
     )
-    text = scene_text(setup.hand, _scene(setup, settings, session), world)
-    with SkinContact(text) as contact:
-        made = [_make(setup, planned, settings, contact) for planned in plan]
-    rows = _emulate(setup, made, text, settings)
-    return [_record(setup, grasp, rows, place, settings) for place, grasp in enumerate(made)]
+    return scene_text(setup.hand, _scene(setup, settings, session), world)
 
 
 def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
@@ -107,10 +116,12 @@ def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: Emulated
     times, numbers, objects, brackets = [], [], [], []
     for place, grasp in enumerate(made):
         begin, motion = LEAD_IN_S + place * length, grasp.motion
-        times.append(begin + motion.time_s)
-        numbers.append(np.full(len(motion.time_s), names.index(grasp.planned.object)))
-        objects.append(motion.object_poses)
-        brackets.append(motion.bracket_poses)
+        # The first and the last record hold before and after: between two grasps nothing moves.
+        held = np.r_[0, : len(motion.time_s), -1]
+        times.append(begin + np.r_[0.0, motion.time_s, length])
+        numbers.append(np.full(len(held), names.index(grasp.planned.object)))
+        objects.append(motion.object_poses[held])
+        brackets.append(motion.bracket_poses[held])
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
         folder = Path(name)
         scene, script, capture = folder / "scene.stimulus", folder / "host.capture", folder / "skin.capture"

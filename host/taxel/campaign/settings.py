@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Timeline
@@ -36,7 +36,7 @@ class Scatter:
     """Standard deviations of what nobody commands. All zero: every repeat is the same.
 
     object_m, object_rad: where the object stands, each grasp, each axis. grip: relative, of the torque, each grasp.
-    remount_m, remount_rad: of every bracket, each session. mount: relative, of the object's mount, each session.
+    remount_m, remount_rad: of every bracket, each session, each axis.
     """
 
     object_m: float = 0.7e-3
@@ -64,7 +64,8 @@ class EmulatedSettings:
 
     def describe(self) -> str:
         """One line for the dataset's generator. It names no effect: what a recording lacks is for others to find."""
-        key = hashlib.sha256(repr(self).encode()).hexdigest()[:12]
+        alike = replace(self, effects=tuple(self.effects))  # a list of the same lines is the same campaign
+        key = hashlib.sha256(repr(alike).encode()).hexdigest()[:12]
         return f"emulated hand, settings {key}"
 
 

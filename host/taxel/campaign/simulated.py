@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from multiprocessing import get_context
+from functools import lru_cache
 
 import numpy as np
 
+from taxel.campaign.processes import in_processes
 from taxel.campaign.progress import Progress, silent
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.store import begin_or_extend
@@ -63,37 +62,14 @@ def run_simulated(
         missing = [planned for planned in plan if planned.id not in finished]
         done = len(plan) - len(missing)
         progress(done, len(plan))
-        for planned, record in zip(missing, _in_processes(setup, missing, settings, jobs), strict=True):
+        records = in_processes(simulate_planned, setup, missing, settings, jobs, CHUNK)
+        for planned, record in zip(missing, records, strict=True):
             out.add(record, planned.id)
             done += 1
             progress(done, len(plan))
 
 
-def _in_processes(
-    setup: Setup, plan: Sequence[PlannedGrasp], settings: SimSettings, jobs: int | None
-) -> Iterator[GraspRecord]:
-    jobs = min(jobs or os.cpu_count() or 1, len(plan))
-    if jobs <= 1:
-        yield from (simulate_planned(setup, planned, settings) for planned in plan)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(setup,)) as pool:
-        yield from pool.map(_planned, plan, [settings] * len(plan), chunksize=CHUNK)
-
-
-_setup_here: Setup | None = None
-
-
-def _begin(setup: Setup) -> None:
-    """Keep the setup, with what it has worked out, for all grasps of this process."""
-    global _setup_here
-    _setup_here = setup
-
-
-def _planned(planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
-    return simulate_planned(_setup_here or Setup(), planned, settings)
-
-
-@cache
+@lru_cache(maxsize=8)  # it keeps setups alive
 def _scene(setup: Setup, name: str) -> Scene:
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK)
 
@@ -102,9 +78,9 @@ def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings)
     """One grasp of the plan. Its noise depends on the seed and the grasp alone."""
     rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
     where, item = setup.object_pose(planned.object), setup.objects[planned.object]
-    motion = simulate_grasp(
-        _scene(setup, planned.object), setup.approach(planned), settings.timeline, object_pose=where
-    )
+    law = settings.sensing.law if settings.sensing.level == "layer" else None
+    scene, approach = _scene(setup, planned.object), setup.approach(planned)
+    motion = simulate_grasp(scene, approach, settings.timeline, object_pose=where, law=law)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1

@@ -19,14 +19,19 @@ def emulate(
     scl_hz: Annotated[float, typer.Option(help="I2C clock, hertz.")] = 400e3,
     noise: Annotated[float, typer.Option(help="White read-out noise, counts (standard deviation).")] = 4.0,
     seconds: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="A departure from the ideal sensor; may be given again (emulator README)."),
+    ] = None,
 ) -> None:
     """Run the emulated skin in real time behind a pseudo-terminal that any serial program can open.
 
     Prints the device's name; Ctrl-C ends it.
 
-    Example: taxel emulate --seconds 2
+    Example: taxel emulate --seconds 2 --effect "spread film length_m=0.002"
     """
-    text = world_text(load_hand(hand), WorldSettings(seed=seed, scl_hz=scl_hz, noise_counts=noise))
+    settings = WorldSettings(seed=seed, scl_hz=scl_hz, noise_counts=noise, effects=effect or ())
+    text = world_text(load_hand(hand), settings)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(text)

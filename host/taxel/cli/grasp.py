@@ -51,34 +51,48 @@ def grasp(
 
     Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5
     """
-    if source not in SOURCES:
-        raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
     plan = _plan(seed, sessions, grasps, objects)
     setup = Setup(calibration=load_calibration(calibration) if calibration is not None else None)
+    emulated = EmulatedSettings(seed=seed, effects=effects_of(effects))
+    sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
+    if jobs < 0:
+        raise TaxelError(f"--jobs: expected 0 (one a core) or more, found {jobs}")
     console = Console(stderr=as_json)
-    made = []
-    if source == "both":
-        out.mkdir(parents=True, exist_ok=True)
-    if source in ("emulated", "both"):
-        path = out / "real.h5" if source == "both" else out
-        settings = EmulatedSettings(seed=seed, effects=effects_of(effects))
+    paths = _paths(source, out, overwrite or resume)
+    if "emulated" in paths:
+        path = paths["emulated"]
         with _bar(console, f"emulated hand to {path}") as show:
-            run_emulated(path, plan, settings, setup, jobs or None, overwrite, resume, show)
-        made.append(path)
-    if source in ("sim", "both"):
-        path = out / "sim.h5" if source == "both" else out
-        sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
+            run_emulated(path, plan, emulated, setup, jobs or None, overwrite, resume, show)
+    if "sim" in paths:
+        path = paths["sim"]
         with _bar(console, f"simulator to {path}") as show:
             run_simulated(path, plan, sim, setup, jobs or None, overwrite, resume, show)
-        made.append(path)
-    if source == "physical":
-        with physical_station(arm, can, skin, setup.hand) as station, _bar(console, f"hand to {out}") as show:
-            run_physical(out, plan, station, setup=setup, ask=_ask, overwrite=overwrite, resume=resume, progress=show)
-        made.append(out)
-    _report(console, made, as_json)
+    if "physical" in paths:
+        path = paths["physical"]
+        with physical_station(arm, can, skin, setup.hand) as station, _bar(console, f"hand to {path}") as show:
+            run_physical(path, plan, station, setup=setup, ask=_ask, overwrite=overwrite, resume=resume, progress=show)
+    _report(console, list(paths.values()), as_json)
+
+
+def _paths(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
+    """The datasets to make, by what makes them; refused before any is begun."""
+    if source not in SOURCES:
+        raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
+    if source != "both":
+        paths = {source: out}
+    else:
+        paths = {"emulated": out / "real.h5", "sim": out / "sim.h5"}
+    for path in paths.values():
+        if path.exists() and not may_exist:
+            raise TaxelError(f"{path}: exists already; choose another --out, --resume it or --overwrite it")
+    if source == "both":
+        out.mkdir(parents=True, exist_ok=True)
+    return paths
 
 
 def _plan(seed: int, sessions: int, grasps: int, objects: str) -> tuple[PlannedGrasp, ...]:
+    if seed < 0:
+        raise TaxelError(f"--seed: expected 0 or more, found {seed}")
     try:
         plan = thesis_plan(seed, sessions)
     except ValueError as error:

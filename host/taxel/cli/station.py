@@ -17,7 +17,7 @@ from taxel.skin import open_skin
 def physical_station(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
     """Open and, at the end, close them. Raises `TaxelError` of one line for what is missing."""
     kind, _, host = arm.partition(":")
-    if kind not in {"rtde", "simulated"} or (kind == "rtde") != bool(host):
+    if arm != "simulated" and not (kind == "rtde" and host):
         raise TaxelError(f"--arm: expected rtde:HOST or simulated, found '{arm}'")
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(can))

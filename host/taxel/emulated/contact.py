@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib.resources
 import os
+import re
 import sys
 import tempfile
 from functools import cache
@@ -72,6 +73,7 @@ class SkinContact:
         self._handle = self._open(world)
         self.boards = int(self._library.taxel_contact_boards(self._handle))
         self.taxels = int(self._library.taxel_contact_taxels(self._handle))
+        self._objects = sum(line.startswith("object ") for line in world.splitlines())
         self._load = np.zeros((self.boards, LOAD_VALUES))
         self._force = np.zeros(self.taxels)
 
@@ -82,19 +84,19 @@ class SkinContact:
             with _stderr_into(complaint):
                 handle = self._library.taxel_contact_open(os.fsencode(path))
             if not handle:
-                lines = complaint.read_text(errors="replace").strip().splitlines()
-                raise ContactLibraryError(lines[-1] if lines else "the contact library has no memory")
+                raise ContactLibraryError(_explained(complaint.read_text(errors="replace"), str(path), world))
             return int(handle)
 
     def bracket_offset(self, board: int) -> NDArray[np.float64]:
         """Where a board's bracket (its place in the world file) truly is, in its believed frame, f64[4, 4]."""
-        return self._offset("taxel_contact_bracket_offset", board)
+        return self._offset("taxel_contact_bracket_offset", board, self.boards)
 
     def object_offset(self, index: int) -> NDArray[np.float64]:
         """The same for an object."""
-        return self._offset("taxel_contact_object_offset", index)
+        return self._offset("taxel_contact_object_offset", index, self._objects)
 
-    def _offset(self, function: str, index: int) -> NDArray[np.float64]:
+    def _offset(self, function: str, index: int, count: int) -> NDArray[np.float64]:
+        self._check(0 <= index < count, f"a number from 0 to {count - 1}, found {index}")
         offset = np.eye(4)
         rows = np.zeros((3, 4))
         getattr(self._library, function)(self._handle, index, rows.ctypes.data)
@@ -117,14 +119,20 @@ class SkinContact:
         self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64], force: int | None
     ) -> int:
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
-        if len(poses) != self.boards:
-            raise ValueError(f"expected the poses of {self.boards} brackets, found {len(poses)}")
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
+        self._check(-1 <= index < self._objects, f"an object from -1 to {self._objects - 1}, found {index}")
+        self._check(poses.shape == (self.boards, 3, 4), f"poses of {self.boards} brackets, found {bracket_poses.shape}")
+        self._check(pose.shape == (3, 4), f"the pose of an object, found {object_pose.shape}")
         return int(
             self._library.taxel_contact_evaluate(
                 self._handle, index, pose.ctypes.data, poses.ctypes.data, self._load.ctypes.data, force
             )
         )
+
+    def _check(self, fits: bool, expected: str) -> None:
+        """The library checks nothing."""
+        if not (fits and self._handle):
+            raise ValueError(f"expected {expected}" if self._handle else "expected an open contact, found a closed one")
 
     def close(self) -> None:
         """Free the library's memory."""
@@ -139,6 +147,18 @@ class SkinContact:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _explained(stderr: str, path: str, world: str) -> str:
+    """The emulator's last line, with the text of the world file's line that it names: the file is gone."""
+    lines = stderr.strip().splitlines()
+    if not lines:
+        return "the contact library has no memory"
+    text = lines[-1].replace(path, "file")
+    named, written = re.search(r", line (\d+)", text), world.splitlines()
+    if named is None or not 1 <= int(named[1]) <= len(written):
+        return text
+    return f"{text} (found '{written[int(named[1]) - 1]}')"
 
 
 class _stderr_into:  # noqa: N801 - a context manager used like a function

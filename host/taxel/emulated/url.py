@@ -18,16 +18,16 @@ _NUMBERS = {
 }
 """Lowest and highest value of each number of `WorldSettings` that a URL may set."""
 
-_OTHERS = {"speed", "stimulus", "duration_s", "live"}
+_OTHERS = {"speed", "stimulus", "duration_s", "live", "effect"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     """Start an emulated skin of `hand`.
 
     Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE`
-    (see `taxel.link.write_stimulus`) or `live=1` (see `EmulatorLink.apply`), `duration_s`, and the numbers of
-    `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an
-    unknown option or a value out of range.
+    (see `taxel.link.write_stimulus`) or `live=1` (see `EmulatorLink.apply`), `duration_s`, `effect=LINE` (as often as
+    wanted: a line of the world file without the word `effect`), and the numbers of `WorldSettings`: seed, scl_hz, baud,
+    usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
     """
     parts = split_url(url)
     if parts.path or parts.netloc:
@@ -51,7 +51,7 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         if numbers["seed"] % 1.0:
             raise LinkError(url, f"option 'seed' must be a whole number, found '{options['seed']}'")
         numbers["seed"] = int(numbers["seed"])
-    settings = WorldSettings(**numbers)
+    settings = WorldSettings(**numbers, effects=_effects(url, parts.query))
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(
         world_text(hand, settings),
@@ -61,6 +61,14 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         settings.baud,
         hand.n_taxels if live == "1" else None,
     )
+
+
+def _effects(url: str, query: str) -> list[str]:
+    lines = parse_qs(query).get("effect", [])
+    for line in lines:
+        if not line.isprintable() or "#" in line:  # it becomes one line of the world file
+            raise LinkError(url, f"option 'effect' must be one line without '#', found {line!r}")
+    return lines
 
 
 def _number(url: str, name: str, text: str, low: float, high: float) -> float:

@@ -60,13 +60,14 @@ class Placing:
     top: bool = False
 
 
-# Found by closing the hand over a grid of placings and presses, and keeping those in which palm, fingers and thumb bear
-# and every finger comes to rest.
+# Found by closing the hand over a grid of placings and presses, and keeping those in which both solvers come to rest,
+# and to the same rest. On a side palm, fingers and thumb bear. On a top palm and thumb bear, and the fingers close
+# beyond the object: without friction none stays on a vertical face so near its upper edge.
 _BOX_WIDE = Placing(0.0, edge_z_m=0.045, thumb_rad=(1.20, 0.30), press_m=0.004)
 _BOX_NARROW = Placing(0.0, edge_z_m=0.015, thumb_rad=(1.20, 0.30), press_m=0.008)
 _BOX_EDGE = Placing(0.0, edge_z_m=0.025, thumb_rad=(1.20, 0.30), press_m=0.008)
 _BOX_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.008, top=True)
-_CYLINDER = Placing(0.0, edge_z_m=0.010, thumb_rad=(0.30, 0.50), press_m=0.004)
+_CYLINDER = Placing(0.0, edge_z_m=0.030, thumb_rad=(1.30, 0.50), press_m=0.004)
 _CYLINDER_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.008, top=True)
 _PRISM = Placing(0.0, edge_z_m=0.0, thumb_rad=(0.90, 0.50), press_m=0.012)
 _PRISM_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.90, 0.50), press_m=0.008, top=True)

@@ -99,10 +99,9 @@ def _carried_on(surface: Surface, index: int, behind: int | None, step: tuple[in
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     left = np.cross(normal, distal)
     along = -step[0] * distal - step[1] * left  # TX 0 is distal, RX 0 is left
-    bend = 0.0
-    if behind is not None:
-        bend = float((normal - surface.normal[behind]) @ along) / pitch
-    angle = float(np.clip(bend * pitch, -np.pi / 2, np.pi / 2))
+    angle = 0.0
+    if behind is not None:  # the normal there leans back by the sine of the angle between them
+        angle = float(np.arcsin(np.clip(-surface.normal[behind] @ along, -1.0, 1.0)))
     if abs(angle) < _FLAT:
         moved = pitch * along
     else:

@@ -16,6 +16,8 @@ from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.transforms import FloatArray, to_quaternion
 from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches, read_contacts
 from taxel.sim.scene import STEP_S, Scene
+from taxel.sim.soft_contact import LayerLaw, SoftContact
+from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
 
 RATE_HZ: Final = 20.0
 SETTLE_S: Final = 0.3  # before closing: an object that was placed against the open hand comes to rest
@@ -36,7 +38,8 @@ class GraspMotion:
         object_pose: f64[T, 4, 4] in the world.
         wrench: f64[T, s, 6], what the object does to each board: force and moment about the bracket's origin, in the
             bracket's frame, mean of the last steps before the sample. Contact of one finger with another is not in it.
-        contacts: MuJoCo's contact points of the hand with the object at the samples.
+        contacts: MuJoCo's contact points of the hand with the object at the samples; none with a soft layer.
+        taxel_force: f64[T, n], newtons along each taxel's normal, of a soft layer; None without one.
     """
 
     time_s: FloatArray
@@ -47,6 +50,7 @@ class GraspMotion:
     object_pose: FloatArray
     wrench: FloatArray
     contacts: ContactPoints
+    taxel_force: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,7 @@ class _State:
     object: FloatArray
     wrench: FloatArray
     contacts: StepContacts
+    taxel_force: FloatArray | None
 
 
 def simulate_grasp(
@@ -70,6 +75,7 @@ def simulate_grasp(
     torque_scale: float = 1.0,
     seed: int | None = None,
     object_pose: FloatArray | None = None,
+    law: LayerLaw | None = None,
 ) -> GraspMotion:
     """Run one grasp. The same arguments give the same bytes.
 
@@ -85,6 +91,7 @@ def simulate_grasp(
         torque_scale: factor on the planned torques.
         seed: draws where the held joints truly stop (`START_SPREAD_RAD`); None: exactly where planned.
         object_pose: nominal pose in the world, f64[4, 4]; None: `standing_pose()`.
+        law: of a soft layer that bears between hand and object; None: rigid boards meet it.
 
     Raises:
         ValueError: another number of joints, another object, or a rate above one sample a step.
@@ -92,7 +99,8 @@ def simulate_grasp(
     _check(scene, approach, rate_hz)
     nominal = standing_pose() if object_pose is None else object_pose
     true = nominal if object_offset is None else nominal @ object_offset
-    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal)
+    soft = None if law is None else SoftContact(scene.hand, scene.item.shape, law)
+    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal, soft)
     run.place(true)
     return run.record(timeline, rate_hz)
 
@@ -117,11 +125,15 @@ def _spread(approach: Approach, seed: int | None) -> Approach:
 class _Run:
     """The state of one grasp."""
 
-    def __init__(self, scene: Scene, controller: GraspController, nominal: FloatArray) -> None:
+    def __init__(
+        self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: SoftContact | None
+    ) -> None:
         self.scene = scene
         self.controller = controller
         self.nominal = nominal
         self.data = mujoco.MjData(scene.model)
+        self._soft = None if soft is None else SoftPush(scene, soft)
+        self._step_s = STEP_S if soft is None else SOFT_STEP_S
         self._recent: list[FloatArray] = []
         self._withdrawn = -1.0  # no place yet
 
@@ -145,15 +157,15 @@ class _Run:
         """Step from rest to the end of release, and take the samples."""
         times = timeline.sample_times(rate_hz)
         begin, end = timeline.begin(Phase.CLOSING), timeline.begin(Phase.RECOVERY)
-        for _ in range(round(SETTLE_S / STEP_S)):
+        for _ in range(round(SETTLE_S / self._step_s)):
             self._step(0.0)
         states: list[_State] = []
         done, now = 0, self._state()
         for time in times:
-            wanted = round((min(max(time, begin), end) - begin) / STEP_S)
+            wanted = round((min(max(time, begin), end) - begin) / self._step_s)
             if wanted > done:
                 for step in range(done, wanted):
-                    self._step(begin + step * STEP_S, watched=step >= wanted - AVERAGED_STEPS)
+                    self._step(begin + step * self._step_s, watched=step >= wanted - AVERAGED_STEPS)
                 done, now = wanted, self._state()
             states.append(now)
         return self._motion(times, timeline.phase_at(times), states)
@@ -163,6 +175,9 @@ class _Run:
         self._put_palm(time)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
         data.qfrc_applied[scene.joint_dofs] = self.controller.torque(time, angles, velocities)
+        if self._soft is not None:
+            self._soft.step(data)
+            return
         mujoco.mj_step(scene.model, data)
         if watched:
             self._recent.append(self._wrenches(read_contacts(scene, data)))
@@ -182,6 +197,10 @@ class _Run:
         recent = self._recent or [self._wrenches(contacts)]
         self._recent = []
         item = scene.model.body("object").id
+        felt = None
+        if self._soft is not None:
+            own, felt = self._soft.feel(data)
+            recent = [own]
         return _State(
             data.qpos[scene.joint_addresses],
             _poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
@@ -189,6 +208,7 @@ class _Run:
             _poses(data.xmat[item], data.xpos[item]),
             np.mean(recent, axis=0),
             contacts,
+            felt,
         )
 
     def _motion(self, times: FloatArray, phase: npt.NDArray[np.uint8], states: list[_State]) -> GraspMotion:
@@ -201,6 +221,9 @@ class _Run:
             np.stack([state.object for state in states]),
             np.stack([state.wrench for state in states]),
             ContactPoints.of([state.contacts for state in states]),
+            None
+            if self._soft is None
+            else np.stack([state.taxel_force for state in states if state.taxel_force is not None]),
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from taxel.grasp.shapes import Shape
@@ -14,25 +14,29 @@ from taxel.sim.cone_sensing import CONTACT_OFFSET_M, ConeSensing, base_radius, n
 from taxel.sim.coupled_layer import press_coupled_layer
 from taxel.sim.layer import STIFFNESS_N_PER_M, press_layer
 from taxel.sim.separation import layer_thickness, separations
+from taxel.sim.soft_contact import LayerLaw
 
 PARTS = 2
 """Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""
 
-Level = Literal["layer", "coupled", "cones"]
-LEVELS: tuple[Level, ...] = ("layer", "coupled", "cones")
+Level = Literal["layer", "rigid", "coupled", "cones"]
+LEVELS: tuple[Level, ...] = ("layer", "rigid", "coupled", "cones")
 
 
 @dataclass(frozen=True)
 class Sensing:
     """How contact becomes force on taxels.
 
-    level: "layer", an elastic layer of uncoupled springs (the default); "coupled", springs that pull on each other;
-    "cones", the thesis's own: contact points against taxel centres. stiffness_n_per_m: of the layer under one taxel.
+    level: "layer", an elastic layer of uncoupled springs that bears while the bodies move, `law` (the default);
+    "rigid", rigid boards, and afterwards the approach and two tilts of each at which uncoupled springs make MuJoCo's
+    net force and moments; "coupled", the same with springs that pull on each other; "cones", the thesis's own: contact
+    points against taxel centres. stiffness_n_per_m: of the springs under one taxel where they are linear.
     cone_offset_m: how near a cone's tip touches. cone_pitches: how far the cones' bases reach beyond their own taxels,
     to imitate contact propagation.
     """
 
     level: Level = "layer"
+    law: LayerLaw = field(default_factory=LayerLaw)
     stiffness_n_per_m: float = STIFFNESS_N_PER_M
     cone_offset_m: float = CONTACT_OFFSET_M
     cone_pitches: float = 0.0
@@ -49,10 +53,13 @@ def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> Se
     """What every taxel of `hand` feels of an object of `shape` during `motion`.
 
     With cones a taxel is active or not: an active one carries `NOMINAL_FORCE_N`, and separations are those of the
-    rigid geometry. Their tips are at the layer's surface, which is what the rigid boards touch with: the thesis's cones
-    are as high as its layer.
+    rigid geometry. A motion of rigid boards, such as somebody else's rollout, is sensed at level "rigid" where "layer"
+    is asked for. With cones the tips are at the layer's surface, which is what the rigid boards touch with: the
+    thesis's cones are as high as its layer.
     """
     poses, objects = motion.sensor_poses, motion.object_pose
+    if sensing.level == "layer" and motion.taxel_force is not None:
+        return Sensed(motion.taxel_force, separations(hand, shape, poses, objects))
     if sensing.level == "cones":
         cones = ConeSensing(base_radius(hand, sensing.cone_pitches), sensing.cone_offset_m, layer_thickness(hand))
         points = (motion.contacts.sample, motion.contacts.position)

@@ -27,6 +27,9 @@ BINS = 400
 
 REFIT_BINS = 10
 
+RATE_TOLERANCE = 0.025
+"""The hub's and the host's clocks run alike within this share: 2 % of the hub's oscillator, and the host's own."""
+
 RESTART_US = 100_000
 """A hub whose clock has gone back by more than this has been restarted."""
 
@@ -90,7 +93,12 @@ class LowerEnvelope:
         middle = 0.5 * (x[0] + x[-1])
         for a, b in pairwise(hull):
             if x[b] >= middle:
-                return x0 + x[a], y0 + y[a], float((y[b] - y[a]) / (x[b] - x[a]))
+                slope = (y[b] - y[a]) / (x[b] - x[a])
+                # Two points 50 ms apart, one of them late, would make a clock that no oscillator keeps.
+                possible = float(np.clip(slope, (1.0 - RATE_TOLERANCE) * 1e-6, (1.0 + RATE_TOLERANCE) * 1e-6))
+                if possible != slope:
+                    a = int(np.argmin(y - possible * x))
+                return float(x0 + x[a]), float(y0 + y[a]), possible
         return float(x0), float(y0), 1e-6
 
 

@@ -1,4 +1,4 @@
-"""One simulated grasp, felt at the three levels of detail."""
+"""One simulated grasp of rigid boards, felt at each level of detail, and one with a soft layer."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import thesis_objects
+from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, standing_pose, thesis_objects
 from taxel.grasp.plan import thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -16,16 +16,19 @@ from taxel.sim.layer import STIFFNESS_N_PER_M
 from taxel.sim.scene import build_scene
 from taxel.sim.sensing import LEVELS, Sensing, sense
 from taxel.sim.separation import MISS_M
+from taxel.sim.soft_contact import LayerLaw
 
 HAND = load_hand("allegro")
-ITEM = thesis_objects()["cylinder"]
+ITEM = thesis_objects()["rectangular_prism"]
 LINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
 ROUNDING_N = 1e-6
 
 
 @cache
 def motion():
-    approach = next(a for a in thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
+    approach = next(
+        a for a in thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
+    )
     return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0)
 
 
@@ -74,14 +77,14 @@ def test_cones_stand_as_high_as_the_layer_so_that_a_hand_that_touches_is_felt():
     assert active[:, HAND.slice_of(flat.address)].any(axis=1).all()
 
 
-@pytest.mark.parametrize("level", ["layer", "coupled"])
+@pytest.mark.parametrize("level", ["rigid", "coupled"])
 def test_a_board_without_load_feels_nothing(level):
     per_board = np.stack([felt(level).contact_force[:, HAND.slice_of(b.address)].sum(axis=1) for b in HAND.boards], 1)
     assert not per_board[loads() == 0].any()
 
 
 def test_taxels_of_the_layer_bear_at_most_the_boards_load_and_its_bare_margin_the_rest():
-    net, load = on_boards(felt("layer").contact_force), loads()
+    net, load = on_boards(felt("rigid").contact_force), loads()
     assert (net <= load + ROUNDING_N).all()
     hold = motion().phase == Phase.HOLD
     share = net[hold].sum() / load[hold].sum()
@@ -91,22 +94,22 @@ def test_taxels_of_the_layer_bear_at_most_the_boards_load_and_its_bare_margin_th
 def test_the_whole_load_of_coupled_cells_is_on_taxels():
     net, load = on_boards(felt("coupled").contact_force), loads()
     hold = motion().phase == Phase.HOLD
-    assert net[hold].sum() == pytest.approx(load[hold].sum(), rel=0.05)
+    assert net[hold].sum() == pytest.approx(load[hold].sum(), rel=0.1)
 
 
 def test_a_pressed_taxel_of_the_layer_is_where_the_object_is():
     """But at an edge, which springs beside the taxel's centre may touch while its own normal misses the object."""
-    result = felt("layer")
+    result = felt("rigid")
     heavy = result.contact_force > 0.2
     assert heavy.any()
     pressed = heavy & (result.separation < 0)
-    assert pressed.sum() > 0.9 * heavy.sum()
+    assert pressed.sum() > 0.6 * heavy.sum()
     depth = result.contact_force / STIFFNESS_N_PER_M
     assert np.median(np.abs(depth + result.separation)[pressed]) < 1e-4
 
 
 def test_a_stiffer_layer_spreads_the_same_load_over_fewer_taxels():
-    soft, stiff = felt("layer").contact_force, felt("layer", stiffness_n_per_m=4 * STIFFNESS_N_PER_M).contact_force
+    soft, stiff = felt("rigid").contact_force, felt("rigid", stiffness_n_per_m=4 * STIFFNESS_N_PER_M).contact_force
     hold = motion().phase == Phase.HOLD
     assert (stiff[hold] > 0.01).sum() < (soft[hold] > 0.01).sum()
     assert stiff.max() > soft.max()
@@ -120,5 +123,46 @@ def test_cones_are_active_or_not_and_wider_ones_activate_at_least_the_same():
 
 
 def test_the_layer_is_what_is_used_unless_told_otherwise():
-    assert Sensing() == Sensing("layer", STIFFNESS_N_PER_M)
+    assert Sensing().level == "layer"
     assert replace(Sensing(), level="cones").level in LEVELS
+
+
+@cache
+def soft_motion():
+    approach = next(a for a in thesis_approaches(withdraw_m=0.02) if a.name == "narrow_side_1")
+    return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0, law=LayerLaw())
+
+
+def test_a_soft_layer_bears_while_the_bodies_move():
+    """Its taxels' net force is that of the boards, less what the bare margin bears; the object's mount carries the rest."""
+    motion, hold = soft_motion(), soft_motion().phase == Phase.HOLD
+    result = sense(HAND, ITEM.shape, motion, Sensing())
+    assert result.contact_force is motion.taxel_force
+    net = np.linalg.norm(motion.wrench[hold][:, :, :3], axis=2).sum(axis=1)
+    assert (result.contact_force[hold].sum(axis=1) < 1.05 * net).all()
+    assert (result.contact_force[hold].sum(axis=1) > 0.4 * net).all()
+    palm = HAND.slice_of(HAND.board_named("palm").address)
+    pressed = (result.contact_force > 0.1) & (result.separation < 0)
+    assert pressed[hold][:, palm].any()
+    middle = result.contact_force[hold][:, palm], result.separation[hold][:, palm]
+    flat = (middle[0] > 0.1) & (middle[1] < -1e-4)
+    expected = LayerLaw().force(-middle[1][flat])
+    assert np.median(np.abs(middle[0][flat] / expected - 1.0)) < 0.1
+
+
+def test_a_soft_layer_ends_where_the_mounts_spring_balances_the_hand():
+    motion = soft_motion()
+    end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
+    yielded = motion.object_pose[end, :3, 3] + motion.object_pose[end, :3, 2] * ITEM.shape.height / 2
+    yielded -= standing_pose()[:3, 3] + np.array([0.0, 0.0, ITEM.shape.height / 2])
+    forces = np.einsum("sij,sj->si", motion.sensor_poses[end, :, :3, :3], motion.wrench[end, :, :3])
+    np.testing.assert_allclose(-forces.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * yielded, atol=0.3)
+
+
+def test_the_curve_of_the_layer_rises_ever_more_steeply_and_its_slope_is_its_derivative():
+    depth = np.linspace(1e-5, 1.2e-3, 50)
+    law = LayerLaw()
+    slope = (law.force(depth + 1e-9) - law.force(depth - 1e-9)) / 2e-9
+    np.testing.assert_allclose(law.stiffness(depth), slope, rtol=1e-5)
+    assert (np.diff(law.stiffness(depth)) > 0).all()
+    assert law.secant(1.0) == pytest.approx(1.0 / np.interp(1.0, law.force(depth), depth), rel=0.01)

@@ -16,6 +16,7 @@ from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, board_clocks_ppm, world_text
 from taxel.link import CaptureLink, CaptureWriter, Chunk, run_emulator
 from taxel.stream import FrameStream
+from taxel.stream.clock import LowerEnvelope
 from taxel_protocol import FrameType, encode_frame
 from taxel_protocol.frames import CommandPayload, HostHello
 from taxel_protocol.layout import pack
@@ -124,6 +125,16 @@ def test_board_clocks_off_by_two_percent_are_mapped_to_the_host(hub, prepared, o
     link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
     rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     assert worst_after(rows, SETTLED_S) < TOLERANCE_S
+
+
+@pytest.mark.parametrize("late_s", [(0.016, 0.0), (0.0, 0.016)], ids=["the first late", "the second late"])
+def test_two_early_arrivals_make_no_clock_that_no_oscillator_keeps(late_s):
+    """50 ms apart, one of them late by the latency of USB: a line through both is off by a third."""
+    envelope = LowerEnvelope()
+    for x_us, late in zip((0.0, 60_000.0), late_s, strict=True):
+        envelope.add(x_us, x_us * 1e-6 + late)
+    x0, y0, slope = envelope.line
+    assert y0 + slope * (500_000.0 - x0) == pytest.approx(0.5, abs=0.016 + 0.025 * 0.5)
 
 
 @pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])

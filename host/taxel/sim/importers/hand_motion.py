@@ -117,7 +117,7 @@ def read_joints(
         *pose_columns("object"),
     )
     table = read_csv(path, columns, progress)
-    whole, below = robot, robot.below(WRIST_LINK)
+    whole, below = robot, robot.below(WRIST_LINK) if WRIST_LINK in robot.links else robot
     arm = [name for name in names if name not in below.joint_names]
     wrist_poses = table.poses("wrist")
     if wrist_poses is None and wrist is not None:
@@ -130,11 +130,11 @@ def read_joints(
     missing = [name for name in used.joint_names if not table.has(name)]
     if missing:
         table.source.at(1).fail(f"a column {missing[0]}", "none", f"add the angles, radians, of {', '.join(missing)}")
-    if not has_arm and wrist_poses is None:
+    if arm and not has_arm and wrist_poses is None:
         expected = f"{len(names)} joints, or {len(below.joint_names)} and where the wrist is"
         remedy = "add the arm's joints or wrist_x ... wrist_qz, or give the wrist's pose (--wrist)"
         table.source.at(1).fail(expected, f"{len(below.joint_names)} joints alone", remedy)
-    angles = np.column_stack([table.numbers[name] for name in used.joint_names])
+    angles = np.array([table.numbers[name] for name in used.joint_names]).reshape(-1, len(table.line)).T
     sensors = Kinematics(used, hand).sensor_poses(angles)
     if wrist_poses is not None:
         sensors = wrist_poses[:, None] @ sensors

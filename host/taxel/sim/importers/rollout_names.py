@@ -81,11 +81,14 @@ def find_parts(model: mujoco.MjModel, hand: Hand, given: Mapping[str, Any], sour
     """Find the boards and the object. given: a map, see above; source: where it is from, for errors.
 
     A board without an entry is the geom of its name, or sits on the body of its link; a common prefix of all of these
-    is found, such as "link:" or "rh_". Raises ImportDataError for a name that the model lacks.
+    is found, such as "link:" or "rh_". Raises ImportDataError for a name that the model lacks,
+    HandGeometryError for a hand without links.
     """
     for key in given:
         if key not in _KEYS:
             source.key(key).fail("known keys", "an unknown one", f"correct or remove it ({near_names(key, _KEYS)})")
+    if any(board.link is None or board.pose is None for board in hand.boards):
+        raise HandGeometryError(hand.name)
     names = {kind: model_names(model, kind) for kind in KINDS}
     finder = _Finder(model, hand, names, source)
     boards = _table(given.get("boards", {}), source.key("boards"))

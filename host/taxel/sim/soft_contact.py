@@ -1,0 +1,142 @@
+"""The elastic layer as contact inside the simulation: springs on the sheet push while MuJoCo moves the bodies.
+
+Every square of the dielectric sheet, cut into pieces, is a spring along its normal. Board and object come to rest where
+the springs' net forces and moments are those that MuJoCo's bodies need: each link's approach and tilts follow from its
+joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from taxel.grasp.shapes import Shape
+from taxel.hand import Hand
+from taxel.hand.sheet import Sheet, sheet_of
+from taxel.hand.transforms import FloatArray, inverse
+
+PARTS = 3
+"""Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""
+
+NEAR_M = 0.010
+"""Pieces farther from the object than this are left out until the next look."""
+
+LOOK_STEPS = 8
+"""Steps between two looks at which pieces are near: nothing moves by `NEAR_M` meanwhile."""
+
+DEEPEST_M = 0.004
+"""A line that enters the object farther below the electrode comes in through another side."""
+
+
+@dataclass(frozen=True)
+class LayerLaw:
+    """Force on a taxel of a layer compressed by d: stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^2).
+
+    The form is chosen for its fit to presses of the emulated skin; source of the figures: tools/sim/fit_stiffness.py.
+    """
+
+    stiffness_n_per_m: float = 618.0
+    stiffening_m: float = 0.679e-3
+    closing_m: float = 1.47e-3
+
+    def force(self, depth_m: FloatArray) -> FloatArray:
+        """Newtons, f64[...], for depths f64[...] of at least 0."""
+        return np.asarray(self.stiffness_n_per_m * depth_m * self._growth(depth_m))
+
+    def stiffness(self, depth_m: FloatArray) -> FloatArray:
+        """Its rise, newtons a metre."""
+        steeper = 1.0 + depth_m / self.stiffening_m + 2.0 * (depth_m / self.closing_m) ** 2
+        return np.asarray(self.stiffness_n_per_m * steeper * self._growth(depth_m))
+
+    def _growth(self, depth_m: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(depth_m / self.stiffening_m + (depth_m / self.closing_m) ** 2))
+
+    def secant(self, force_n: float) -> float:
+        """Force over depth at a force, newtons a metre."""
+        low, high = 0.0, 0.01
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if float(self.force(np.array(middle))) < force_n else (low, middle)
+        return force_n / high
+
+
+class SoftLoad(NamedTuple):
+    """What contact does, in the world.
+
+    wrench: f64[s, 6], force and moment on each board about its bracket's origin. square: [m], pieces that bear; force:
+    f64[m], newtons; line: f64[m, 6], outward normal and its moment about the board's origin; rate: f64[m], newtons a
+    metre.
+    """
+
+    wrench: FloatArray
+    square: npt.NDArray[np.intp]
+    force: FloatArray
+    line: FloatArray
+    rate: FloatArray
+
+
+class SoftContact:
+    """Contact of a hand's sheet with one shape. `law`: of the layer under one taxel."""
+
+    def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
+        self.hand = hand
+        self.sheet: Sheet = sheet_of(hand, PARTS)
+        self._shape, self._law = shape, law
+        self._layer = hand.layer_m or 0.0
+        self._near = np.arange(self.sheet.n_taxels)
+        self._age = 0
+
+    def load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
+        """Contact of brackets at `sensor_poses` f64[s, 4, 4] with the object at `object_pose` f64[4, 4]."""
+        in_object = inverse(object_pose) @ sensor_poses
+        if self._age % LOOK_STEPS == 0:
+            self._look(in_object)
+        self._age += 1
+        points, normals = self._lines(in_object, self._near)
+        depth = self._layer - self._shape.ray_separation(points, normals)
+        pressed = (depth > 0.0) & (depth < self._layer + DEEPEST_M)
+        square, depth = self._near[pressed], depth[pressed]
+        board = self.sheet.board_index[square]
+        rotation = sensor_poses[board, :3, :3]
+        normal = np.einsum("mij,mj->mi", rotation, self.sheet.normal[square])
+        arm = np.einsum("mij,mj->mi", rotation, self.sheet.position[square])
+        line = np.hstack([normal, _cross(arm, normal)])
+        share = 1.0 / PARTS**2
+        force = share * self._law.force(depth)
+        wrench = np.zeros((len(sensor_poses), 6))
+        for column in range(6):
+            wrench[:, column] = -np.bincount(board, force * line[:, column], len(sensor_poses))
+        return SoftLoad(wrench, square, force, line, share * self._law.stiffness(depth))
+
+    def taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
+        """Normal force on every taxel, newtons, f64[n]; the bare margin's part is nobody's."""
+        in_object = inverse(object_pose) @ sensor_poses
+        pieces = PARTS**2
+        own = np.arange(self.hand.n_taxels * pieces)
+        points, normals = self._lines(in_object, own)
+        depth = self._layer - self._shape.ray_separation(points, normals)
+        depth = np.where((depth > 0.0) & (depth < self._layer + DEEPEST_M), depth, 0.0)
+        return np.asarray(self._law.force(depth).reshape(-1, pieces).sum(axis=1) / pieces)
+
+    def _lines(self, in_object: FloatArray, squares: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        pose = in_object[self.sheet.board_index[squares]]
+        points = np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.position[squares]) + pose[:, :3, 3]
+        return points, np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.normal[squares])
+
+    def _look(self, in_object: FloatArray) -> None:
+        every = np.arange(self.sheet.n_taxels)
+        points, _ = self._lines(in_object, every)
+        low, high = self._shape.bounds
+        outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+        self._near = every[np.sum(outside**2, axis=1) < (self._layer + NEAR_M) ** 2]
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    result = np.empty_like(a)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        result[:, k] = a[:, i] * b[:, j] - a[:, j] * b[:, i]
+    return result

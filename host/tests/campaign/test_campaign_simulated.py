@@ -1,0 +1,148 @@
+"""A campaign in the simulator: its file, its levels, and how force becomes counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.campaign.counts import contact_points
+from taxel.campaign.simulated import SimSettings, run_simulated, simulate_planned
+from taxel.grasp.timeline import Phase
+from taxel.recording.errors import DatasetError
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.sim.sensing import LEVELS, Sensing
+from taxel.sim.sensor_model import SimSensor
+
+
+def grasps(path) -> dict[str, bytes]:
+    """All that a file holds of its grasps and of its sensor model."""
+    found: dict[str, bytes] = {}
+
+    def visit(name: str, item) -> None:
+        found.update({f"{name}@{key}": np.asarray(value).tobytes() for key, value in item.attrs.items() if name})
+        if isinstance(item, h5py.Dataset) and item.dtype.kind != "O":
+            found[name] = np.asarray(item[()]).tobytes()
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+    return found
+
+
+@pytest.fixture(scope="module")
+def settings(timeline):
+    return SimSettings(timeline=timeline)
+
+
+@pytest.fixture(scope="module")
+def whole(setup, plan, settings, tmp_path_factory):
+    path = tmp_path_factory.mktemp("whole") / "sim.h5"
+    run_simulated(path, plan, settings, setup, jobs=1)
+    return path
+
+
+def test_the_file_is_a_simulated_dataset_of_the_plan(whole, plan, timeline):
+    with GraspDataset(whole) as data:
+        data.check()
+        assert (data.source, data.hand, data.ids) == ("sim", "allegro", tuple(planned.id for planned in plan))
+        assert "layer sensing" in data.generator
+        for grasp in data:
+            assert grasp.phase.tolist() == timeline.phase_at(grasp.timestamp).tolist()
+            assert grasp.valid.all()
+            assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
+    assert contact_points(whole)["cylinder"].points > 20
+
+
+def test_it_states_how_force_became_counts(whole, settings):
+    with GraspDataset(whole) as data:
+        model, sensor = data.sensor_model, settings.sensor
+    assert model.baseline_counts == sensor.baseline_counts
+    assert model.full_scale_drop_counts == sensor.full_scale_drop_counts
+    assert (model.half_force_n, model.noise_counts) == (sensor.half_force_n, sensor.noise_counts)
+    assert model.contact_stiffness_n_per_m == settings.sensing.stiffness_n_per_m
+    assert model.layer == "uncoupled"
+
+
+def test_counts_follow_from_force_and_noise_as_stated(whole):
+    with GraspDataset(whole) as data:
+        grasp, model = data[data.ids[0]], data.sensor_model
+        drop = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
+        noise = grasp.raw_counts - (model.baseline_counts - drop)
+    assert noise.mean() == pytest.approx(0.0, abs=0.1)
+    assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
+
+
+def test_a_taxel_that_presses_is_pressed_in(whole):
+    """Its separation is measured along the normal at its centre, its force over its square: only edges differ."""
+    with GraspDataset(whole) as data:
+        for grasp in data:
+            assert grasp.contact_force.min() >= 0
+            assert not grasp.contact_force[grasp.phase == Phase.BASELINE].any()
+            hold = grasp.phase == Phase.HOLD
+            force, separation = grasp.contact_force[hold], grasp.separation[hold]
+            assert force.sum(axis=1).min() > 5.0
+            assert (force[separation < -1e-4] > 0).all()
+            assert force[separation < 2e-4].sum() > 0.85 * force.sum()
+
+
+def test_two_processes_make_the_same_content(whole, plan, settings, tmp_path):
+    run_simulated(tmp_path / "sim.h5", plan, settings, jobs=2)
+    assert grasps(tmp_path / "sim.h5") == grasps(whole)
+
+
+def test_a_cut_campaign_goes_on_to_the_same_content(whole, plan, settings, setup, tmp_path):
+    told = []
+    run_simulated(tmp_path / "sim.h5", plan[:1], settings, setup, jobs=1)
+    run_simulated(
+        tmp_path / "sim.h5",
+        plan,
+        settings,
+        setup,
+        jobs=1,
+        resume=True,
+        progress=lambda *told_now: told.append(told_now),
+    )
+    assert grasps(tmp_path / "sim.h5") == grasps(whole)
+    assert told == [(1, 2), (2, 2)]
+
+
+def test_a_campaign_that_is_interrupted_leaves_a_whole_file(plan, settings, setup, tmp_path):
+    def interrupt(done: int, of: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_simulated(tmp_path / "sim.h5", plan, settings, setup, jobs=1, progress=interrupt)
+    with GraspDataset(tmp_path / "sim.h5") as data:
+        data.check()
+        assert data.ids == (plan[0].id,)
+
+
+@pytest.mark.parametrize("other", [{"resume": True}, {}])
+def test_a_file_that_exists_or_comes_from_other_settings_is_refused(other, whole, plan, settings, setup):
+    with pytest.raises(DatasetError) as caught:
+        run_simulated(whole, plan, replace(settings, seed=2), setup, **other)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_level_makes_a_valid_file_that_names_its_layer(level, plan, timeline, setup, tmp_path):
+    settings = SimSettings(sensing=Sensing(level), timeline=timeline)
+    run_simulated(tmp_path / "sim.h5", plan[:1], settings, setup, jobs=1)
+    with GraspDataset(tmp_path / "sim.h5") as data:
+        data.check()
+        assert data.sensor_model.layer == ("coupled" if level == "coupled" else "uncoupled")
+        assert f"{level} sensing" in data.generator
+        assert (data[data.ids[0]].contact_force > 0).any()
+
+
+def test_noise_depends_on_seed_and_grasp_alone(setup, plan, settings):
+    again = [simulate_planned(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
+    assert (again[0] == again[2]).all()
+    assert (again[0][0] != again[1][0]).any()
+    other = simulate_planned(setup, plan[0], replace(settings, seed=2))
+    assert (again[0] != other.raw_counts).any()
+    silent = replace(settings, sensor=SimSensor(noise_counts=0.0))
+    assert (simulate_planned(setup, plan[0], silent).raw_counts[0] == round(silent.sensor.baseline_counts)).all()

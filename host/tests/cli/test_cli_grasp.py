@@ -1,0 +1,119 @@
+"""`taxel grasp`: what it refuses, and what it makes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taxel.cli import main as command
+from taxel.recording.grasp_dataset import GraspDataset
+
+PATIENCE_S = 120.0
+
+
+def refusal(capsys, monkeypatch, *arguments: str) -> str:
+    """The one line with which `taxel grasp` refuses; its exit status is 1."""
+    monkeypatch.setattr(sys, "argv", ["taxel", "grasp", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--source", "robot"], "taxel: --source: expected emulated, sim, physical, both, found 'robot'"),
+        (["--source", "sim", "--sessions", "0"], "taxel: --sessions: expected 1 to 6, found 0"),
+        (["--source", "sim", "--sessions", "7"], "taxel: --sessions: expected 1 to 6, found 7"),
+        (["--source", "sim", "--grasps", "-1"], "taxel: --grasps: expected 0 (all) or more, found -1"),
+        (["--source", "sim", "--seed", "-1"], "taxel: --seed: expected 0 or more, found -1"),
+        (["--source", "sim", "--jobs", "-1"], "taxel: --jobs: expected 0 (one a core) or more, found -1"),
+        (["--source", "sim", "--sensing", "best"], "taxel: --sensing: expected layer, "),
+        (["--source", "both", "--sensing", "best"], "taxel: --sensing: expected layer, "),
+        (["--source", "sim", "--objects", "cylinder,ball"], "taxel: --objects: expected some of cylinder, "),
+        (["--source", "emulated", "--effects", "best"], "taxel: effects: expected thesis, none, or lines "),
+        (["--source", "both", "--effects", "best"], "taxel: effects: expected thesis, none, or lines "),
+        (["--source", "physical", "--arm", "ur5e"], "taxel: --arm: expected rtde:HOST or simulated, found 'ur5e'"),
+        (["--source", "physical", "--arm", "simulated", "--can", "usb"], "taxel: usb: is no CAN channel; "),
+        (["--source", "sim", "--calibration", "missing.toml"], "taxel: missing.toml: "),
+    ],
+)
+def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys, monkeypatch, tmp_path):
+    assert refusal(capsys, monkeypatch, *arguments, "--out", str(tmp_path / "new")).startswith(complaint)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_effects_that_the_emulator_refuses_are_named(capsys, monkeypatch, tmp_path):
+    out = tmp_path / "real.h5"
+    monkeypatch.setattr(
+        sys, "argv", ["taxel", "grasp", "--source", "emulated", "--out", str(out), "--effects", "noise x"]
+    )
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 1
+    assert "(found 'effect noise x')" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("source", ["emulated", "sim", "physical"])
+def test_a_file_that_exists_is_refused_and_kept(source, capsys, monkeypatch, tmp_path):
+    out = tmp_path / "some.h5"
+    out.write_text("kept")
+    line = refusal(capsys, monkeypatch, "--source", source, "--out", str(out))
+    assert line == f"taxel: {out}: exists already; choose another --out, --resume it or --overwrite it"
+    assert out.read_text() == "kept"
+
+
+def test_of_both_none_is_begun_if_one_exists(capsys, monkeypatch, tmp_path):
+    (tmp_path / "sim.h5").write_text("kept")
+    assert "sim.h5: exists already" in refusal(capsys, monkeypatch, "--source", "both", "--out", str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["sim.h5"]
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    out = tmp_path_factory.mktemp("campaign") / "new" / "folder"
+    options = ["--source", "both", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--json"]
+    program = [sys.executable, "-c", "from taxel.cli.main import main; main()", "grasp", *options, "--out", str(out)]
+    return out, subprocess.run(program, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+
+def test_both_makes_a_real_and_a_simulated_file_of_the_same_grasps(both):
+    out, done = both
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in out.iterdir()) == ["real.h5", "sim.h5"]
+    with GraspDataset(out / "real.h5", baseline_frames=100) as real, GraspDataset(out / "sim.h5", 100) as sim:
+        real.check()
+        sim.check()
+        assert (real.source, sim.source) == ("real", "sim")
+        assert real.ids == sim.ids
+        assert len(real) == 2
+        assert {grasp.object for grasp in real} == {"cylinder"}
+        assert (real.taxels.position == sim.taxels.position).all()
+
+
+def test_json_on_standard_output_says_what_was_made(both):
+    out, done = both
+    found = json.loads(done.stdout)
+    assert set(found) == {str(out / "real.h5"), str(out / "sim.h5")}
+    for counted in found.values():
+        assert counted["cylinder"]["grasps"] == 2
+        assert counted["cylinder"]["points"] > 20
+        assert counted["triangular_prism"] == {"grasps": 0, "points": 0}
+
+
+def test_a_whole_campaign_is_resumed_at_once_and_reported_as_a_table(both, capsys, monkeypatch):
+    path = both[0] / "sim.h5"
+    options = ["--source", "sim", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--resume"]
+    monkeypatch.setattr(sys, "argv", ["taxel", "grasp", *options, "--out", str(path)])
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 0
+    assert "cylinder" in capsys.readouterr().out

@@ -1,0 +1,55 @@
+"""How far the simulator and an emulated hand without effects are apart, against what repeats and sessions make of it.
+
+taxel grasp --source both --effects none --out out/none && python tools/sim/mismatch.py out/none/real.h5 out/none/sim.h5
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.counts import used_taxels
+from taxel.recording.grasp_dataset import GraspDataset
+
+Key = tuple[str, str]
+
+
+def hold_drops(path: str) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
+    """Mean drop over hold, counts [n], of every grasp by (object, approach) and session; and the used taxels."""
+    drops: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
+    with GraspDataset(path) as data:
+        for grasp in data:
+            own = drops.setdefault((grasp.object, grasp.approach), {})
+            own.setdefault(grasp.session, []).append(grasp.hold_drop())
+        return drops, used_taxels(data)
+
+
+def main() -> int:
+    """Print gap and floor of each approach and of all, counts, over the taxels that either side activates."""
+    if len(sys.argv) != 3:
+        print("usage: mismatch.py REAL.h5 SIM.h5", file=sys.stderr)
+        return 2
+    (real, used), (sim, _) = hold_drops(sys.argv[1]), hold_drops(sys.argv[2])
+    gaps, floors = [], []
+    print(f"{'approach':<36}{'gap':>8}{'floor':>8}{'one grasp':>11}   counts, RMS over taxels")
+    for key, sessions in sorted(real.items()):
+        means = np.stack([np.mean(own, axis=0) for own in sessions.values()])
+        grasps = np.stack([drop for own in sessions.values() for drop in own])
+        model = np.mean([drop for own in sim[key].values() for drop in own], axis=0)
+        mean = means.mean(axis=0)
+        felt = used & ((mean > 10.0) | (model > 10.0))
+        gap2 = float(np.mean((mean - model)[felt] ** 2))
+        floor2 = float(np.mean(means.var(axis=0, ddof=1)[felt]) / len(means))
+        spread = float(np.sqrt(np.mean(grasps.var(axis=0, ddof=1)[felt])))
+        gaps.append(gap2)
+        floors.append(floor2)
+        print(f"{' '.join(key):<36}{np.sqrt(gap2):8.1f}{np.sqrt(floor2):8.1f}{spread:11.1f}")
+    gap, floor = np.sqrt(np.mean(gaps)), np.sqrt(np.mean(floors))
+    print(f"{'all':<36}{gap:8.1f}{floor:8.1f}   excess {np.sqrt(max(gap**2 - floor**2, 0.0)):.1f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
