@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.timeline import Phase
-from taxel.recording.grasp import BASELINE_FRAMES, Grasp
+from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import BASELINE_FRAMES
 
 UNUSED_NAMES = ("fingertip_middle", "fingertip_pinkie")
 """Boards whose connections failed in the thesis (5.2)."""

@@ -66,7 +66,7 @@ def _world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
         scl_hz=settings.scl_hz,
         baud=settings.baud,
         noise_counts=settings.noise_counts,
-        effects=settings.effects,
+        effects=settings.world_effects(),
     )
     return scene_text(setup.hand, _scene(setup, settings, session), world)
 
@@ -76,7 +76,10 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
     scatter = settings.scatter
     brackets = {board.name: _shift(rng, scatter.remount_m, scatter.remount_rad) for board in setup.hand.boards}
-    return Scene({name: item.shape for name, item in setup.objects.items()}, brackets)
+    for name, offset in settings.offsets("bracket_offset").items():
+        brackets[name] = offset @ brackets[setup.hand.board_named(name).name]
+    shapes = {name: item.shape for name, item in setup.objects.items()}
+    return Scene(shapes, brackets, settings.offsets("object_offset"))
 
 
 def _shift(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,11 +27,22 @@ WITHDRAW_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A workstation. `calibration`: measured poses of objects in the robot's base; None: they stand where planned."""
+    """A workstation.
+
+    calibration: measured poses of objects in the robot's base and of brackets that were mounted again; what it does not
+    tell is where it was planned. Raises UnknownBoardError for a bracket of a board that the hand lacks.
+    """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
     objects: Mapping[str, GraspObject] = field(default_factory=thesis_objects)
     calibration: Calibration | None = None
+
+    def __post_init__(self) -> None:
+        if self.calibration is not None:
+            for name, estimate in self.calibration.brackets.items():
+                board = replace(self.hand.board_named(name), pose=estimate.transform)
+                boards = tuple(board if other.name == name else other for other in self.hand.boards)
+                object.__setattr__(self, "hand", replace(self.hand, boards=boards))
 
     @cached_property
     def kinematics(self) -> Kinematics:

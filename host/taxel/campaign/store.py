@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -43,5 +45,13 @@ def begin_or_extend(
         objects=setup.meshes(),
         generator=generator,
         sensor_model=sensor_model,
+        created=_created(),
+        notes={} if setup.calibration is None else {"calibration": json.dumps(setup.calibration.to_json())},
         overwrite=overwrite,
     )
+
+
+def _created() -> str | None:
+    """`SOURCE_DATE_EPOCH` (seconds since 1970) if it is set: the same seed then gives the same bytes. None: now."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else None

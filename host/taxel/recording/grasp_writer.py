@@ -76,12 +76,14 @@ class GraspDatasetWriter:
         generator: str,
         sensor_model: SensorModel | None = None,
         created: str | None = None,
+        notes: Mapping[str, str] | None = None,
         overwrite: bool = False,
     ) -> GraspDatasetWriter:
         """Make a dataset without grasps.
 
         source: "real" or "sim"; a simulated one needs a sensor_model, a real one has none. hand: name of the hand
-        description. generator: program and version. created: ISO 8601; None for now. overwrite: replace a file.
+        description. generator: program and version. created: ISO 8601; None for now. notes: further attributes of the
+        file, such as a calibration as JSON. overwrite: replace a file.
 
         Raises DatasetError for a file that exists (unless overwrite) and for every mistake in the tables.
         """
@@ -97,6 +99,7 @@ class GraspDatasetWriter:
             ),
             "generator": check_text(generator, place.key("generator")),
         }
+        header = {**(notes or {}), **header}
         sizes: dict[str, int] = {}
         tables: dict[str, tuple[Any, Mapping[str, Any]]] = {
             "taxels": (checked_taxels(vars(taxels), place.key("taxels"), sizes), TAXELS),

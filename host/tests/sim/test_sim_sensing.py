@@ -134,7 +134,7 @@ def soft_motion():
 
 
 def test_a_soft_layer_bears_while_the_bodies_move():
-    """Its taxels' net force is that of the boards, less what the bare margin bears; the object's mount carries the rest."""
+    """Its taxels' net force is that of the boards, less what the bare margin bears."""
     motion, hold = soft_motion(), soft_motion().phase == Phase.HOLD
     result = sense(HAND, ITEM.shape, motion, Sensing())
     assert result.contact_force is motion.taxel_force
