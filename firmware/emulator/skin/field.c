@@ -192,24 +192,27 @@ struct passage {
     struct rheology_span span;
 };
 
-/* Rise of the layer alone in a taxel's cells, with what they remember. */
+/* Rise of the layer alone in a taxel's cells, with what they remember. The field of an electrode runs across its cells, so
+ * that all of them answer to the mean pressure; what a cell remembers is added as its own departure from that. */
 static void rise_of_layer(struct field *field, const struct passage *passage, size_t taxel, double rise[CELLS_PER_TAXEL])
 {
     const size_t first = taxel * CELLS_PER_TAXEL;
-    double pressure[CELLS_PER_TAXEL];
+    double pressure[CELLS_PER_TAXEL], mean = 0.0;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
         pressure[i] = between(passage->before->pressure, passage->after->pressure, first + i, passage->fraction);
+        mean += pressure[i] / CELLS_PER_TAXEL;
+    }
+    const double common = layer_pressure_rise(mean);
+    for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
+        rise[i] = common;
     }
     if (!field->rheology && !field->indent) {
-        for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-            rise[i] = layer_pressure_rise(pressure[i]);
-        }
         return;
     }
-    double compression[CELLS_PER_TAXEL];
+    double compression[CELLS_PER_TAXEL], elastic[CELLS_PER_TAXEL];
     bool awake = false;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        compression[i] = layer_compression(pressure[i]);
+        compression[i] = elastic[i] = layer_compression(pressure[i]);
     }
     if (field->rheology) {
         awake = rheology_advance(&field->effects->rheology, &passage->span, field->rheology + first, CELLS_PER_TAXEL,
@@ -221,7 +224,9 @@ static void rise_of_layer(struct field *field, const struct passage *passage, si
     field->awake[taxel] = awake;
     field->any_awake = field->any_awake || awake;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        rise[i] = layer_compression_rise(compression[i]);
+        if (compression[i] != elastic[i]) {
+            rise[i] += layer_compression_rise(compression[i]) - layer_compression_rise(elastic[i]);
+        }
     }
 }
 

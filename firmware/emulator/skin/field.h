@@ -11,7 +11,7 @@
 #include "emulator/world_file.h"
 
 struct taxel_field {
-    double rise;  /* relative rise of what goes through the layer, mean over the taxel's cells */
+    double rise;  /* relative rise of what goes through the layer, of the whole taxel */
     double gap;   /* metres to the object before contact, mean over the cells; CONTACT_FAR_M where no effect asks for it */
     double force; /* newtons */
 };

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -47,23 +48,25 @@ def in_processes(
     if jobs <= 1:
         yield from (make(setup, part, settings) for part in parts)
         return
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(setup,))
+    # Not an initializer's argument: a process must start at once, or one that is lost meanwhile blocks the pool.
+    work = partial(_make, make, pickle.dumps(setup), settings)
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
     try:
-        yield from pool.map(partial(_make, make, settings), parts, chunksize=chunk)
+        yield from pool.map(work, parts, chunksize=chunk)
     except BrokenProcessPool:
         raise ProcessLostError from None
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-_setup_here: Setup | None = None
+def _make(
+    make: Callable[[Setup, _Part, _Settings], _Result], setup: bytes, settings: _Settings, part: _Part
+) -> _Result:
+    return make(_setup_of(setup), part, settings)
 
 
-def _begin(setup: Setup) -> None:
-    """Keep the setup, with what it has worked out, for all parts of this process."""
-    global _setup_here
-    _setup_here = setup
-
-
-def _make(make: Callable[[Setup, _Part, _Settings], _Result], settings: _Settings, part: _Part) -> _Result:
-    return make(_setup_here or Setup(), part, settings)
+@lru_cache(maxsize=1)
+def _setup_of(pickled: bytes) -> Setup:
+    """The setup, with what it has worked out, for all parts of this process."""
+    setup: Setup = pickle.loads(pickled)
+    return setup

@@ -22,8 +22,8 @@ PRISM_HEIGHT_M: Final = 0.130
 
 # Assumed: how far the object, what it stands on and the arm give way. Well below the stiffness of a print or of a
 # finger link, well above that of a light object standing free.
-MOUNT_STIFFNESS_N_PER_M: Final = 2000.0
-MOUNT_STIFFNESS_NM_PER_RAD: Final = 20.0
+MOUNT_STIFFNESS_N_PER_M: Final = 8000.0
+MOUNT_STIFFNESS_NM_PER_RAD: Final = 40.0
 
 # Assumed: where the object stands in front of the arm's base. The stand keeps the hand and its wrist off the table.
 STAND_HEIGHT_M: Final = 0.10

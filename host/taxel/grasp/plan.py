@@ -63,14 +63,14 @@ class Placing:
 # Found by closing the hand over a grid of placings and presses, and keeping those in which both solvers come to rest,
 # and to the same rest. On a side palm, fingers and thumb bear. On a top palm and thumb bear, and the fingers close
 # beyond the object: without friction none stays on a vertical face so near its upper edge.
-_BOX_WIDE = Placing(0.0, edge_z_m=0.045, thumb_rad=(1.20, 0.30), press_m=0.004)
-_BOX_NARROW = Placing(0.0, edge_z_m=0.015, thumb_rad=(1.20, 0.30), press_m=0.008)
-_BOX_EDGE = Placing(0.0, edge_z_m=0.025, thumb_rad=(1.20, 0.30), press_m=0.008)
-_BOX_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.008, top=True)
-_CYLINDER = Placing(0.0, edge_z_m=0.030, thumb_rad=(1.30, 0.50), press_m=0.004)
-_CYLINDER_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.008, top=True)
-_PRISM = Placing(0.0, edge_z_m=0.0, thumb_rad=(0.90, 0.50), press_m=0.012)
-_PRISM_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.90, 0.50), press_m=0.008, top=True)
+_BOX_WIDE = Placing(0.0, edge_z_m=0.045, thumb_rad=(1.20, 0.30), press_m=0.0012)
+_BOX_NARROW = Placing(0.0, edge_z_m=0.005, thumb_rad=(1.20, 0.30), press_m=0.002)
+_BOX_EDGE = Placing(0.0, edge_z_m=0.025, thumb_rad=(1.20, 0.30), press_m=0.002)
+_BOX_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.002, top=True)
+_CYLINDER = Placing(0.0, edge_z_m=0.015, thumb_rad=(1.30, 0.50), press_m=0.0012)
+_CYLINDER_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.002, top=True)
+_PRISM = Placing(0.0, edge_z_m=0.0, thumb_rad=(0.90, 0.50), press_m=0.003)
+_PRISM_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.90, 0.50), press_m=0.002, top=True)
 
 
 def _from(degrees: float, placing: Placing) -> Placing:

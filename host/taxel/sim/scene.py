@@ -43,8 +43,8 @@ BOARD_MASS_KG: Final = 0.002
 BACKING_M: Final = 0.002  # what lies under the electrodes: circuit and bracket
 OBJECT_MASS_KG: Final = 0.3
 # Critical for the object's mass and size: 2 sqrt(k m).
-MOUNT_DAMPING_N_S_PER_M: Final = 50.0
-MOUNT_DAMPING_NM_S: Final = 0.4
+MOUNT_DAMPING_N_S_PER_M: Final = 100.0
+MOUNT_DAMPING_NM_S: Final = 0.6
 TABLE_HALF_M: Final = (0.8, 0.8, 0.02)
 
 _HAND_BIT, _OBJECT_BIT = 1, 2

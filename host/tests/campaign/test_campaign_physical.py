@@ -27,9 +27,9 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin import open_skin
 
 CHANNELS = itertools.count()
-LASTING = Timeline(baseline_s=0.7, closing_s=0.6, hold_s=0.6, release_s=0.5, recovery_s=0.3)
+LASTING = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
 BRIEF = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
-PATIENCE_S = 1.5
+PATIENCE_S = 1.2
 """A loaded machine may stop the virtual hand's thread for so long before the driver calls it silent."""
 
 
@@ -140,7 +140,7 @@ def test_a_hand_that_goes_silent_ends_it_with_one_line_and_keeps_the_first_grasp
                 rig.virtual.faults.silent = True
 
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
-            run_physical(tmp_path / "real.h5", plan, rig.station, BRIEF, setup, progress=cut)
+            run_physical(tmp_path / "real.h5", plan, rig.station, LASTING, setup, progress=cut)
         assert "\n" not in str(caught.value)
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
@@ -161,7 +161,7 @@ def test_a_hand_that_goes_silent_in_the_middle_of_a_grasp_stops_arm_and_torque(s
 
         rig.arm.joint_angles = watched
         with pytest.raises(AllegroSilentError, match="no pose of"):
-            run_physical(tmp_path / "real.h5", plan, rig.station, BRIEF, setup)
+            run_physical(tmp_path / "real.h5", plan, rig.station, LASTING, setup)
         assert eventually(lambda: not rig.virtual.demand.any())
         rig.arm.step(60.0)
         assert not rig.arm.is_moving

@@ -153,7 +153,7 @@ def test_a_broken_map_and_an_unknown_sensing_are_one_line(guide, monkeypatch, ca
     assert "map.toml: file: expected valid TOML" in err
     status, _, err = call(monkeypatch, capsys, *example("rollout"), "--sensing", "magic")
     assert (status, err.count("\n")) == (1, 1)
-    assert "--sensing: expected layer, coupled, cones, found 'magic'" in err
+    assert "--sensing: expected layer, rigid, coupled, cones, found 'magic'" in err
 
 
 def test_arrays_that_are_not_there_are_one_line(guide, monkeypatch, capsys):

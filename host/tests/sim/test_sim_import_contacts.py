@@ -174,15 +174,15 @@ def test_a_contact_beyond_the_threshold_is_felt_by_none_and_counted(tmp_path):
 def test_a_contact_that_names_its_board_is_felt_there_only(tmp_path):
     made = motion()
     frame, position = tips()
-    other = np.full(len(frame), "back_of_hand")
+    other = np.full(len(frame), "palm")
     report = import_contacts(
         contacts_file(tmp_path / "contacts.csv", (frame, position), board=other),
         tmp_path / "sim.h5",
         joints=joints_file(tmp_path / "joints.csv"),
         options=STANDING,
     )
-    back = HAND.slice_of(HAND.board_named("back_of_hand").address)
-    centres = taxel_positions(HAND, made.sensor_poses)[frame, back]
+    palm = HAND.slice_of(HAND.board_named("palm").address)
+    centres = taxel_positions(HAND, made.sensor_poses)[frame, palm]
     near = np.linalg.norm(centres - position[:, None], axis=2).min(axis=1) <= default_threshold(HAND)
     assert report.far_contacts == len(frame) - near.sum()
 
