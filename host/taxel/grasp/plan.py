@@ -69,7 +69,7 @@ _BOX_EDGE = Placing(0.0, edge_z_m=0.025, thumb_rad=(1.20, 0.30), press_m=0.002)
 _BOX_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.002, top=True)
 _CYLINDER = Placing(0.0, edge_z_m=0.015, thumb_rad=(1.30, 0.50), press_m=0.0012)
 _CYLINDER_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.30, 0.50), press_m=0.002, top=True)
-_PRISM = Placing(0.0, edge_z_m=0.0, thumb_rad=(0.90, 0.50), press_m=0.003)
+_PRISM = Placing(0.0, edge_z_m=0.0, thumb_rad=(0.90, 0.50), press_m=0.001)
 _PRISM_TOP = Placing(0.0, edge_z_m=-0.030, thumb_rad=(0.90, 0.50), press_m=0.002, top=True)
 
 

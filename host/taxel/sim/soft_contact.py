@@ -36,20 +36,25 @@ class LayerLaw:
     """Force on a taxel of a layer compressed by d: stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^2).
 
     The form is chosen for its fit to presses of the emulated skin; source of the figures: tools/sim/fit_stiffness.py.
+    Beyond `straight_m`, where a taxel bears more than any presses it with, the force goes on along its tangent: a
+    finger that runs onto an edge sideways is pushed back, not thrown.
     """
 
     stiffness_n_per_m: float = 618.0
     stiffening_m: float = 0.679e-3
     closing_m: float = 1.47e-3
+    straight_m: float = 1.5e-3
 
     def force(self, depth_m: FloatArray) -> FloatArray:
         """Newtons, f64[...], for depths f64[...] of at least 0."""
-        return np.asarray(self.stiffness_n_per_m * depth_m * self._growth(depth_m))
+        bent = np.minimum(depth_m, self.straight_m)
+        return np.asarray(self.stiffness_n_per_m * bent * self._growth(bent) + (depth_m - bent) * self.stiffness(bent))
 
     def stiffness(self, depth_m: FloatArray) -> FloatArray:
         """Its rise, newtons a metre."""
-        steeper = 1.0 + depth_m / self.stiffening_m + 2.0 * (depth_m / self.closing_m) ** 2
-        return np.asarray(self.stiffness_n_per_m * steeper * self._growth(depth_m))
+        bent = np.minimum(depth_m, self.straight_m)
+        steeper = 1.0 + bent / self.stiffening_m + 2.0 * (bent / self.closing_m) ** 2
+        return np.asarray(self.stiffness_n_per_m * steeper * self._growth(bent))
 
     def _growth(self, depth_m: FloatArray) -> FloatArray:
         return np.asarray(np.exp(depth_m / self.stiffening_m + (depth_m / self.closing_m) ** 2))
