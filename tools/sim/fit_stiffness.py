@@ -17,7 +17,7 @@ from taxel.hand import load_hand
 LOW_N, HIGH_N = 0.05, 3.0
 """Forces that grasps put on single taxels."""
 
-MOST_N = 10.0
+MOST_N = 25.0
 """Of the curve that the simulator's layer follows."""
 
 BLOCK_M = 0.2
@@ -40,11 +40,11 @@ def main() -> int:
     stiffness = float(np.exp(np.mean(np.log(pressed[used] / depth[used]))))
     print(f"contact_stiffness_n_per_m {stiffness:.0f}, geometric mean over {LOW_N:g} to {HIGH_N:g} N on a taxel")
     depth, pressed = depth[pressed <= MOST_N], pressed[pressed <= MOST_N]
-    columns = np.column_stack([np.ones_like(depth), depth, depth**2])
+    columns = np.column_stack([np.ones_like(depth), depth, depth**4])
     (start, rise, bend), *_ = np.linalg.lstsq(columns, np.log(pressed / depth), rcond=None)
     worst = np.abs(np.exp(columns @ [start, rise, bend]) * depth / pressed - 1.0).max()
     print(
-        f"LayerLaw: stiffness_n_per_m {np.exp(start):.0f}, stiffening_m {1.0 / rise:.3g}, closing_m {bend**-0.5:.3g}; "
+        f"LayerLaw: stiffness_n_per_m {np.exp(start):.0f}, stiffening_m {1.0 / rise:.3g}, closing_m {bend**-0.25:.3g}; "
         f"within {100 * worst:.0f} % up to {pressed[-1]:.0f} N"
     )
     return 0

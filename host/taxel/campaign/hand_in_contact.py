@@ -20,8 +20,8 @@ from taxel.hand.robot import Robot
 Array = NDArray[np.float64]
 
 JOINT_INERTIA_KG_M2 = 1.5e-3
-JOINT_DAMPING_NM_S = 0.06
-JOINT_FRICTION_NM = 0.004
+JOINT_DAMPING_NM_S = 0.03
+JOINT_FRICTION_NM = 0.02
 STICKING_RAD_S = 0.004
 """Below this speed friction acts like a stiff damper: a joint that should stick creeps at less."""
 

@@ -19,6 +19,7 @@ CYLINDER_RADIUS_M: Final = 0.021
 CYLINDER_HEIGHT_M: Final = 0.130
 PRISM_SIDE_M: Final = 0.036  # of the equilateral triangle
 PRISM_HEIGHT_M: Final = 0.130
+EDGE_RADIUS_M: Final = 0.0025  # assumed: prints are sanded, and no skin of silicone survives a sharp edge
 
 # Assumed: how far the object, what it stands on and the arm give way. Well below the stiffness of a print or of a
 # finger link, well above that of a light object standing free.
@@ -50,13 +51,13 @@ def thesis_objects() -> dict[str, GraspObject]:
     objects = (
         GraspObject(
             "rectangular_prism",
-            ConvexPolytope.box(BOX_WIDTH_M, BOX_DEPTH_M, BOX_HEIGHT_M),
+            ConvexPolytope.box(BOX_WIDTH_M, BOX_DEPTH_M, BOX_HEIGHT_M).rounded(EDGE_RADIUS_M),
             "Box; its wide side faces look along +y and -y, its narrow ones along +x and -x",
         ),
         GraspObject("cylinder", Cylinder(CYLINDER_RADIUS_M, CYLINDER_HEIGHT_M), "Upright cylinder"),
         GraspObject(
             "triangular_prism",
-            ConvexPolytope.prism(PRISM_SIDE_M, PRISM_HEIGHT_M),
+            ConvexPolytope.prism(PRISM_SIDE_M, PRISM_HEIGHT_M).rounded(EDGE_RADIUS_M),
             "Upright equilateral triangular prism; one side face looks along +y",
         ),
     )

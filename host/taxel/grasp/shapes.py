@@ -25,6 +25,9 @@ FaceArray = npt.NDArray[np.int32]
 # Share of the solid's size within which two vertices are one: far above rounding, far below what can be made.
 _MERGE = 1e-9
 
+# Lines that are clipped at a time: their numbers with every half-space stay in the cache.
+_ROWS = 2048
+
 
 class ShapeError(TaxelError, ValueError):
     """Numbers that bound no solid. Attributes: shape, expected, found."""
@@ -73,6 +76,10 @@ class Shape(Protocol):
         """Euclidean distance of points f64[..., 3] to the surface, f64[...]; negative inside."""
         ...
 
+    def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
+        """What `signed_distance` is at least, f64[...], quickly."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class ConvexPolytope:
@@ -114,6 +121,31 @@ class ConvexPolytope:
         around = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
         normals = np.concatenate([around, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
         return cls(normals, np.array([side / (2 * np.sqrt(3))] * 3 + [height, 0.0]))
+
+    def rounded(self, radius: float, step_rad: float = np.radians(30.0)) -> ConvexPolytope:
+        """The same solid with every edge rounded off, in flat strips that turn by at most `step_rad`.
+
+        radius: of the rounding, metres; the strips touch it. Raises ShapeError if nothing of a face would be left.
+        """
+        if not (np.isfinite(radius) and radius >= 0):
+            raise ShapeError("polytope", "a rounding of at least 0 metres", str(radius))
+        try:
+            ConvexPolytope(self.normals, self.offsets - radius)  # where a ball of that radius can roll inside
+        except ShapeError as error:
+            raise ShapeError("polytope", "a rounding that leaves something of every face", f"{radius} m") from error
+        normals, offsets = list(self.normals), list(self.offsets)
+        for first, second in self._edge_faces if radius > 0 else []:
+            pair = self.normals[[first, second]]
+            # The rounding's axis: as far below both faces as its radius.
+            axis = np.linalg.lstsq(pair, self.offsets[[first, second]] - radius, rcond=None)[0]
+            angle = float(np.arccos(np.clip(pair[0] @ pair[1], -1.0, 1.0)))
+            strips = int(np.ceil(angle / step_rad - 1e-9)) - 1
+            for strip in range(1, strips + 1):
+                part = strip / (strips + 1)
+                normal = (np.sin((1 - part) * angle) * pair[0] + np.sin(part * angle) * pair[1]) / np.sin(angle)
+                normals.append(normal)
+                offsets.append(normal @ axis + radius)
+        return ConvexPolytope(np.array(normals), np.array(offsets))
 
     @classmethod
     def from_mesh(cls, vertices: npt.ArrayLike) -> ConvexPolytope:
@@ -164,7 +196,23 @@ class ConvexPolytope:
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
         """See `Shape`."""
-        return self._clip(points, directions)[0]
+        p, d = _points(points), _points(directions)
+        shape = np.broadcast_shapes(p.shape, d.shape)[:-1]
+        flat_p, flat_d = (np.broadcast_to(array, (*shape, 3)).reshape(-1, 3) for array in (p, d))
+        pieces = [self._separation(flat_p[i : i + _ROWS], flat_d[i : i + _ROWS]) for i in range(0, len(flat_p), _ROWS)]
+        return np.asarray(np.concatenate(pieces).reshape(shape) if pieces else np.empty(shape))
+
+    def _separation(self, p: FloatArray, d: FloatArray) -> FloatArray:
+        """`ray_separation` of lines [m, 3] with all half-spaces at once."""
+        room, speed = self.offsets[:, None] - self.normals @ p.T, self.normals @ d.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = room / speed
+        enter = np.where(speed < 0, at, -np.inf).max(axis=0)
+        leave = np.where(speed > 0, at, np.inf).min(axis=0)
+        level = speed == 0
+        if level.any():
+            leave[(level & (room < 0)).any(axis=0)] = -np.inf
+        return np.where((enter <= leave) & (leave >= 0), enter, np.inf)
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """See `Shape`."""
@@ -198,6 +246,12 @@ class ConvexPolytope:
             result[outside] = self._outside_distance(p[outside], above[outside])
         return result
 
+    def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
+        """See `Shape`. The highest over all half-spaces."""
+        p = _points(points)
+        above = self.normals @ p.reshape(-1, 3).T - self.offsets[:, None]
+        return np.asarray(above.max(axis=0).reshape(p.shape[:-1]))
+
     def _outside_distance(self, points: FloatArray, above: FloatArray) -> FloatArray:
         best = np.full(len(points), np.inf)
         tolerance = _MERGE * np.ptp(self.vertices, axis=0).max()
@@ -214,6 +268,14 @@ class ConvexPolytope:
             part = np.clip(offset @ along / (along @ along), 0.0, 1.0)
             best[rest] = np.minimum(best[rest], np.linalg.norm(offset - part[:, None] * along, axis=1))
         return best
+
+    @property
+    def _edge_faces(self) -> list[tuple[int, int]]:
+        """The two half-spaces that meet in each edge."""
+        tolerance = 10 * _MERGE * np.ptp(self.vertices, axis=0).max()
+        on = np.abs(self.vertices @ self.normals.T - self.offsets) < tolerance
+        pairs = [np.flatnonzero(on[start] & on[end]) for start, end in self._edges]
+        return [(int(pair[0]), int(pair[1])) for pair in pairs]
 
     @cached_property
     def _edges(self) -> list[tuple[int, int]]:
@@ -311,6 +373,10 @@ class Cylinder:
         axial = np.abs(p[..., 2] - self.height / 2) - self.height / 2
         outside = np.hypot(np.maximum(radial, 0.0), np.maximum(axial, 0.0))
         return outside + np.minimum(np.maximum(radial, axial), 0.0)
+
+    def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
+        """See `Shape`."""
+        return self.signed_distance(points)
 
 
 def _vertices(normals: FloatArray, offsets: FloatArray) -> FloatArray:

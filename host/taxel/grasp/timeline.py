@@ -13,7 +13,7 @@ PHASE_TOLERANCE_S = 1e-9  # a sample computed as k / rate belongs to the phase t
 # Chosen: shares of the closing phase in which the palm comes to the object, the torque rises, and all settles; and of
 # the release phase in which the torque falls, the fingers open, and the palm withdraws.
 ADVANCE_END = 0.2
-GRIP_END = 0.7
+GRIP_END = 0.6
 RELEASE_END = 0.3
 WITHDRAW_BEGIN = 0.7
 

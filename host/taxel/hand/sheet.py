@@ -49,24 +49,53 @@ class Sheet:
 def sheet_of(hand: Hand, parts: int = 1) -> Sheet:
     """The sheet of every board, each square cut into parts x parts pieces that follow each other.
 
-    Pieces lie in their square's plane. Raises HandGeometryError if the description gives no positions.
+    Pieces over a taxel follow the sheet's curvature there, bare ones lie in their square's plane. Raises
+    HandGeometryError if the description gives no positions.
     """
     rows, owners = [np.hstack([hand.position, hand.normal, hand.distal])], [hand.board_index]
+    bends = [_bends(board.kind, board.kind.surface) for board in hand.boards if board.kind.surface is not None]
     for index, board in enumerate(hand.boards):
         if board.kind.surface is not None:
             rows.append(margin_of(board.kind, board.kind.surface, hand.pitch_m))
             owners.append(np.full(len(rows[-1]), index))
-    table = _cut(np.vstack(rows), parts, hand.pitch_m)
+            bends.append(np.zeros((len(rows[-1]), 2)))
+    table = _cut(np.vstack(rows), np.vstack(bends), parts, hand.pitch_m)
     owner = np.repeat(np.concatenate(owners), parts * parts)
     return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], owner)
 
 
-def _cut(table: Array, parts: int, pitch_m: float) -> Array:
+def _bends(kind: BoardKind, surface: Surface) -> Array:
+    """Curvature along the distal and the left direction at every taxel, 1/m, f64[count, 2]; 0 without neighbours.
+
+    By how much the normals of the neighbours on both sides lean apart, over their distance.
+    """
+    place = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    bends = np.zeros((len(surface.position), 2))
+    for (tx, rx), index in place.items():
+        distal = surface.distal[index]
+        for axis, (along, step) in enumerate(((distal, (1, 0)), (np.cross(surface.normal[index], distal), (0, 1)))):
+            ends = [place.get((tx + way * step[0], rx + way * step[1]), index) for way in (-1, 1)]
+            apart = (surface.position[ends[0]] - surface.position[ends[1]]) @ along
+            if apart > 0.0:
+                bends[index, axis] = (surface.normal[ends[0]] - surface.normal[ends[1]]) @ along / apart
+    return bends
+
+
+def _cut(table: Array, bends: Array, parts: int, pitch_m: float) -> Array:
+    if parts == 1:
+        return table
     offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
-    left = np.cross(table[:, 3:6], table[:, 6:])
+    normal, distal = table[:, None, 3:6], table[:, None, 6:]
+    left = np.cross(normal, distal)
+    along, across = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    lean_along, lean_across = bends[:, :1, None] * along, bends[:, 1:, None] * across
+    sink = 0.5 * (lean_along * along + lean_across * across)
     pieces = np.repeat(table[:, None], parts * parts, axis=1)
-    along, across = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
-    pieces[:, :, :3] += along[:, None] * table[:, None, 6:] + across[:, None] * left[:, None]
+    pieces[..., :3] += along * distal + across * left - sink * normal
+    pieces[..., 3:6] += lean_along * distal + lean_across * left
+    pieces[..., 3:6] /= np.linalg.norm(pieces[..., 3:6], axis=2, keepdims=True)
+    pieces[..., 6:] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:], axis=2, keepdims=True)
+    pieces[..., 6:] /= np.linalg.norm(pieces[..., 6:], axis=2, keepdims=True)
     return np.asarray(pieces.reshape(-1, table.shape[1]))
 
 

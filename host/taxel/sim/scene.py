@@ -37,8 +37,8 @@ SOLVER_ITERATIONS: Final = 100
 # Density: of the public model of the Allegro hand. The other figures of this block are chosen.
 LINK_DENSITY_KG_PER_M3: Final = 800.0
 JOINT_ARMATURE_KG_M2: Final = 1e-3
-JOINT_DAMPING_NM_S: Final = 0.02
-JOINT_FRICTION_NM: Final = 0.004  # a geared joint stands still under less; without it frictionless fingers creep
+JOINT_DAMPING_NM_S: Final = 0.03
+JOINT_FRICTION_NM: Final = 0.02  # a geared joint stands still under less; without it frictionless fingers creep
 BOARD_MASS_KG: Final = 0.002
 BACKING_M: Final = 0.002  # what lies under the electrodes: circuit and bracket
 OBJECT_MASS_KG: Final = 0.3

@@ -21,11 +21,8 @@ from taxel.hand.transforms import FloatArray, inverse
 PARTS = 3
 """Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""
 
-NEAR_M = 0.010
-"""Pieces farther from the object than this are left out until the next look."""
-
-LOOK_STEPS = 8
-"""Steps between two looks at which pieces are near: nothing moves by `NEAR_M` meanwhile."""
+NEAR_M = 0.003
+"""Pieces whose layer is farther from the object are left out until a board has moved by as much against it."""
 
 DEEPEST_M = 0.004
 """A line that enters the object farther below the electrode comes in through another side."""
@@ -33,16 +30,16 @@ DEEPEST_M = 0.004
 
 @dataclass(frozen=True)
 class LayerLaw:
-    """Force on a taxel of a layer compressed by d: stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^2).
+    """Force on a taxel of a layer compressed by d: stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4).
 
     The form is chosen for its fit to presses of the emulated skin; source of the figures: tools/sim/fit_stiffness.py.
     Beyond `straight_m`, where a taxel bears more than any presses it with, the force goes on along its tangent: a
     finger that runs onto an edge sideways is pushed back, not thrown.
     """
 
-    stiffness_n_per_m: float = 618.0
-    stiffening_m: float = 0.679e-3
-    closing_m: float = 1.47e-3
+    stiffness_n_per_m: float = 604.0
+    stiffening_m: float = 0.579e-3
+    closing_m: float = 1.46e-3
     straight_m: float = 1.5e-3
 
     def force(self, depth_m: FloatArray) -> FloatArray:
@@ -53,11 +50,11 @@ class LayerLaw:
     def stiffness(self, depth_m: FloatArray) -> FloatArray:
         """Its rise, newtons a metre."""
         bent = np.minimum(depth_m, self.straight_m)
-        steeper = 1.0 + bent / self.stiffening_m + 2.0 * (bent / self.closing_m) ** 2
+        steeper = 1.0 + bent / self.stiffening_m + 4.0 * (bent / self.closing_m) ** 4
         return np.asarray(self.stiffness_n_per_m * steeper * self._growth(bent))
 
     def _growth(self, depth_m: FloatArray) -> FloatArray:
-        return np.asarray(np.exp(depth_m / self.stiffening_m + (depth_m / self.closing_m) ** 2))
+        return np.asarray(np.exp(depth_m / self.stiffening_m + (depth_m / self.closing_m) ** 4))
 
     def secant(self, force_n: float) -> float:
         """Force over depth at a force, newtons a metre."""
@@ -92,14 +89,15 @@ class SoftContact:
         self._shape, self._law = shape, law
         self._layer = hand.layer_m or 0.0
         self._near = np.arange(self.sheet.n_taxels)
-        self._age = 0
+        self._looked: FloatArray | None = None  # where the boards were when `_near` was found
+        away = np.linalg.norm(self.sheet.position, axis=1)
+        self._size = np.array([away[self.sheet.board_index == board].max() for board in range(len(hand.boards))])
 
     def load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
         """Contact of brackets at `sensor_poses` f64[s, 4, 4] with the object at `object_pose` f64[4, 4]."""
         in_object = inverse(object_pose) @ sensor_poses
-        if self._age % LOOK_STEPS == 0:
+        if self._looked is None or self._motion(in_object - self._looked) > NEAR_M:
             self._look(in_object)
-        self._age += 1
         points, normals = self._lines(in_object, self._near)
         depth = self._layer - self._shape.ray_separation(points, normals)
         pressed = (depth > 0.0) & (depth < self._layer + DEEPEST_M)
@@ -131,12 +129,19 @@ class SoftContact:
         points = np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.position[squares]) + pose[:, :3, 3]
         return points, np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.normal[squares])
 
+    def _motion(self, change: FloatArray) -> float:
+        """The most that a piece has moved, metres, if the boards' poses have changed so, f64[s, 4, 4]."""
+        turned = np.sqrt(np.einsum("sij,sij->s", change[:, :3, :3], change[:, :3, :3]))
+        moved = np.sqrt(np.einsum("si,si->s", change[:, :3, 3], change[:, :3, 3]))
+        return float(np.max(moved + turned * self._size))
+
     def _look(self, in_object: FloatArray) -> None:
-        every = np.arange(self.sheet.n_taxels)
-        points, _ = self._lines(in_object, every)
-        low, high = self._shape.bounds
-        outside = np.maximum(np.maximum(low - points, points - high), 0.0)
-        self._near = every[np.sum(outside**2, axis=1) < (self._layer + NEAR_M) ** 2]
+        reach = self._layer + NEAR_M
+        near = self._shape.distance_bound(in_object[:, :3, 3]) < reach + self._size
+        maybe = np.flatnonzero(near[self.sheet.board_index])
+        points, _ = self._lines(in_object, maybe)
+        self._near = maybe[self._shape.distance_bound(points) < reach]
+        self._looked = in_object
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -11,7 +11,8 @@ BOX = ConvexPolytope.box(0.09, 0.055, 0.14)
 PRISM = ConvexPolytope.prism(0.055, 0.13)
 CYLINDER = Cylinder(0.03, 0.14)
 HULL = ConvexPolytope.from_mesh(np.random.default_rng(7).normal((0, 0, 0.05), 0.04, size=(20, 3)))
-SHAPES = {"box": BOX, "prism": PRISM, "cylinder": CYLINDER, "hull": HULL}
+ROUNDED = BOX.rounded(0.004)
+SHAPES = {"box": BOX, "rounded": ROUNDED, "prism": PRISM, "cylinder": CYLINDER, "hull": HULL}
 every_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 UP, EAST, NORTH = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
 
@@ -125,6 +126,15 @@ def test_the_distance_changes_no_faster_than_the_point_moves(name, seed):
     assert (change <= np.linalg.norm(one - two, axis=1) + 1e-12).all()
 
 
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_the_quick_bound_is_never_above_the_distance_and_is_it_inside(shape):
+    points = np.random.default_rng(3).uniform(-0.15, 0.25, size=(400, 3))
+    bound, distance = shape.distance_bound(points), shape.signed_distance(points)
+    assert (bound <= distance + 1e-12).all()
+    inside = distance < 0
+    np.testing.assert_allclose(bound[inside], distance[inside], atol=1e-12)
+
+
 def test_a_point_inside_has_entered_behind_itself():
     assert BOX.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.045)
     assert CYLINDER.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.03)
@@ -189,6 +199,34 @@ def test_leading_axes_are_a_batch_and_broadcast():
         assert shape.ray_separation(points[0, 0], UP).shape == ()
         assert shape.ray_entry(points[0, 0], UP)[1].shape == (3,)
         np.testing.assert_array_equal(shape.signed_distance(points[1, 3]), shape.signed_distance(points)[1, 3])
+
+
+@pytest.mark.parametrize("shape", [BOX, PRISM], ids=["box", "prism"])
+def test_a_rounding_touches_the_faces_stays_in_the_solid_and_turns_in_small_steps(shape):
+    radius, step = 0.004, np.radians(15.0)
+    rounded = shape.rounded(radius, step)
+    np.testing.assert_allclose(rounded.bounds[:, 2], shape.bounds[:, 2], atol=1e-12)
+    assert shape.signed_distance(rounded.vertices).max() < 1e-12
+    corner = shape.vertices[0]
+    assert rounded.signed_distance(corner) > 0.0
+    for normal in rounded.normals:
+        others = rounded.normals @ normal
+        assert np.degrees(np.arccos(np.sort(others)[-2])) <= 15.0 + 1e-6
+
+
+def test_a_rounded_edge_is_as_far_from_the_sharp_one_as_a_circle_would_be():
+    radius = 0.004
+    edge = np.array([0.045, 0.0275, 0.07])
+    away = BOX.rounded(radius, np.radians(2.0)).signed_distance(edge)
+    assert away == pytest.approx((np.sqrt(2.0) - 1.0) * radius, rel=2e-3)
+
+
+def test_no_rounding_changes_nothing_and_too_large_a_one_is_refused():
+    np.testing.assert_array_equal(BOX.rounded(0.0).normals, BOX.normals)
+    with pytest.raises(ShapeError, match=r"rounding that leaves something of every face, found 0\.03 m"):
+        BOX.rounded(0.03)
+    with pytest.raises(ShapeError, match="rounding of at least 0 metres"):
+        BOX.rounded(-0.001)
 
 
 def test_half_spaces_that_repeat_or_only_touch_change_nothing():

@@ -155,20 +155,40 @@ def test_a_board_of_one_taxel_has_four_bare_neighbours() -> None:
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
-def test_pieces_share_a_squares_area_evenly_and_keep_its_centre(parts: int) -> None:
+def test_pieces_share_a_flat_squares_area_evenly_and_keep_its_centre(parts: int) -> None:
     whole, cut = sheet_of(HAND), sheet_of(HAND, parts)
     assert cut.n_taxels == parts**2 * whole.n_taxels
-    pieces = cut.position.reshape(whole.n_taxels, parts**2, 3)
-    np.testing.assert_allclose(pieces.mean(axis=1), whole.position, atol=1e-12)
-    away = pieces - whole.position[:, None]
+    np.testing.assert_array_equal(cut.board_index, np.repeat(whole.board_index, parts**2))
+    flat = np.isin([board.kind.name for board in HAND.boards], FLAT)[whole.board_index]
+    square = {name: getattr(whole, name)[flat] for name in ("position", "normal", "distal")}
+    piece = {name: getattr(cut, name).reshape(whole.n_taxels, parts**2, 3)[flat] for name in square}
+    np.testing.assert_allclose(piece["position"].mean(axis=1), square["position"], atol=1e-9)
+    away = piece["position"] - square["position"][:, None]
     wanted = HAND.pitch_m * ((np.arange(parts) + 0.5) / parts - 0.5)
-    for side in (whole.distal, np.cross(whole.normal, whole.distal)):
+    for side in (square["distal"], np.cross(square["normal"], square["distal"])):
         along = np.sort(np.einsum("npi,ni->np", away, side), axis=1)
         np.testing.assert_allclose(along, np.broadcast_to(np.repeat(wanted, parts), along.shape), atol=1e-8)
-    np.testing.assert_allclose(np.einsum("npi,ni->np", away, whole.normal), 0.0, atol=1e-8)
+    np.testing.assert_allclose(np.einsum("npi,ni->np", away, square["normal"]), 0.0, atol=1e-8)
     assert len(np.unique(np.round(away[0], 7), axis=0)) == parts**2
-    for name in ("normal", "distal", "board_index"):
-        np.testing.assert_array_equal(getattr(cut, name), np.repeat(getattr(whole, name), parts**2, axis=0))
+    for name in ("normal", "distal"):
+        np.testing.assert_allclose(piece[name], np.repeat(square[name][:, None], parts**2, axis=1), atol=1e-6)
+
+
+@pytest.mark.parametrize("radii", [(0.012, np.inf), (np.inf, 0.012)], ids=["along", "across"])
+def test_pieces_of_a_bent_board_lie_on_its_cylinder_and_face_outward(radii: tuple[float, float]) -> None:
+    parts, radius = 4, 0.012
+    kind = bent_kind(*radii)
+    board = type(HAND.boards[0])("bent", kind, 8, None, np.eye(4))
+    cut = sheet_of(Hand("bent", "a bent board", PITCH, 0.003, (board,)), parts)
+    own = slice(0, kind.crossings.sum() * parts**2)
+    axis = 0 if np.isfinite(radii[0]) else 1
+    away = cut.position[own] + radius * np.array([0.0, 0.0, 1.0])
+    away[:, 1 - axis] = 0.0
+    height = np.linalg.norm(away, axis=1)
+    flat = np.hypot(radius, 1.5 * PITCH / parts)  # an outer piece that stayed in its square's plane
+    assert np.abs(height - radius).max() < 0.05 * (flat - radius)
+    lean = np.sum(cut.normal[own] * away, axis=1) / height
+    assert lean.min() > np.cos(0.01)
 
 
 def test_one_part_is_the_square_itself() -> None:

@@ -13,9 +13,10 @@ from taxel.grasp.objects import (
     thesis_objects,
 )
 from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.shapes import ConvexPolytope
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
-from taxel.hand.transforms import inverse, to_quaternion, to_rotation_vector
+from taxel.hand.transforms import from_rotation_vector, inverse, to_quaternion, to_rotation_vector
 from taxel.sim import soft_push
 from taxel.sim.closing import simulate_grasp
 from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
@@ -72,7 +73,7 @@ def test_the_layers_forces_balance_the_mounts_springs(key):
     hold = np.flatnonzero(motion.phase == Phase.HOLD)[4:]
     moves = np.abs(motion.object_pose[hold] - motion.object_pose[hold - 1]).max(axis=(1, 2))
     end = int(hold[moves.argmin()])
-    slack = 1.5 if "triangular" in key else 0.5  # N; springs at a sharp edge let go and bear again from step to step
+    slack = 0.5  # N; a finger creeps in the hold: the step lags by h K v
     frames, wrench = motion.sensor_poses[end], motion.wrench[end]
     force = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, :3])
     moment = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, 3:])
@@ -150,3 +151,19 @@ def test_how_fast_a_piece_sinks_in_is_its_speed_along_its_normal():
         _, (after, _) = lines(there, load.square)
         expected = np.sum((after - points) / step * normals, axis=1)
         np.testing.assert_allclose(jacobian[:, column], expected, atol=1e-5)
+
+
+def test_pieces_that_are_left_out_do_not_bear():
+    """While a box comes, turns and goes, the pieces that were looked at give what all would."""
+    hand, shape = load_hand("flat8"), ConvexPolytope.box(0.03, 0.02, 0.03).rounded(0.002)
+    rng = np.random.default_rng(5)
+    tracked = SoftContact(hand, shape, LAW)
+    item = np.eye(4)
+    for height in np.concatenate([np.linspace(0.02, 0.001, 40), np.linspace(0.001, 0.02, 15)]):
+        item = item @ from_rotation_vector(rng.normal(0.0, 0.01, 3))
+        item[:3, 3] = [*rng.normal(0.0, 0.0005, 2), height]
+        got = tracked.load(np.eye(4)[None], item)
+        wanted = SoftContact(hand, shape, LAW).load(np.eye(4)[None], item)
+        np.testing.assert_array_equal(got.square, wanted.square)
+        np.testing.assert_array_equal(got.wrench, wanted.wrench)
+    assert len(wanted.square) == 0
