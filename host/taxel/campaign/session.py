@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from taxel.campaign.hand_in_contact import HandInContact, Mount
 from taxel.campaign.motion import Motion, move
 from taxel.campaign.rows import Rows, rows_of
-from taxel.campaign.settings import EmulatedSettings, Scatter
+from taxel.campaign.scatter import FACTORS, shift
+from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import Scene, scene_text
@@ -21,7 +22,6 @@ from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase
-from taxel.hand.transforms import from_rotation_vector
 from taxel.hand.world import WorldSettings
 from taxel.link import run_emulator, write_scene
 from taxel.recording.grasp_record import GraspRecord
@@ -75,24 +75,24 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
     """Where the brackets are this time: each mounting puts them a little elsewhere."""
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
     scatter = settings.scatter
-    brackets = {board.name: _shift(rng, scatter.remount_m, scatter.remount_rad) for board in setup.hand.boards}
+    metres, radians = scatter.remount_m, scatter.remount_rad
+    brackets = {board.name: _drawn_shift(rng, metres, radians) for board in setup.hand.boards}
     for name, offset in settings.offsets("bracket_offset").items():
         brackets[name] = offset @ brackets[setup.hand.board_named(name).name]
     shapes = {name: item.shape for name, item in setup.objects.items()}
     return Scene(shapes, brackets, settings.offsets("object_offset"))
 
 
-def _shift(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
-    shift = from_rotation_vector(radians * rng.normal(size=3))
-    shift[:3, 3] = metres * rng.normal(size=3)
-    return shift
+def _drawn_shift(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
+    turn = rng.normal(size=3)
+    return shift(rng.normal(size=3), turn, metres, radians)
 
 
 def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact) -> _Made:
     approach, item = setup.approach(planned), setup.objects[planned.object]
     rng = np.random.default_rng([settings.seed, _GRASP_STREAM, *planned.id.encode()])
-    scatter: Scatter = settings.scatter
-    true_pose = setup.object_pose(planned.object) @ _shift(rng, scatter.object_m, scatter.object_rad)
+    offset, grip = settings.scatter.moved(rng.normal(size=FACTORS))
+    true_pose = setup.object_pose(planned.object) @ offset
     timeline = settings.timeline
 
     def wrist_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,8 +108,7 @@ def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, conta
         wrist_at(np.zeros(1))[0],
         approach.open_angles,
     )
-    grip = 1.0 + scatter.grip * float(rng.normal())
-    return _Made(planned, move(dynamics, GraspController(approach, timeline, max(grip, 0.0)), timeline, wrist_at))
+    return _Made(planned, move(dynamics, GraspController(approach, timeline, grip), timeline, wrist_at))
 
 
 def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: EmulatedSettings) -> Rows:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.campaign.scatter import Scatter
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Timeline
 from taxel.hand.transforms import from_rotation_vector
@@ -20,7 +21,7 @@ DEFAULT_EFFECTS = (
     "noise white counts=8",
     "noise line axis=1 counts=4",
     "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800",
-    "spread film length_m=0.0035",
+    "spread film length_m=0.004",
 )
 """Noise, coupling and spread, which the thesis holds responsible for its gap (5.6.2); their sizes are ours."""
 
@@ -47,21 +48,6 @@ class OffsetLineError(TaxelError, ValueError):
     def __str__(self) -> str:
         line = self.args[0]
         return f"effects: expected a name and six numbers (x y z in metres, rotation vector in rad), found {line!r}"
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Standard deviations of what nobody commands. All zero: every repeat is the same.
-
-    object_m, object_rad: where the object stands, each grasp, each axis. grip: relative, of the torque, each grasp.
-    remount_m, remount_rad: of every bracket, each session, each axis.
-    """
-
-    object_m: float = 0.7e-3
-    object_rad: float = 0.01
-    grip: float = 0.05
-    remount_m: float = 0.15e-3
-    remount_rad: float = 0.004
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxel.campaign.processes import in_processes
 from taxel.campaign.progress import Progress, silent
+from taxel.campaign.scatter import Scatter, balanced_draw
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.store import begin_or_extend
 from taxel.grasp.plan import PlannedGrasp
@@ -31,9 +32,15 @@ _STREAM = 3
 
 @dataclass(frozen=True)
 class SimSettings:
-    """A campaign in the simulator. sensing: how contact becomes force on taxels (`taxel.sim.sensing`)."""
+    """A campaign in the simulator.
+
+    sensing: how contact becomes force on taxels (`taxel.sim.sensing`). scatter: of object and grip, from repeat to
+    repeat, as far as repeats on the hand have told it; `taxel.campaign.scatter.balanced_draw` goes through it. Nobody
+    tells the simulator how the skin is mounted.
+    """
 
     seed: int = 1
+    scatter: Scatter = field(default_factory=Scatter)
     sensing: Sensing = field(default_factory=Sensing)
     sensor: SimSensor = field(default_factory=SimSensor)
     timeline: Timeline = field(default_factory=Timeline)
@@ -80,7 +87,9 @@ def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings)
     where, item = setup.object_pose(planned.object), setup.objects[planned.object]
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     scene, approach = _scene(setup, planned.object), setup.approach(planned)
-    motion = simulate_grasp(scene, approach, settings.timeline, object_pose=where, law=law)
+    name = f"{planned.object} {planned.approach}"
+    offset, grip = settings.scatter.moved(balanced_draw(settings.seed, name, planned.iteration))
+    motion = simulate_grasp(scene, approach, settings.timeline, RATE_HZ, offset, grip, object_pose=where, law=law)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1

@@ -4,8 +4,9 @@ import h5py
 import numpy as np
 import pytest
 
+from taxel.campaign.scatter import Scatter
 from taxel.campaign.session import _scene
-from taxel.campaign.settings import EmulatedSettings, OffsetLineError, Scatter
+from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import begin_or_extend
 from taxel.grasp.calibration import Calibration, given_pose

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.campaign.scatter import Scatter
 from taxel.campaign.session import LEAD_IN_S, check_world, run_session
-from taxel.campaign.settings import EmulatedSettings, Scatter
+from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import ContactLibraryError
 from taxel.grasp.timeline import Phase
 

@@ -6,7 +6,8 @@ import pickle
 
 import pytest
 
-from taxel.campaign.settings import DEFAULT_EFFECTS, EmulatedSettings, Scatter, UnknownPresetError, effects_of
+from taxel.campaign.scatter import Scatter
+from taxel.campaign.settings import DEFAULT_EFFECTS, EmulatedSettings, UnknownPresetError, effects_of
 from taxel.grasp.timeline import Timeline
 
 

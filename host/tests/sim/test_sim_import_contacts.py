@@ -281,7 +281,7 @@ def test_lists_of_active_taxels_come_back(tmp_path):
     end = int(np.flatnonzero(made.phase == Phase.HOLD)[-1])
     active = CONES.active(HAND, CYLINDER.shape, made.sensor_poses, made.object_pose)[end]
     rng = np.random.default_rng(3)
-    centres = taxel_positions(HAND, made.sensor_poses)[end] + rng.uniform(-5e-4, 5e-4, (HAND.n_taxels, 3))
+    centres = taxel_positions(HAND, made.sensor_poses)[end] + rng.uniform(-2e-4, 2e-4, (HAND.n_taxels, 3))
     rows = [["g", "cylinder", "side_1", *centre, int(on)] for centre, on in zip(centres, active, strict=True)]
     points = write(tmp_path / "points.csv", ["Grasp", "object", "approach", "X", "y", "z", "activated"], rows)
     header = ["grasp", *SCENE.joint_names, *(f"wrist_{p}" for p in ("x", "y", "z", "qw", "qx", "qy", "qz"))]

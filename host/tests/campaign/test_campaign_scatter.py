@@ -1,0 +1,39 @@
+"""The scatter of repeats: what draws of unit size become, and the design that the simulator goes through."""
+
+import numpy as np
+import pytest
+
+from taxel.campaign.scatter import FACTORS, Scatter, balanced_draw
+from taxel.hand.transforms import to_rotation_vector
+
+
+def design(repeats: int, seed: int = 1, name: str = "cylinder top") -> np.ndarray:
+    return np.stack([balanced_draw(seed, name, repeat) for repeat in range(repeats)])
+
+
+def test_a_draw_becomes_metres_radians_and_a_factor():
+    scatter = Scatter(object_m=1e-3, object_rad=0.02, grip=0.1)
+    offset, grip = scatter.moved(np.array([1.0, -2.0, 0.0, 0.0, 1.0, 0.0, -0.5]))
+    np.testing.assert_allclose(offset[:3, 3], [1e-3, -2e-3, 0.0], atol=1e-15)
+    np.testing.assert_allclose(to_rotation_vector(offset), [0.0, 0.02, 0.0], atol=1e-12)
+    assert grip == pytest.approx(0.95)
+    assert scatter.moved(np.full(FACTORS, -100.0))[1] == 0.0
+
+
+@pytest.mark.parametrize("repeats", [2, 6, 8, 10, 16])
+def test_an_even_number_of_repeats_has_no_mean_and_unit_variance(repeats):
+    rows = design(repeats)
+    np.testing.assert_array_equal(rows.mean(axis=0), 0.0)
+    np.testing.assert_array_equal(rows.var(axis=0), 1.0)
+
+
+def test_sixteen_repeats_mix_no_factor_with_another():
+    rows = design(16)
+    np.testing.assert_allclose(rows.T @ rows / 16, np.eye(FACTORS), atol=1e-12)
+
+
+def test_seed_and_name_decide_the_signs():
+    assert (design(4) == design(4)).all()
+    assert (
+        len({design(16, seed, name).tobytes() for seed in (1, 2) for name in ("cylinder top", "cylinder side_1")}) == 4
+    )
