@@ -79,6 +79,10 @@ SHEETS: dict[str, Callable[[BoardKind], Rows]] = {
     "proximal_back": wrapped,
     "proximal_front": wrapped,
     "flat8": flat,
+    "rig_slab": flat,
+    "rig_wall": flat,
+    "rig_dome": fingertip,
+    "rig_sleeve": wrapped,
 }
 
 

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase
+from taxel.hand import Hand
 from taxel.hand.world import WorldSettings
 from taxel.link import run_emulator, write_scene
 from taxel.recording.grasp_record import GraspRecord
@@ -42,12 +44,23 @@ class _Made:
     motion: Motion
 
 
+class Moved(NamedTuple):
+    """What moves in one session. time_s: f64[k], since power-up; number: [k], which object of the world is there;
+    object_poses: f64[k, 4, 4]; bracket_poses: f64[k, s, 4, 4], as they are believed to be; both in the world.
+    """
+
+    time_s: NDArray[np.float64]
+    number: NDArray[np.intp]
+    object_poses: NDArray[np.float64]
+    bracket_poses: NDArray[np.float64]
+
+
 def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
     """Make the grasps of one session, in order. The seed, the session and the grasp decide everything.
 
     Raises `TaxelError` of one line: a pose out of reach, or a world that the emulator refuses.
     """
-    text = _world(setup, settings, plan[0].session)
+    text = session_world(setup, settings, plan[0].session)
     with SkinContact(text) as contact:
         made = [_make(setup, planned, settings, contact) for planned in plan]
     rows = _emulate(setup, made, text, settings)
@@ -56,11 +69,12 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
 
 def check_world(setup: Setup, settings: EmulatedSettings) -> None:
     """Raises `ContactLibraryError` for effects that the emulator refuses."""
-    with SkinContact(_world(setup, settings, 0)):
+    with SkinContact(session_world(setup, settings, 0)):
         pass
 
 
-def _world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
+def session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
+    """The text of the world in which one session takes place: its brackets are mounted anew."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
         scl_hz=settings.scl_hz,
@@ -115,24 +129,30 @@ def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: Emulated
     """Everything that moved, through the emulated skin, to the frames that a host decodes."""
     length = settings.timeline.duration_s
     names = list(setup.objects)
-    times, numbers, objects, brackets = [], [], [], []
+    parts = []
     for place, grasp in enumerate(made):
         begin, motion = LEAD_IN_S + place * length, grasp.motion
         # The first and the last record hold before and after: between two grasps nothing moves.
         held = np.r_[0, : len(motion.time_s), -1]
-        times.append(begin + np.r_[0.0, motion.time_s, length])
-        numbers.append(np.full(len(held), names.index(grasp.planned.object)))
-        objects.append(motion.object_poses[held])
-        brackets.append(motion.bracket_poses[held])
+        number = np.full(len(held), names.index(grasp.planned.object))
+        times = begin + np.r_[0.0, motion.time_s, length]
+        parts.append(Moved(times, number, motion.object_poses[held], motion.bracket_poses[held]))
+    return emulate(setup.hand, world, parts, LEAD_IN_S + len(made) * length + 0.1)
+
+
+def emulate(hand: Hand, world: str, moved: Sequence[Moved], duration_s: float) -> Rows:
+    """Run the emulated skin of `world` for `duration_s` while its objects move; what a host decodes.
+
+    moved: parts of the session, one after another. Raises `LinkError` with the emulator's own line.
+    """
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
         folder = Path(name)
         scene, script, capture = folder / "scene.stimulus", folder / "host.capture", folder / "skin.capture"
-        arrays = [np.concatenate(parts) for parts in (times, numbers, objects, brackets)]
-        write_scene(scene, setup.hand.n_taxels, *arrays)
+        write_scene(scene, hand.n_taxels, *(np.concatenate(arrays) for arrays in zip(*moved, strict=True)))
         write_start_script(script)
-        run_emulator(world, capture, LEAD_IN_S + len(made) * length + 0.1, script, scene)
-        with open_skin(f"file:{capture}", setup.hand) as skin:
-            return rows_of(setup.hand, skin)
+        run_emulator(world, capture, duration_s, script, scene)
+        with open_skin(f"file:{capture}", hand) as skin:
+            return rows_of(hand, skin)
 
 
 def _record(setup: Setup, grasp: _Made, rows: Rows, place: int, settings: EmulatedSettings) -> GraspRecord:

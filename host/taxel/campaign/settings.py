@@ -20,8 +20,8 @@ OFFSETS = ("bracket_offset", "object_offset")
 DEFAULT_EFFECTS = (
     "noise white counts=8",
     "noise line axis=1 counts=4",
-    "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800",
-    "spread film length_m=0.004",
+    "coupling traces picofarad=2 tx_ohm=400 rx_ohm=400",
+    "spread film length_m=0.0045",
 )
 """Noise, coupling and spread, which the thesis holds responsible for its gap (5.6.2); their sizes are ours."""
 

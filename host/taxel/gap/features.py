@@ -1,0 +1,170 @@
+"""What is compared: features of every grasp and taxel, all in counts, with weights fixed by the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.clock import Clock
+from taxel.gap.pair import Pair
+from taxel.gap.reading import Recording
+from taxel.recording.grasp_format import Phase
+
+Array = NDArray[np.float64]
+
+COUNTS_PER_SECOND: Final = 300.0
+"""An onset a tenth of a second late is as wrong as 30 counts on every taxel of the board."""
+
+COUNTS_MISSING: Final = 1000.0
+"""A board that is never heard is as wrong as one whose pressed taxels are 1000 counts off."""
+
+UNTOUCHED_COUNTS: Final = 20.0
+"""A taxel that the simulator never lets drop by more is untouched in that cell."""
+
+WEIGHTS: Final = {"hold": 0.35, "closing": 0.2, "release": 0.1, "recovery": 0.1, "noise": 0.1, "missing": 0.05}
+"""Share of each family in the squared gap. With onset 0.05 and wander 0.05 they add to 1."""
+
+ONSET_WEIGHT: Final = 0.05
+WANDER_WEIGHT: Final = 0.05
+
+_PHASE_NAMES: Final = {
+    Phase.CLOSING: "closing",
+    Phase.HOLD: "hold",
+    Phase.RELEASE: "release",
+    Phase.RECOVERY: "recovery",
+}
+LATE: Final = 0.2
+"""Seconds by which an onset can be off, at most: beyond it the board was touched by something else."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The F features: B bins of drop, noise in baseline and in hold, missing frames, onset, wander.
+
+    phase: u8[F], the phase whose disagreement a feature tells. weight: f64[F], they add to 1. bins: B.
+    """
+
+    phase: NDArray[np.uint8]
+    weight: Array
+    bins: int
+
+    @property
+    def noise(self) -> slice:
+        """The two noise features."""
+        return slice(self.bins, self.bins + 2)
+
+    @property
+    def missing(self) -> int:
+        """Share of missing frames, times `COUNTS_MISSING`."""
+        return self.bins + 2
+
+    @property
+    def onset(self) -> int:
+        """Onset of the taxel's board, times `COUNTS_PER_SECOND`."""
+        return self.bins + 3
+
+    @property
+    def wander(self) -> int:
+        """RMS of an untouched taxel's drop after release."""
+        return self.bins + 4
+
+    @property
+    def count(self) -> int:
+        """F."""
+        return self.bins + 5
+
+    @classmethod
+    def of(cls, clock: Clock) -> Layout:
+        """For a pair's clock. What a missing phase would weigh goes to the others."""
+        phases = [int(phase) for phase, _ in clock.bins]
+        weights = [WEIGHTS[_PHASE_NAMES[phase]] / len(clock.bins_of(phase)) for phase, _ in clock.bins]
+        phases += [Phase.BASELINE, Phase.HOLD, Phase.HOLD, Phase.CLOSING, phases[-1]]
+        weights += [WEIGHTS["noise"] / 2, WEIGHTS["noise"] / 2, WEIGHTS["missing"], ONSET_WEIGHT, WANDER_WEIGHT]
+        weight = np.array(weights)
+        return cls(np.array(phases, np.uint8), weight / weight.sum(), len(clock.bins))
+
+
+@dataclass(frozen=True, eq=False)
+class SessionMeans:
+    """Means over the repeats of a cell in a session: C cells, S sessions, F features, n taxels.
+
+    value: f64[C, S, F, n], counts; NaN where unknown, and where a session lacks the cell. count: i64[C, S], repeats.
+    spread: f64[C, F, n], variance of one grasp about its session's mean, pooled; NaN for cells without repeats.
+    """
+
+    value: Array
+    count: NDArray[np.int64]
+    spread: Array
+
+
+def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Features of each grasp, f32[R, F, n]; the wander's column is the signed drop after release of untouched taxels.
+
+    untouched: bool[C, n].
+    """
+    clock, sensor = pair.clock, pair.groups.sensor
+    values = np.zeros((len(recording), layout.count, pair.n), np.float32)
+    values[:, : layout.bins] = bin_means(clock, recording.nodes)
+    hold = clock.bins_of(Phase.HOLD)[0]
+    values[:, hold] = recording.hold
+    values[:, layout.noise] = recording.noise
+    values[:, layout.missing] = COUNTS_MISSING * recording.missing[:, sensor]
+    values[:, layout.onset] = COUNTS_PER_SECOND * recording.onset[:, sensor]
+    last = clock.bins[-1][0]
+    after = np.nanmean(values[:, clock.bins_of(last)], axis=1) if last != Phase.HOLD else values[:, hold]
+    values[:, layout.wander] = np.where(untouched[recording.cell], after, 0.0)
+    return values
+
+
+def bin_means(clock: Clock, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Means over the nodes of each bin, f32[R, B, n], of the nodes that are known."""
+    result = np.empty((nodes.shape[0], len(clock.bins), nodes.shape[2]), np.float32)
+    known = np.isfinite(nodes)
+    for row, (_, own) in enumerate(clock.bins):
+        count = known[:, own].sum(axis=1)
+        total = np.where(known[:, own], nodes[:, own], 0.0).sum(axis=1)
+        result[:, row] = total / np.where(count, count, np.nan)
+    return result
+
+
+def session_means(
+    features: NDArray[np.float32], recording: Recording, cells: int, sessions: NDArray[np.int64], layout: Layout
+) -> SessionMeans:
+    """Means over repeats. The wander becomes the RMS of the drop after release over the repeats."""
+    shape = (cells, len(sessions), layout.count, features.shape[2])
+    value, count = np.full(shape, np.nan), np.zeros(shape[:2], np.int64)
+    spread = np.full((cells, *shape[2:]), np.nan)
+    for cell in range(cells):
+        squares, freedom = np.zeros(shape[2:]), 0
+        for column, session in enumerate(sessions):
+            own = features[(recording.cell == cell) & (recording.session == session)].astype(np.float64)
+            count[cell, column] = len(own)
+            if not len(own):
+                continue
+            known = np.isfinite(own)
+            number = known.sum(axis=0)
+            mean = np.where(known, own, 0.0).sum(axis=0) / np.where(number, number, np.nan)
+            squares += np.nan_to_num(np.where(known, (own - mean) ** 2, 0.0).sum(axis=0))
+            freedom += len(own) - 1
+            mean[layout.wander] = np.sqrt(np.nanmean(own[:, layout.wander] ** 2, axis=0))
+            value[cell, column] = mean
+        if freedom > 0:
+            spread[cell] = squares / freedom
+    return SessionMeans(value, count, spread)
+
+
+def untouched_cells(pair: Pair) -> NDArray[np.bool_]:
+    """bool[C, n]: the simulator never lets the taxel drop in that cell."""
+    largest = np.nanmax(np.abs(pair.sim.nodes), axis=1)
+    result = np.ones((len(pair.cells), pair.n), bool)
+    for cell in range(len(pair.cells)):
+        result[cell] = (largest[pair.sim.cell == cell] < UNTOUCHED_COUNTS + 4 * _node_noise(pair)).all(axis=0)
+    return result
+
+
+def _node_noise(pair: Pair) -> float:
+    """Standard deviation of a node's mean of the simulator's noise, counts, about."""
+    return float(np.nanmedian(pair.sim.noise))

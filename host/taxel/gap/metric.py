@@ -1,0 +1,130 @@
+"""Gap, floor and excess in counts, with intervals from the sessions.
+
+gap^2 is the weighted mean squared difference of the cells' means; floor^2 the variance of the real means that repeats
+and sessions alone cause; excess = gap^2 - floor^2. With D_s the difference in session s and S sessions the excess is the
+mean of D_s D_t over s != t: what two sessions have in common is no scatter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from taxel.gap.features import Layout, SessionMeans
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Where gap and floor come from, counts^2: f64[C, F, n], weighted; their sums over F, means over C and n, are gap^2
+    and floor^2.
+    """
+
+    gap2: Array
+    floor2: Array
+
+    @property
+    def excess(self) -> Array:
+        """f64[C, F, n]."""
+        return self.gap2 - self.floor2
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and what is known of it: 95 % interval (None below 3 sessions) and standard error."""
+
+    value: float
+    low: float | None
+    high: float | None
+    error: float | None
+
+    @property
+    def ci95(self) -> list[float] | None:
+        """For the report."""
+        return None if self.low is None or self.high is None else [self.low, self.high]
+
+
+def terms(real: SessionMeans, model: Array, layout: Layout, used: NDArray[np.bool_] | None = None) -> Terms:
+    """Terms of gap and floor. model: f64[C, F, n], counts. used: bool[S], sessions that are looked at; None: all.
+
+    A feature that is unknown on either side tells nothing: its terms are 0.
+    """
+    value = real.value if used is None else real.value[:, used]
+    known = np.isfinite(value)
+    count = known.sum(axis=1)
+    total = np.where(known, value, 0.0).sum(axis=1)
+    mean = total / np.where(count, count, np.nan)
+    squares = np.where(known, (value - mean[:, None]) ** 2, 0.0).sum(axis=1)
+    between = squares / np.where(count > 1, count - 1, np.nan)
+    variance = _filled(between / np.where(count, count, np.nan), real, count, used)
+    weight = layout.weight[:, None]
+    gap2 = np.nan_to_num(weight * (mean - model) ** 2)
+    floor2 = np.where(np.isfinite(mean - model), np.nan_to_num(weight * variance), 0.0)
+    return Terms(gap2, floor2)
+
+
+def _filled(variance: Array, real: SessionMeans, count: NDArray[np.intp], used: NDArray[np.bool_] | None) -> Array:
+    """Where a cell was made in one session only: the repeats' variance, or else the mean of the other cells."""
+    if np.isfinite(variance).all():
+        return variance
+    repeats = real.count if used is None else real.count[:, used]
+    within = real.spread / np.maximum(repeats.sum(axis=1), 1)[:, None, None]
+    result = np.where(np.isfinite(variance), variance, within)
+    with np.errstate(invalid="ignore"):
+        others = np.nanmean(np.where(np.isfinite(result), result, np.nan), axis=0) if np.isfinite(result).any() else 0.0
+    return np.where(np.isfinite(result), result, others)
+
+
+def total(term: Array) -> float:
+    """Sum over features, mean over cells and taxels, counts^2."""
+    return float(term.sum(axis=1).mean())
+
+
+def jackknife(values: Array, whole: float) -> Interval:
+    """T interval on the jackknife over sessions (Tukey 1958). values: f64[S], each without one session."""
+    count = len(values)
+    if count < 3:
+        return Interval(whole, None, None, None)
+    error = float(np.sqrt((count - 1) / count * np.sum((values - values.mean()) ** 2)))
+    half = float(student.ppf(0.975, count - 1)) * error
+    return Interval(whole, whole - half, whole + half, error)
+
+
+def root(interval: Interval) -> Interval:
+    """The interval of a square as that of its root; what is below 0 becomes 0."""
+    low, high = (None if end is None else float(np.sqrt(max(end, 0.0))) for end in (interval.low, interval.high))
+    return Interval(float(np.sqrt(max(interval.value, 0.0))), low, high, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """gap, floor: counts. gap2, excess: counts^2 with intervals. p_value: of an excess this large without any."""
+
+    gap: Interval
+    floor: float
+    excess: Interval
+    p_value: float
+    terms: Terms
+
+
+def measure(real: SessionMeans, model: Array, layout: Layout) -> Gap:
+    """Gap, floor and excess of a model, f64[C, F, n], against the real sessions."""
+    whole = terms(real, model, layout)
+    sessions = real.value.shape[1]
+    left = [terms(real, model, layout, np.arange(sessions) != s) for s in range(sessions)] if sessions >= 3 else []
+    gap2 = jackknife(np.array([total(part.gap2) for part in left]), total(whole.gap2))
+    excess = jackknife(np.array([total(part.excess) for part in left]), total(whole.excess))
+    floor = float(np.sqrt(max(total(whole.floor2), 0.0)))
+    return Gap(root(gap2), floor, excess, _p_value(excess, sessions), whole)
+
+
+def _p_value(excess: Interval, sessions: int) -> float:
+    if excess.error is None:
+        return 1.0 if excess.value <= 0 else 0.5
+    if excess.error == 0:
+        return 0.0 if excess.value > 0 else 1.0
+    return float(student.sf(excess.value / excess.error, sessions - 1))

@@ -1,0 +1,203 @@
+"""Two datasets that are to be compared: what they have in common, read and reduced."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.clock import Clock
+from taxel.gap.errors import GapInputError
+from taxel.gap.reading import Groups, Progress, Recording, read_recording
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_sensor_model import SensorModel
+from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
+
+PLACE_TOLERANCE_M = 1e-5
+SHARED_PHASES = (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
+
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A real and a simulated recording of the same (object, approach) cells on the same hand.
+
+    Attributes:
+        cells: the C keys (object, approach) that both have, sorted.
+        taxels, sensors, groups: of the hand; sensors in the order of the real file.
+        clock: nodes of time. real, sim: the reduced recordings.
+        sensor_model: of the simulator, if its file states one.
+        objects: meshes by name. poses: of the real recording's first grasp of each cell, sensor poses f64[C, s, 4, 4]
+            and object poses f64[C, 4, 4].
+        paths: of both files. digests: their SHA-256.
+        losses: what this pair lacks, in words, for the report.
+    """
+
+    cells: tuple[Key, ...]
+    taxels: TaxelTable
+    sensors: SensorTable
+    groups: Groups
+    clock: Clock
+    real: Recording
+    sim: Recording
+    sensor_model: SensorModel | None
+    objects: dict[str, ObjectMesh]
+    sensor_poses: NDArray[np.float64]
+    object_poses: NDArray[np.float64]
+    paths: tuple[str, str]
+    digests: tuple[str, str]
+    losses: tuple[str, ...]
+
+    @cached_property
+    def sessions(self) -> NDArray[np.int64]:
+        """Sessions of the real recording, sorted."""
+        return np.unique(self.real.session)
+
+    @property
+    def n(self) -> int:
+        """Number of taxels."""
+        return len(self.groups.sensor)
+
+
+def silent(done: int, total: int) -> None:
+    """No progress is shown."""
+
+
+def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = silent) -> Pair:
+    """Read what two datasets have in common. Raises DatasetError and GapInputError of one line."""
+    with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
+        columns = _check_tables(real, sim)
+        cells, real_ids, sim_ids, losses = _common_cells(real, sim)
+        clock = _clock(real, sim, real_ids, sim_ids)
+        groups = _groups(real.taxels, real.sensors)
+        total = len(real_ids) + len(sim_ids)
+        numbers = {key: index for index, key in enumerate(cells)}
+        first = read_recording(
+            real, real_ids, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
+        )
+        second = read_recording(
+            sim, sim_ids, numbers, clock, groups, columns, lambda done, _: progress(len(real_ids) + done, total)
+        )
+        firsts = [real[real_ids[int(np.flatnonzero(first.cell == cell)[0])]] for cell in range(len(cells))]
+        return Pair(
+            cells,
+            real.taxels,
+            real.sensors,
+            groups,
+            clock,
+            first,
+            second,
+            sim.sensor_model,
+            dict(real.objects),
+            np.stack([grasp.sensor_pose for grasp in firsts]),
+            np.stack([grasp.object_pose for grasp in firsts]),
+            (str(real_path), str(sim_path)),
+            (_digest(real.path), _digest(sim.path)),
+            tuple(losses + _further_losses(first, second)),
+        )
+
+
+def _check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
+    """The simulator's sensor columns in the order of the real file's."""
+    remedy = "give both datasets the same hand: same taxels in the same order"
+    if real.taxels.n != sim.taxels.n:
+        raise GapInputError(
+            f"{sim.path}: /taxels", f"{real.taxels.n} taxels as in {real.path}", str(sim.taxels.n), remedy
+        )
+    for name in ("sensor", "tx", "rx"):
+        ours, theirs = getattr(real.taxels, name), getattr(sim.taxels, name)
+        if (ours != theirs).any():
+            k = int(np.flatnonzero(ours != theirs)[0])
+            where = f"{sim.path}: /taxels/{name}[{k}]"
+            raise GapInputError(where, f"{int(ours[k])} as in {real.path}", str(int(theirs[k])), remedy)
+    apart = np.linalg.norm(real.taxels.position - sim.taxels.position, axis=1)
+    if apart.max() > PLACE_TOLERANCE_M:
+        k = int(apart.argmax())
+        where = f"{sim.path}: /taxels/position[{k}]"
+        raise GapInputError(where, f"the place that {real.path} gives", f"one {1e3 * apart[k]:.3g} mm away", remedy)
+    own = sim.sensors.address.tolist()
+    for address in real.sensors.address.tolist():
+        if address not in own:
+            where = f"{sim.path}: /sensors/address"
+            raise GapInputError(where, f"board {address} as in {real.path}", "none", remedy)
+    return np.array([own.index(address) for address in real.sensors.address.tolist()], dtype=np.intp)
+
+
+def _common_cells(real: GraspDataset, sim: GraspDataset) -> tuple[tuple[Key, ...], list[str], list[str], list[str]]:
+    keys = [{(grasp.object, grasp.approach) for grasp in data} for data in (real, sim)]
+    common = tuple(sorted(keys[0] & keys[1]))
+    if not common:
+        shown = ", ".join(f"{item} {name}" for item, name in sorted(keys[0])[:3]) or "no grasp"
+        found = ", ".join(f"{item} {name}" for item, name in sorted(keys[1])[:3]) or "no grasp"
+        where, remedy = f"{sim.path}: /grasps", "simulate the grasps that were made"
+        raise GapInputError(where, f"an (object, approach) of {real.path} ({shown})", found, remedy)
+    losses = []
+    for data, own, other in ((real, keys[0], "simulation"), (sim, keys[1], "recording")):
+        left = sorted(own - set(common))
+        if left:
+            names = ", ".join(f"{item} {name}" for item, name in left[:4])
+            losses.append(f"{data.path}: {len(left)} approaches without a {other} were left out ({names})")
+    wanted = set(common)
+    ids = [[name for name in data.ids if (data[name].object, data[name].approach) in wanted] for data in (real, sim)]
+    return common, ids[0], ids[1], losses
+
+
+def _clock(real: GraspDataset, sim: GraspDataset, real_ids: Sequence[str], sim_ids: Sequence[str]) -> Clock:
+    durations: dict[Phase, float] = {}
+    rate = np.inf
+    for data, ids in ((real, real_ids), (sim, sim_ids)):
+        for name in ids:
+            grasp = data[name]
+            time, phase = grasp.timestamp, grasp.phase
+            step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+            if step > 0:
+                rate = min(rate, 1.0 / step)
+            for wanted in SHARED_PHASES:
+                own = time[phase == wanted]
+                lasts = float(own[-1] - own[0] + step) if len(own) else 0.0
+                durations[wanted] = min(durations.get(wanted, np.inf), lasts)
+            if durations[Phase.HOLD] <= 0:
+                where = f"{data.path}: /grasps/{name}/phase"
+                raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
+    usable = {phase: lasts for phase, lasts in durations.items() if lasts > 0}
+    return Clock.of(usable, rate if np.isfinite(rate) else 1.0)
+
+
+def _groups(taxels: TaxelTable, sensors: SensorTable) -> Groups:
+    board = sensors.index_of(taxels)
+    tx = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
+    rx = np.unique(board * 256 + taxels.rx, return_inverse=True)[1]
+    return Groups(board, tx, rx)
+
+
+def _further_losses(real: Recording, sim: Recording) -> list[str]:
+    losses = []
+    sessions = np.unique(real.session)
+    if len(sessions) < 3:
+        count = "one session" if len(sessions) == 1 else f"{len(sessions)} sessions"
+        losses.append(f"only {count}: no intervals, and what is held out comes from the same mounting of the skin")
+    if sim.force is None:
+        losses.append("the simulation has no contact_force and separation: effects that act on force cannot be tried")
+    confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
+    if len(sessions) > 1 and len(confounded) == len(sessions):
+        losses.append("no session has every approach: differences of sessions and of approaches mix")
+    single = np.bincount(real.cell).min()
+    if single < 2:
+        losses.append("an approach was made once: its repeatability is taken from the others")
+    least = int(min(real.frames.min(), sim.frames.min()))
+    if least < 100:
+        losses.append(f"baselines of {least} frames instead of 100")
+    return losses
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

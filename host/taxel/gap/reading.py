@@ -1,0 +1,249 @@
+"""One dataset, reduced to what the comparison needs: drops at nodes of time, noise, missing frames, onsets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from taxel.gap.clock import Clock
+from taxel.gap.errors import GapInputError
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import BASELINE_FRAMES, SIM, Phase
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+LEAST_BASELINE = 10
+"""Frames; with fewer the baseline's own noise would be the gap."""
+
+ONSET_LEAST_COUNTS = 300.0
+"""Sum of a board's drops in hold under which it was not touched."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """R grasps, K nodes, n taxels, s sensors. Drops are counts below the baseline; NaN where no frame arrived.
+
+    Attributes:
+        cell: [R], index of the grasp's (object, approach) in the pair's list. session, iteration: i64[R].
+        nodes: f32[R, K, n], mean drop. hold: f64[R, n], mean drop over all of hold.
+        noise: f32[R, 2, n], standard deviation in baseline and in hold, of what changes from frame to frame.
+        common: f64[R, 3], counts^2, mean covariance of such changes between taxels on one TX line, on one RX line, and
+            on the same board but on neither.
+        missing: f64[R, s], share of frames that did not arrive. onset: f64[R, s], seconds after closing began at which
+            a board's drops reached half their hold level; NaN for an untouched one.
+        baseline: f64[R, n], counts.
+        force, separation: f32[R, K, n], newtons and metres; None without them.
+        frames: [R], baseline frames that were used.
+    """
+
+    cell: NDArray[np.intp]
+    session: NDArray[np.int64]
+    iteration: NDArray[np.int64]
+    nodes: NDArray[np.float32]
+    hold: Array
+    noise: NDArray[np.float32]
+    common: Array
+    missing: Array
+    onset: Array
+    baseline: Array
+    force: NDArray[np.float32] | None
+    separation: NDArray[np.float32] | None
+    frames: NDArray[np.intp]
+
+    def take(self, grasps: NDArray[np.bool_] | NDArray[np.intp]) -> Recording:
+        """Only some of the grasps."""
+        parts: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[grasps]
+            for name in self.__dataclass_fields__
+        }
+        return Recording(**parts)
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Which taxels belong together. sensor: [n], column of `valid`. tx, rx: [n], number of the line in all boards."""
+
+    sensor: NDArray[np.intp]
+    tx: NDArray[np.intp]
+    rx: NDArray[np.intp]
+
+    @cached_property
+    def sums(self) -> tuple[csr_array, csr_array, csr_array]:
+        """Sums over TX lines, RX lines and boards: [groups, n] of ones."""
+        n = len(self.sensor)
+        ones = np.ones(n)
+        made = [csr_array((ones, (group, np.arange(n)))) for group in (self.tx, self.rx, self.sensor)]
+        return made[0], made[1], made[2]
+
+
+def read_recording(
+    data: GraspDataset,
+    ids: Sequence[str],
+    cells: dict[tuple[str, str], int],
+    clock: Clock,
+    groups: Groups,
+    columns: NDArray[np.intp],
+    progress: Progress,
+) -> Recording:
+    """Reduce the grasps `ids`. columns: [s], this dataset's sensor columns in the pair's order."""
+    rows = []
+    for done, name in enumerate(ids):
+        rows.append(_reduce(data, data[name], clock, groups, columns))
+        progress(done + 1, len(ids))
+    grasps = [data[name] for name in ids]
+    fields: dict[str, Any] = {key: _stacked([row[key] for row in rows]) for key in rows[0]}
+    fields["cell"] = np.array([cells[grasp.object, grasp.approach] for grasp in grasps], np.intp)
+    fields["session"] = np.array([grasp.session for grasp in grasps], np.int64)
+    fields["iteration"] = np.array([grasp.iteration for grasp in grasps], np.int64)
+    return Recording(**fields)
+
+
+def _stacked(values: list[Any]) -> Any:
+    return None if any(value is None for value in values) else np.stack(values)
+
+
+def _reduce(
+    data: GraspDataset, grasp: Grasp, clock: Clock, groups: Groups, columns: NDArray[np.intp]
+) -> dict[str, Any]:
+    phase, valid = grasp.phase, grasp.valid[:, columns]
+    since = since_phase_began(grasp.timestamp, phase)
+    frames = baseline_frames(data, grasp, valid)
+    rest = valid & (phase == Phase.BASELINE)[:, None]
+    rest &= np.cumsum(rest, axis=0) <= frames
+    raw = grasp.raw_counts.astype(np.float64)
+    baseline = _masked_mean(raw, rest, groups.sensor)
+    drop = baseline - raw
+    with np.errstate(invalid="ignore"):
+        inside = (phase == clock.phase[:, None]) & (since >= clock.begin[:, None]) & (since < clock.end[:, None])
+    nodes = _node_means(drop, inside, valid, groups.sensor)
+    hold = _masked_mean(drop, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
+    still, held = _changes(raw, rest, groups), _changes(raw, valid & (phase == Phase.HOLD)[:, None], groups)
+    simulated = data.source == SIM and grasp.contact_force is not None and grasp.separation is not None
+    everything = np.ones_like(valid)
+    return {
+        "nodes": nodes.astype(np.float32),
+        "hold": hold,
+        "noise": np.stack([still[0], held[0]]).astype(np.float32),
+        "common": still[1],
+        "missing": 1.0 - valid.mean(axis=0),
+        "onset": _onsets(drop, hold, since, phase, valid, groups.sensor),
+        "baseline": baseline,
+        "force": _node_means(grasp.contact_force, inside, everything, groups.sensor).astype(np.float32)
+        if simulated and grasp.contact_force is not None
+        else None,
+        "separation": _node_means(grasp.separation, inside, everything, groups.sensor).astype(np.float32)
+        if simulated and grasp.separation is not None
+        else None,
+        "frames": frames,
+    }
+
+
+def since_phase_began(time_s: Array, phase: NDArray[np.uint8]) -> Array:
+    """Seconds since the first frame of each frame's phase, f64[T]."""
+    since = np.zeros(len(time_s))
+    for value in np.unique(phase):
+        own = phase == value
+        since[own] = time_s[own] - time_s[own][0]
+    return since
+
+
+def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> int:
+    """How many baseline frames every sensor that is not missing has, 100 at most. Raises GapInputError below 10."""
+    counts = (valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
+    present = valid.any(axis=0)
+    least = int(counts[present].min()) if present.any() else 0
+    if present.any() and least < LEAST_BASELINE:
+        where = f"{data.path}: /grasps/{grasp.id}/phase"
+        remedy = "record the open hand longer before closing, or leave this grasp out"
+        raise GapInputError(where, f"at least {LEAST_BASELINE} valid baseline frames (phase 0)", str(least), remedy)
+    return min(least, BASELINE_FRAMES)
+
+
+def _masked_mean(values: Array, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> Array:
+    """Mean over the frames of each taxel's sensor, f64[n]; NaN without one."""
+    weight = frames[:, sensor]
+    count = frames.sum(axis=0)[sensor]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.einsum("tn,tn->n", values, weight.astype(np.float64)) / np.where(count, count, np.nan))
+
+
+def _node_means(values: Array, inside: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]) -> Array:
+    """Mean in each node, f64[K, n]; NaN where no frame of the taxel's sensor lies in it."""
+    chosen = inside.astype(np.float64)
+    if valid.all():
+        count = chosen.sum(axis=1)[:, None]
+        return np.asarray(chosen @ np.nan_to_num(values) / np.where(count, count, np.nan))
+    good = valid[:, sensor]
+    count = (chosen @ valid.astype(np.float64))[:, sensor]
+    return np.asarray(chosen @ np.where(good, values, 0.0) / np.where(count, count, np.nan))
+
+
+def _changes(raw: Array, frames: NDArray[np.bool_], groups: Groups) -> tuple[Array, Array]:
+    """Noise from differences of successive frames (von Neumann et al. 1941): f64[n], and covariances f64[3]."""
+    rows = np.flatnonzero(frames.any(axis=1))
+    if len(rows) < 3:
+        return np.full(raw.shape[1], np.nan), np.full(3, np.nan)
+    both = frames[rows[1:]] & frames[rows[:-1]]
+    good = both[:, groups.sensor]
+    steps = np.where(good, np.diff(raw[rows], axis=0), 0.0)
+    count = np.maximum(both.sum(axis=0)[groups.sensor], 1)
+    variance = np.einsum("tn,tn->n", steps, steps) / (2.0 * count)
+    known: NDArray[np.bool_] = np.any(both, axis=0)
+    deviation = np.where(known[groups.sensor], np.sqrt(variance), np.nan)
+    steps -= steps.mean(axis=0)
+    return deviation, _covariances(steps, groups)
+
+
+def _covariances(steps: Array, groups: Groups) -> Array:
+    """Mean covariance of pairs on a TX line, on an RX line, and on the board's others, counts^2, f64[3]."""
+    sums, pairs = [], []
+    square = float(np.sum(steps**2))
+    for belongs in groups.sums:
+        size = np.asarray(belongs.sum(axis=1)).ravel()
+        sums.append(float(np.sum((belongs @ steps.T) ** 2)) - square)
+        pairs.append(float(np.sum(size * (size - 1.0))))
+    sums[2] -= sums[0] + sums[1]  # one line of each axis holds a pair at most once
+    pairs[2] -= pairs[0] + pairs[1]
+    scale = 2.0 * len(steps)
+    return np.array([value / (scale * count) if count > 0 else 0.0 for value, count in zip(sums, pairs, strict=True)])
+
+
+def _onsets(
+    drop: Array,
+    hold: Array,
+    since: Array,
+    phase: NDArray[np.uint8],
+    valid: NDArray[np.bool_],
+    sensor: NDArray[np.intp],
+) -> Array:
+    """When each board's summed drop first passes half its hold level, seconds after closing began, f64[s]."""
+    sensors = valid.shape[1]
+    onset = np.full(sensors, np.nan)
+    part = np.flatnonzero((phase == Phase.CLOSING) | (phase == Phase.HOLD))
+    if not (phase[part] == Phase.CLOSING).any():
+        return onset
+    closing = phase[part] == Phase.CLOSING
+    lasted = since[part][closing].max(initial=0.0)
+    time = np.where(closing, since[part], since[part] + lasted)
+    touched = np.where(np.nan_to_num(hold) > 0, 1.0, 0.0)
+    level = np.bincount(sensor, np.nan_to_num(hold) * touched, sensors)
+    for board in np.flatnonzero(level > ONSET_LEAST_COUNTS):
+        own, rows = np.flatnonzero((sensor == board) & (touched > 0)), part[np.asarray(valid[part, board])]
+        sums: Array = drop[np.ix_(rows, own)].sum(axis=1)
+        passed: NDArray[np.intp] = np.flatnonzero(sums >= 0.5 * level[board])
+        if len(passed) and passed[0] > 0:
+            k, times = int(passed[0]), time[np.asarray(valid[part, board])]
+            share = (0.5 * level[board] - sums[k - 1]) / (sums[k] - sums[k - 1])
+            onset[board] = times[k - 1] + share * (times[k] - times[k - 1])
+    return onset
