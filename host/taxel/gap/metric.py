@@ -1,8 +1,8 @@
 """Gap, floor and excess in counts, with intervals from the sessions.
 
 gap^2 is the weighted mean squared difference of the cells' means; floor^2 the variance of the real means that repeats
-and sessions alone cause; excess = gap^2 - floor^2. With D_s the difference in session s and S sessions the excess is the
-mean of D_s D_t over s != t: what two sessions have in common is no scatter.
+and sessions alone cause; excess = gap^2 - floor^2. With D_s the difference in session s, the excess is the mean of
+D_s D_t over s != t: what two sessions have in common is no scatter.
 """
 
 from __future__ import annotations

@@ -1,0 +1,44 @@
+"""The no-contact count wanders with time or temperature, so that a baseline is old when the hand has closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.state import Signal, State
+
+
+class BaselineDrift(Effect):
+    """Adds `slope` counts over a grasp to every drop, and `scatter` counts that differ from grasp to grasp."""
+
+    name = "baseline_drift"
+    order = 80
+
+    def __init__(self, scope: str = "hand") -> None:
+        self.scope = scope
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Drift over a grasp: its mean, and its standard deviation from grasp to grasp."""
+        return (
+            Parameter("slope", "counts", -500.0, 500.0, 0.0, 1.0),
+            Parameter("scatter", "counts", 0.0, 500.0, 0.0, 1.0),
+        )
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if not values[0].any():
+            return signal
+        slope, _ = self.spread_out(state, values)
+        share = (state.since / state.since[-1])[None, :, None]
+        return signal.with_drop(state.to_drop(signal) + slope * share)
+
+    def features(self, state: State, features: Array, values: Array) -> Array:
+        """See `Effect`."""
+        if not values.any():
+            return features
+        added = (values**2).sum(axis=0)[self.blocks(state)]
+        result = features.copy()
+        wander = state.layout.wander
+        untouched = features[:, wander] > 0
+        result[:, wander] = np.where(untouched, np.sqrt(features[:, wander] ** 2 + added), features[:, wander])
+        return result

@@ -1,0 +1,87 @@
+"""Pressure spreads sideways through the elastic dielectric before it is measured."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter, groups_of
+from taxel.gap.state import Signal, State
+
+FAR_M: Final = 0.04
+"""Taxels farther apart do not reach each other."""
+
+SUB: Final = 5
+"""Points along a taxel's side over which the kernel is averaged."""
+
+
+class ContactPropagation(Effect):
+    """A share `strength` of each taxel's force goes to its surroundings with the kernel exp(-r / spread).
+
+    variant "kept": the board's net force stays. "added": the surroundings gain what the taxel does not lose, as where
+    the patch of contact grows.
+    """
+
+    name = "contact_propagation"
+    order = 20
+    needs_force: ClassVar[bool] = True
+
+    def __init__(self, variant: str = "kept", scope: str = "hand") -> None:
+        self.variant, self.scope = variant, scope
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Spread and strength."""
+        return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if not values[1].any() or signal.force is None:
+            return signal
+        force = signal.force.copy()
+        boards = groups_of(state.pair.groups.sensor)
+        for number, taxels in enumerate(boards):
+            block = number if self.scope == BOARD else 0
+            spread, strength = 1e-3 * values[0, block], values[1, block]
+            own = signal.force[:, :, taxels]
+            if strength == 0.0 or not own.any():
+                continue
+            kernel = spread_kernel(state, number, float(spread))
+            spread_force = own @ kernel
+            keep = 1.0 if self.variant == "added" else 1.0 - strength
+            force[:, :, taxels] = keep * own + strength * spread_force
+        return signal.with_force(force)
+
+
+def spread_kernel(state: State, board: int, spread_m: float) -> Array:
+    """Share of a taxel's force (row) that reaches another (column) of the same board, f64[m, m]; rows add to 1."""
+    taxels = np.flatnonzero(state.pair.groups.sensor == board)
+    places = state.pair.taxels.position[taxels]
+    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    side = _pitch(state)
+    distance, share = _square_kernel(round(spread_m, 7), round(side, 6))
+    kernel = np.where(apart < FAR_M, np.interp(apart, distance, share), 0.0)
+    return np.asarray(kernel / kernel.sum(axis=1, keepdims=True))
+
+
+def _pitch(state: State) -> float:
+    """Distance of neighbouring taxels, metres."""
+    places, sensor = state.pair.taxels.position, state.pair.groups.sensor
+    first = np.flatnonzero(sensor == np.bincount(sensor).argmax())[:200]
+    apart = np.linalg.norm(places[first][:, None] - places[first], axis=2)
+    apart[apart == 0] = np.inf
+    return float(np.median(apart.min(axis=1))) if len(first) > 1 else float(state.pair.taxels.size.mean())
+
+
+@lru_cache(maxsize=256)
+def _square_kernel(spread_m: float, side_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """exp(-r / spread) averaged over two squares, over the distance of their centres, mean of two directions."""
+    points = ((np.arange(SUB) + 0.5) / SUB - 0.5) * side_m
+    step = (points[:, None] - points).ravel()
+    x, y = (grid.ravel() for grid in np.meshgrid(step, step))
+    distance = np.linspace(0.0, FAR_M, 81)
+    along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m).mean(axis=1)
+    across = np.exp(-np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y) / spread_m)
+    return distance, 0.5 * (along + across.mean(axis=1))

@@ -1,0 +1,30 @@
+"""Taxels or whole boards more or less sensitive than modelled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.gap.effects.effect import BOARD, TAXEL, Array, Effect, Parameter
+from taxel.gap.state import Signal, State
+
+
+class GainMismatch(Effect):
+    """Drops times exp(log_gain), of each board or of each taxel."""
+
+    name = "gain_mismatch"
+    order = 50
+
+    def __init__(self, scope: str = TAXEL, prior: float = 0.3) -> None:
+        self.scope, self.prior = scope, prior
+        self.variant = "boards" if scope == BOARD else "taxels"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Natural logarithm of the gain."""
+        return (Parameter("log_gain", "1", -2.5, 1.5, 0.0, 0.0, self.prior),)
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if not values.any():
+            return signal
+        (log_gain,) = self.spread_out(state, values)
+        return signal.with_drop(state.to_drop(signal) * np.exp(log_gain))

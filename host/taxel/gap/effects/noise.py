@@ -1,0 +1,39 @@
+"""Read-out noise that the simulator lacks, white and common to a line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.state import Signal, State
+
+
+class Noise(Effect):
+    """Adds variance to every taxel's counts: white, and common to lines or to the board."""
+
+    name = "noise"
+    order = 95
+
+    def __init__(self, scope: str = "hand") -> None:
+        self.scope = scope
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Standard deviations."""
+        return (
+            Parameter("white_counts", "counts", 0.0, 3000.0, 0.0, 5.0),
+            Parameter("common_counts", "counts", 0.0, 3000.0, 0.0, 2.0),
+        )
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """Drops are means: noise leaves them."""
+        return signal
+
+    def features(self, state: State, features: Array, values: Array) -> Array:
+        """See `Effect`."""
+        if not values.any():
+            return features
+        added = (values**2).sum(axis=0)[self.blocks(state)]
+        result = features.copy()
+        noise = state.layout.noise
+        result[:, noise] = np.sqrt(features[:, noise] ** 2 + added[:, None])
+        return result

@@ -1,0 +1,31 @@
+"""The dielectric is softer or harder than modelled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.state import Signal, State
+
+
+class Stiffness(Effect):
+    """The force of half the drop is `half_force_scale` times the modelled one; below 1: softer."""
+
+    name = "stiffness"
+    order = 40
+    needs_force: ClassVar[bool] = True
+
+    def __init__(self, scope: str = "hand") -> None:
+        self.scope = scope
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The scale."""
+        return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0),)
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if (values == 1.0).all() or signal.drop is not None:
+            return signal
+        (scale,) = self.spread_out(state, values)
+        return replace(signal, law_scale=signal.law_scale * scale)

@@ -1,0 +1,173 @@
+"""What an effect acts on: the simulator's contact at nodes of time, a few repeats of each cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.features import Layout
+from taxel.gap.pair import Pair
+from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_sensor_model import SensorModel
+
+Array = NDArray[np.float64]
+
+MOST_VALUES: Final = 1_200_000
+"""Numbers in one array: a few repeats of each cell of a small hand, two of a large one."""
+
+MOST_REPEATS: Final = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """What is known of Q presses at K nodes on n taxels.
+
+    force: f64[Q, K, n], newtons; None where the simulator tells none. separation: f64[Q, K, n], metres. drop:
+    f64[Q, K, n], counts; None until force has become counts. law_scale: factor on the sensor model's half force.
+    """
+
+    force: Array | None
+    separation: Array | None
+    drop: Array | None
+    law_scale: Array | float = 1.0
+
+    def with_force(self, force: Array) -> Signal:
+        """The same with other forces."""
+        return replace(self, force=force)
+
+    def with_drop(self, drop: Array) -> Signal:
+        """The same with other drops."""
+        return replace(self, drop=drop)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The simulator's side of a pair, as effects see it.
+
+    pair, layout: what is compared. cell: [Q], the cell of each press. base: the signal without effects. mean:
+    f64[C, F, n], the simulator's features.
+    """
+
+    pair: Pair
+    layout: Layout
+    cell: NDArray[np.intp]
+    base: Signal
+    mean: Array
+
+    @property
+    def model(self) -> SensorModel:
+        """Of the simulator; raises ValueError without one."""
+        if self.pair.sensor_model is None:
+            raise ValueError("sensor model: expected one, found none")
+        return self.pair.sensor_model
+
+    @property
+    def has_force(self) -> bool:
+        """Whether effects on force can be tried."""
+        return self.base.force is not None and self.pair.sensor_model is not None
+
+    @cached_property
+    def drop(self) -> Array:
+        """Drops without effects, f64[Q, K, n]."""
+        return self.to_drop(self.base)
+
+    def to_drop(self, signal: Signal) -> Array:
+        """Counts of a signal, f64[Q, K, n]."""
+        if signal.drop is not None:
+            return signal.drop
+        assert signal.force is not None
+        half = self.model.half_force_n * signal.law_scale
+        return np.asarray(self.model.full_scale_drop_counts * signal.force / (signal.force + half))
+
+    @cached_property
+    def since(self) -> Array:
+        """Middle of each node, seconds after closing began, f64[K]."""
+        return self.pair.clock.since_start
+
+    @cached_property
+    def _average(self) -> Array:
+        """Mean over the presses of each cell, f64[C, Q]."""
+        matrix = np.zeros((len(self.pair.cells), len(self.cell)))
+        matrix[self.cell, np.arange(len(self.cell))] = 1.0
+        return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
+
+    def binned(self, drop: Array) -> Array:
+        """Cell means of the bins' drops, f64[C, B, n]."""
+        presses, nodes, taxels = drop.shape
+        average, bins = self._average, self.pair.clock.to_bins
+        cells = (average @ drop.reshape(presses, nodes * taxels)).reshape(-1, nodes, taxels)
+        return np.asarray(np.matmul(bins, cells))
+
+    @cached_property
+    def _base_bins(self) -> Array:
+        return self.binned(self.drop)
+
+    @cached_property
+    def _base_onsets(self) -> Array:
+        return self._onsets(self.drop)
+
+    def predicted(self, signal: Signal) -> Array:
+        """The simulator's features with what a signal adds to the base, f64[C, F, n]; exactly `mean` for the base."""
+        if signal is self.base:
+            return self.mean
+        drop = self.to_drop(signal)
+        result = self.mean.copy()
+        result[:, : self.layout.bins] += self.binned(drop) - self._base_bins
+        with np.errstate(invalid="ignore"):
+            shift = self._onsets(drop) - self._base_onsets
+        result[:, self.layout.onset] += np.nan_to_num(shift)[:, self.pair.groups.sensor]
+        return result
+
+    def _onsets(self, drop: Array) -> Array:
+        """When each board's summed drop passes half its hold level, in the feature's counts, f64[C, s]."""
+        clock = self.pair.clock
+        presses, nodes, taxels = drop.shape
+        board = (np.maximum(drop, 0.0).reshape(-1, taxels) @ self._boards).reshape(presses, nodes, -1)
+        hold = board[:, clock.phase == Phase.HOLD].mean(axis=1)
+        rise = np.flatnonzero((clock.phase == Phase.CLOSING) | (clock.phase == Phase.HOLD))
+        above = board[:, rise] >= 0.5 * hold[:, None]
+        first = above.argmax(axis=1)
+        before = np.maximum(first - 1, 0)
+        q, s = np.indices(hold.shape)
+        low, high = board[q, rise[before], s], board[q, rise[first], s]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.clip((0.5 * hold - low) / (high - low), 0.0, 1.0)
+        time = self.since[rise[before]] + np.nan_to_num(share) * (self.since[rise[first]] - self.since[rise[before]])
+        time = np.where((hold > 0) & (first > 0), time, np.nan)
+        return 300.0 * np.asarray(self._average @ np.nan_to_num(time, nan=0.0))
+
+    @cached_property
+    def _boards(self) -> Array:
+        sensor = self.pair.groups.sensor
+        return np.asarray(sensor[:, None] == np.arange(len(self.pair.sensors.address))).astype(np.float64)
+
+
+def state_of(pair: Pair, layout: Layout, mean: Array) -> State:
+    """Choose the presses of each cell that effects are worked out on. mean: f64[C, F, n]."""
+    size = len(pair.cells) * pair.clock.nodes * pair.n
+    repeats = max(1, min(MOST_REPEATS, int(MOST_VALUES // size)))
+    chosen: list[int] = []
+    for cell in range(len(pair.cells)):
+        own = np.flatnonzero(pair.sim.cell == cell)
+        order = own[np.argsort(pair.sim.iteration[own], kind="stable")]
+        chosen += order[:repeats].tolist()
+    rows = np.array(chosen, dtype=np.intp)
+    sim = pair.sim
+    if sim.force is not None and sim.separation is not None and pair.sensor_model is not None:
+        base = Signal(_filled(sim.force[rows]), _filled(sim.separation[rows]), None)
+    else:
+        base = Signal(None, None, _filled(sim.nodes[rows]))
+    return State(pair, layout, sim.cell[rows], base, mean)
+
+
+def _filled(values: NDArray[np.float32]) -> Array:
+    """Nodes without a frame take the node before, f64."""
+    result = values.astype(np.float64)
+    for node in range(1, result.shape[1]):
+        gone = np.isnan(result[:, node])
+        result[:, node] = np.where(gone, result[:, node - 1], result[:, node])
+    return np.nan_to_num(result)
