@@ -35,8 +35,8 @@ class Pair:
         taxels, sensors, groups: of the hand; sensors in the order of the real file.
         clock: nodes of time. real, sim: the reduced recordings.
         sensor_model: of the simulator, if its file states one.
-        objects: meshes by name. poses: of the real recording's first grasp of each cell, sensor poses f64[C, s, 4, 4]
-            and object poses f64[C, 4, 4].
+        objects: meshes by name. sensor_poses, object_poses: of the simulation's first grasp of each cell,
+            f64[C, s, 4, 4] and f64[C, 4, 4].
         paths: of both files. digests: their SHA-256.
         losses: what this pair lacks, in words, for the report.
     """
@@ -86,7 +86,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         second = read_recording(
             sim, sim_ids, numbers, clock, groups, columns, lambda done, _: progress(len(real_ids) + done, total)
         )
-        firsts = [real[real_ids[int(np.flatnonzero(first.cell == cell)[0])]] for cell in range(len(cells))]
+        firsts = [sim[sim_ids[int(np.flatnonzero(second.cell == cell)[0])]] for cell in range(len(cells))]
         return Pair(
             cells,
             real.taxels,
@@ -97,7 +97,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             second,
             sim.sensor_model,
             dict(real.objects),
-            np.stack([grasp.sensor_pose for grasp in firsts]),
+            np.stack([grasp.sensor_pose[columns] for grasp in firsts]),
             np.stack([grasp.object_pose for grasp in firsts]),
             (str(real_path), str(sim_path)),
             (_digest(real.path), _digest(sim.path)),

@@ -1,0 +1,49 @@
+"""The effects that are tried, by the names of the report page, each in its forms and scopes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+
+from taxel.gap.effects.baseline_drift import BaselineDrift
+from taxel.gap.effects.contact_propagation import ContactPropagation
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect
+from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.hysteresis import Hysteresis
+from taxel.gap.effects.latency import Latency
+from taxel.gap.effects.noise import Noise
+from taxel.gap.effects.pose_error import PoseError
+from taxel.gap.effects.proximity import Proximity
+from taxel.gap.effects.saturation import Saturation
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.errors import GapInputError
+
+DROPOUT = "dropout"
+
+CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
+    {
+        "contact_propagation": (ContactPropagation("kept"), ContactPropagation("added")),
+        "electrode_crosstalk": (ElectrodeCrosstalk(HAND), ElectrodeCrosstalk(BOARD)),
+        "noise": (Noise(HAND), Noise(BOARD)),
+        "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
+        "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
+        "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
+        "hysteresis": (Hysteresis("late"), Hysteresis("more")),
+        "saturation": (Saturation("clip"), Saturation("soft")),
+        "proximity": (Proximity("exponential"), Proximity("linear")),
+        DROPOUT: (),  # found by looking, see `taxel.gap.dropped`
+        "pose_error": (PoseError(OBJECT), PoseError(BOARD)),
+        "latency": (Latency(BOARD),),
+    }
+)
+"""Forms of every effect."""
+
+
+def chosen(without: Collection[str] = ()) -> dict[str, tuple[Effect, ...]]:
+    """The catalogue less some effects. Raises GapInputError for a name that it lacks."""
+    for name in without:
+        if name not in CATALOGUE:
+            names = ", ".join(CATALOGUE)
+            raise GapInputError("--without", f"one of {names}", repr(name), "correct the name")
+    return {name: forms for name, forms in CATALOGUE.items() if name not in without}

@@ -1,0 +1,83 @@
+"""Which taxels, lines and boards answer to nothing."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.effects.dropout import Dropped
+from taxel.gap.features import COUNTS_MISSING, SessionMeans
+from taxel.gap.state import State
+
+Array = NDArray[np.float64]
+
+LOADED_COUNTS: Final = 120.0
+"""A taxel that is never expected to drop by more may be dead without anybody knowing."""
+
+DEAD: Final = 0.2
+"""Share of the expected drop below which a taxel does not answer."""
+
+SURE: Final = 0.5
+"""And below which it stays with three standard errors."""
+
+MISSING: Final = 0.02
+"""Share of missing frames beyond the simulator's that is no accident."""
+
+STUCK: Final = 0.1
+"""Noise below this share of the board's usual noise: the taxel does not even read noise."""
+
+
+def find_dropped(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> Dropped:
+    """Look in some cells, bool[C]. features: f64[C, F, n], what is expected."""
+    n, sensor = state.pair.n, state.pair.groups.sensor
+    dead, loaded = _dead(state, real, features, cells)
+    noise = np.nanmean(real.value[cells][:, :, state.layout.noise], axis=(0, 1, 2))
+    usual = np.array([np.nanmedian(noise[sensor == board]) for board in sensor])
+    stuck = np.nan_to_num(noise, nan=np.inf) < STUCK * usual
+    missing = np.zeros(int(sensor.max()) + 1)
+    gone = np.nanmean(real.value[cells][:, :, state.layout.missing], axis=(0, 1)) / COUNTS_MISSING
+    simulated = features[cells][:, state.layout.missing].mean(axis=0) / COUNTS_MISSING
+    for board in range(len(missing)):
+        extra = float(np.mean((gone - simulated)[sensor == board]))
+        missing[board] = extra if extra > MISSING else 0.0
+    dead = (dead | stuck) & (missing[sensor] < 0.9)
+    lines = _lines(state, dead, loaded | stuck)
+    on_line = np.zeros(n, bool)
+    for board, axis, index in lines:
+        number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
+        on_line |= (sensor == board) & (number == index)
+    return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck)
+
+
+def _dead(
+    state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Taxels that do not answer, and those that were expected to: bool[n] each."""
+    expected = features[cells][:, : state.layout.bins]
+    weight = state.layout.weight[: state.layout.bins, None]
+    seen = np.nan_to_num(real.value[cells][:, :, : state.layout.bins])
+    known = np.isfinite(real.value[cells][:, :, : state.layout.bins])
+    power = np.einsum("csfn,cfn->sn", known * weight, expected**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.einsum("csfn,cfn->sn", weight * seen, expected) / power
+    loaded = expected.max(axis=(0, 1)) > LOADED_COUNTS
+    count = np.isfinite(ratio).sum(axis=0)
+    mean = np.nanmean(np.where(np.isfinite(ratio), ratio, np.nan), axis=0)
+    error = np.nanstd(ratio, axis=0, ddof=1) / np.sqrt(np.maximum(count, 1)) if ratio.shape[0] > 1 else 0.1
+    return loaded & (mean < DEAD) & (np.nan_to_num(mean + 3.0 * error, nan=9.0) < SURE), loaded
+
+
+def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, str, int]]:
+    """Lines of which every taxel that can be judged is dead, and there are two at least."""
+    found: list[tuple[int, str, int]] = []
+    sensor = state.pair.groups.sensor
+    for axis, number in (("tx", state.pair.taxels.tx), ("rx", state.pair.taxels.rx)):
+        for board in range(int(sensor.max()) + 1):
+            for index in np.unique(number[sensor == board]).tolist():
+                own = (sensor == board) & (number == index) & known
+                whole = (sensor == board) & known
+                if own.sum() >= 2 and dead[own].all() and not dead[whole].all():
+                    found.append((board, axis, index))
+    return found

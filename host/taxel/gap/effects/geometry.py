@@ -1,0 +1,211 @@
+"""Where a displaced object or bracket presses: rays along the taxels' normals onto the objects' meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from taxel.gap.effects.effect import groups_of
+from taxel.gap.state import State
+from taxel.grasp.shapes import ConvexPolytope, ShapeError
+from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_tables import ObjectMesh
+
+Array = NDArray[np.float64]
+
+PIECES: Final = 3
+"""Pieces along a taxel's side: an edge that passes over a taxel presses a part of it."""
+
+NEAR_M: Final = 0.006
+"""A piece that is farther from contact than this stays out of it."""
+
+CONVEX: Final = 0.999
+"""Share of its hull that a solid fills if it counts as convex."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """One board in one cell during hold. taxels: [m]. force: f64[m], newtons. points, normals: f64[m, 9, 3], of their
+    pieces, bracket frame. object_from_board: f64[4, 4].
+    """
+
+    cell: int
+    board: int
+    taxels: NDArray[np.intp]
+    force: Array
+    points: Array
+    normals: Array
+    object_from_board: Array
+
+
+class Mesh:
+    """An object's mesh as something that a ray can meet."""
+
+    def __init__(self, mesh: ObjectMesh) -> None:
+        self._triangles = mesh.vertices[mesh.faces]
+        self._shape = _convex(mesh)
+
+    def separation(self, points: Array, directions: Array) -> Array:
+        """Signed distance along each ray f64[m, 3] to where it enters, f64[m]; inf where it misses."""
+        if self._shape is not None:
+            return self._shape.ray_separation(points, directions)
+        return _through_triangles(self._triangles, points, directions)
+
+
+def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0
+    try:
+        if volume < CONVEX * ConvexHull(mesh.vertices).volume:
+            return None
+        return ConvexPolytope.from_mesh(mesh.vertices)
+    except (QhullError, ShapeError):
+        return None
+
+
+def _through_triangles(triangles: Array, points: Array, directions: Array) -> Array:
+    """Moller and Trumbore 1997; the entry that lies nearest to the point counts."""
+    nearest = np.full(len(points), np.inf)
+    for corner, second, third in triangles:
+        edges = second - corner, third - corner
+        p = np.cross(directions, edges[1])
+        determinant = p @ edges[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            offset = points - corner
+            u = np.einsum("mi,mi->m", offset, p) / determinant
+            q = np.cross(offset, edges[0])
+            v = np.einsum("mi,mi->m", directions, q) / determinant
+            at = q @ edges[1] / determinant
+        # A positive determinant: the ray comes from outside.
+        hit = (determinant > 1e-15) & (u >= 0) & (v >= 0) & (u + v <= 1) & (np.abs(at) < np.abs(nearest))
+        nearest = np.where(hit, at, nearest)
+    return nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Force over depth of a taxel's layer, as the simulator's own data tell: both f64[k], rising from 0."""
+
+    depth_m: Array
+    force_n: Array
+
+    def force(self, depth: Array) -> Array:
+        """Newtons; beyond the last point along its tangent."""
+        inside = np.interp(depth, self.depth_m, self.force_n)
+        slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
+        return np.asarray(
+            np.where(depth > self.depth_m[-1], self.force_n[-1] + slope * (depth - self.depth_m[-1]), inside)
+        )
+
+
+def law_of(state: State) -> Law:
+    """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed."""
+    force, separation = state.base.force, state.base.separation
+    assert force is not None
+    assert separation is not None
+    pressed = (separation < 0) & (force > 0.02)
+    depth, newtons = -separation[pressed], force[pressed]
+    stated = state.model.contact_stiffness_n_per_m
+    if len(depth) < 200:
+        stiffness = stated or (float(np.median(newtons / depth)) if len(depth) else 1000.0)
+        return Law(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
+    edges = np.quantile(depth, np.linspace(0.0, 0.995, 25))
+    middle, level = [0.0], [0.0]
+    for low, high in pairwise(edges.tolist()):
+        own = (depth >= low) & (depth <= high)
+        if own.sum() >= 5 and np.median(depth[own]) > middle[-1] + 1e-6:
+            middle.append(float(np.median(depth[own])))
+            level.append(max(float(np.median(newtons[own])), level[-1] + 1e-4))
+    return Law(np.array(middle), np.array(level))
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name."""
+
+    contacts: tuple[Contact, ...]
+    meshes: dict[str, Mesh]
+    law: Law
+    rest: tuple[Array, ...]
+
+    def displaced(self, state: State, contact: Contact, motion: Array) -> Array:
+        """Forces on the contact's taxels, f64[m], when the board moves by `motion` f64[4, 4] in the object's view.
+
+        The board's approach is solved anew so that its net force stays.
+        """
+        mesh = self.meshes[state.pair.cells[contact.cell][0]]
+        depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
+        return pressed_to(self.law, depth, float(contact.force.sum()))
+
+
+def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:
+    """How far each piece is pressed in, f64[m, 9], metres; very negative where its ray misses."""
+    turn, offset = object_from_board[:3, :3], object_from_board[:3, 3]
+    points, normals = contact.points @ turn.T + offset, contact.normals @ turn.T
+    shape = points.shape[:2]
+    apart = mesh.separation(points.reshape(-1, 3), normals.reshape(-1, 3)).reshape(shape)
+    return np.asarray(np.where(np.isfinite(apart), -apart, -1.0))
+
+
+def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
+    """Forces f64[m] of pieces f64[m, 9] when the board approaches until they add to the net force."""
+    low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        force = law.force(np.maximum(depth + middle, 0.0)).mean(axis=1)
+        low, high = (middle, high) if force.sum() < net_force else (low, middle)
+    return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
+
+
+@lru_cache(maxsize=4)
+def geometry_of(state: State) -> Geometry:
+    """Work out, once for a state, where boards bear."""
+    pair = state.pair
+    assert state.base.force is not None
+    law = law_of(state)
+    meshes = {name: Mesh(pair.objects[name]) for name in sorted({item for item, _ in pair.cells})}
+    hold = pair.clock.phase == Phase.HOLD
+    contacts = []
+    for cell in range(len(pair.cells)):
+        force = state.base.force[state.cell == cell][:, hold].mean(axis=(0, 1))
+        for board, taxels in enumerate(groups_of(pair.groups.sensor)):
+            if force[taxels].sum() < 0.05:
+                continue
+            pose = np.linalg.inv(pair.object_poses[cell]) @ pair.sensor_poses[cell, board]
+            points, normals = _pieces(
+                pair.taxels.position[taxels], pair.taxels.normal[taxels], pair.taxels.size[taxels]
+            )
+            contacts.append(Contact(cell, board, taxels, force[taxels], points, normals, pose))
+    rest = tuple(
+        pressed_to(
+            law, piece_depth(meshes[pair.cells[one.cell][0]], one.object_from_board, one), float(one.force.sum())
+        )
+        for one in contacts
+    )
+    return Geometry(tuple(contacts), meshes, law, rest)
+
+
+def _pieces(position: Array, normal: Array, size: Array) -> tuple[Array, Array]:
+    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normal, first)
+    steps = ((np.arange(PIECES) + 0.5) / PIECES - 0.5)[:, None]
+    pitch = _pitch(position, size)
+    along, across = (grid.ravel() * pitch for grid in np.meshgrid(steps, steps, indexing="ij"))
+    points = position[:, None] + along[:, None] * first[:, None] + across[:, None] * second[:, None]
+    return points, np.repeat(normal[:, None], PIECES**2, axis=1)
+
+
+def _pitch(position: Array, size: Array) -> float:
+    if len(position) < 2:
+        return float(size.mean())
+    apart = np.linalg.norm(position[:, None] - position, axis=2)
+    apart[apart == 0] = np.inf
+    return float(np.median(apart.min(axis=1)))

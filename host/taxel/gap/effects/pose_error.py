@@ -1,0 +1,69 @@
+"""An object or a bracket is not where the model has it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
+from taxel.gap.effects.geometry import geometry_of
+from taxel.gap.state import Signal, State
+from taxel.hand.transforms import from_rotation_vector
+from taxel.recording.grasp_format import Phase
+
+PRIOR_MM, PRIOR_DEG = 3.0, 4.0
+"""How far off things are mounted, about; it settles what a press cannot tell, such as a slide along a face."""
+
+
+class PoseError(Effect):
+    """Each object (scope "object", its own frame) or bracket ("board") is moved and turned about its origin.
+
+    The rays along the normals meet the mesh elsewhere; each board approaches until its net force is what it was.
+    """
+
+    name = "pose_error"
+    order = 10
+    needs_force: ClassVar[bool] = True
+
+    def __init__(self, scope: str = OBJECT) -> None:
+        self.scope = scope
+        self.variant = f"{scope}s" if scope == OBJECT else "brackets"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Translation and rotation vector."""
+        move = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_MM) for axis in "xyz"]
+        turn = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_DEG) for axis in "xyz"]
+        return (*move, *turn)
+
+    def unavailable(self, state: State) -> str:
+        """See `Effect`."""
+        return super().unavailable(state)
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if not values.any() or signal.force is None:
+            return signal
+        geometry = geometry_of(state)
+        hold = state.pair.clock.phase == Phase.HOLD
+        force = signal.force.copy()
+        blocks = self.blocks(state)
+        for contact, rest in zip(geometry.contacts, geometry.rest, strict=True):
+            own = values[:, blocks[contact.cell, contact.taxels[0]]]
+            if not own.any():
+                continue
+            change = geometry.displaced(state, contact, self._motion(own, contact.object_from_board)) - rest
+            rows = np.flatnonzero(state.cell == contact.cell)
+            before = signal.force[np.ix_(rows, np.arange(len(hold)), contact.taxels)]
+            net = before.sum(axis=2, keepdims=True)
+            share = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
+            force[np.ix_(rows, np.arange(len(hold)), contact.taxels)] = np.maximum(before + share * change, 0.0)
+        return signal.with_force(force)
+
+    def _motion(self, own: Array, object_from_board: Array) -> Array:
+        """Of the board as the object sees it, f64[4, 4]."""
+        step = from_rotation_vector(np.radians(own[3:]))
+        step[:3, 3] = 1e-3 * own[:3]
+        if self.scope == OBJECT:
+            return np.asarray(np.linalg.inv(step))
+        return np.asarray(object_from_board @ step @ np.linalg.inv(object_from_board))

@@ -1,0 +1,131 @@
+"""How much of the gap a chain of effects explains, on cells that it was not fitted to.
+
+The score is the excess with every feature divided by what sessions and an imperfect solver scatter: a mean of products
+of different sessions' residuals, so that scatter cancels. Its error comes from leaving one session out (jackknife).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from taxel.gap.chain import Chain
+from taxel.gap.features import Layout, SessionMeans
+from taxel.gap.fit import Fit, Problem, fit
+from taxel.gap.state import State
+
+Array = NDArray[np.float64]
+
+FOLDS: Final = 4
+"""Parts of the cells; each is predicted by what the others tell."""
+
+MODEL_SHARE: Final = 0.04
+"""Relative error of a good simulator's drop: two solvers of one contact differ by as much at least."""
+
+TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 0.3, "missing": 5.0, "onset": 8.0, "wander": 0.5}
+"""And its absolute error."""
+
+REFITS: Final = 4
+"""Iterations of a fit that begins near its end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """value: of all sessions. left: f64[S], without each."""
+
+    value: float
+    left: Array
+
+    def better_than(self, other: Score) -> tuple[float, float]:
+        """By how much this score is lower, and the p-value of that being chance."""
+        gain = other.value - self.value
+        steps = other.left - self.left
+        count = len(steps)
+        if count < 3:
+            return gain, 0.5 if gain > 0 else 1.0
+        error = float(np.sqrt((count - 1) / count * np.sum((steps - steps.mean()) ** 2)))
+        if error <= 0:
+            return gain, 0.0 if gain > 0 else 1.0
+        return gain, float(student.sf(gain / error, count - 1))
+
+
+class Judge:
+    """Judges chains on a state against real sessions."""
+
+    def __init__(self, state: State, real: SessionMeans, layout: Layout) -> None:
+        self.state, self.layout, self.sessions = state, layout, real
+        self.real = np.nan_to_num(real.value)
+        self._known = np.isfinite(real.value)
+        self.target = np.nan_to_num(np.nanmean(np.where(self._known, real.value, np.nan), axis=1))
+        self.weight = self._weights(real)
+        self.fold = _folds(state.pair.cells)
+
+    def _weights(self, real: SessionMeans) -> Array:
+        model, layout = self.state.mean, self.layout
+        count = self._known.sum(axis=1)
+        squares = np.where(self._known, (self.real - self.target[:, None]) ** 2, 0.0).sum(axis=1)
+        between = squares / np.maximum(count - 1, 1) / np.maximum(count, 1)
+        if self.real.shape[1] < 2:
+            between = np.nan_to_num(real.spread) / np.maximum(real.count.sum(axis=1), 1)[:, None, None]
+        pooled = 0.5 * between + 0.5 * between.mean(axis=0)
+        tolerance = np.full(model.shape, TOLERANCE_COUNTS["drop"])
+        expected = np.maximum(np.abs(model[:, : layout.bins]), np.abs(self.target[:, : layout.bins]))
+        tolerance[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["drop"], MODEL_SHARE * expected)
+        tolerance[:, layout.noise] = np.hypot(TOLERANCE_COUNTS["noise"], 0.05 * model[:, layout.noise])
+        tolerance[:, layout.missing] = TOLERANCE_COUNTS["missing"]
+        tolerance[:, layout.onset] = TOLERANCE_COUNTS["onset"]
+        tolerance[:, layout.wander] = TOLERANCE_COUNTS["wander"]
+        weight = layout.weight[:, None] / (pooled + tolerance**2)
+        return np.where(self._known.any(axis=1), weight, 0.0)
+
+    def problem(self, cells: NDArray[np.bool_] | None = None) -> Problem:
+        """To be fitted on some cells, bool[C]; None: all."""
+        weight = self.weight if cells is None else np.where(cells[:, None, None], self.weight, 0.0)
+        return Problem(self.state, self.target, weight)
+
+    def score(self, features: Array, weight: Array | None = None) -> Score:
+        """Of features f64[C, F, n]."""
+        weight = self.weight if weight is None else weight
+        residual = np.where(self._known, self.real - features[:, None], 0.0)
+        sessions = residual.shape[1]
+        # Per session pair: sum over s != t of w D_s D_t, over their number.
+        gram = np.einsum("csfn,ctfn->st", residual * weight[:, None], residual, optimize=True)
+        return Score(_off_diagonal(gram), np.array([_off_diagonal(_less(gram, s)) for s in range(sessions)]))
+
+    def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = 12) -> Fit:
+        """Fitted to all cells."""
+        return fit(self.problem(), chain, fixed, iterations)
+
+    def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> Array:
+        """Each fold's cells as predicted by a fit to the others, f64[C, F, n]. chain: fitted to all cells."""
+        result = self.state.mean.copy()
+        for number in range(int(self.fold.max()) + 1):
+            held = self.fold == number
+            if held.all():
+                return chain.features(self.state)
+            result[held] = fit(self.problem(~held), chain, fixed, REFITS).features[held]
+        return result
+
+
+def _off_diagonal(gram: Array) -> float:
+    count = len(gram)
+    if count < 2:
+        return float(gram.sum())
+    return float((gram.sum() - np.trace(gram)) / (count * (count - 1)))
+
+
+def _less(gram: Array, session: int) -> Array:
+    return np.delete(np.delete(gram, session, axis=0), session, axis=1)
+
+
+def _folds(cells: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:
+    """Fold of each cell: the approaches of an object go to different ones."""
+    count = min(FOLDS, len(cells))
+    fold = np.zeros(len(cells), np.intp)
+    for place, cell in enumerate(sorted(range(len(cells)), key=lambda index: cells[index])):
+        fold[cell] = place % count
+    return fold

@@ -1,0 +1,149 @@
+"""Which effects explain the gap: one after another, as long as cells that were left out gain by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.catalogue import DROPOUT
+from taxel.gap.chain import Chain, Link
+from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.dropout import Dropout
+from taxel.gap.effects.effect import Effect
+from taxel.gap.fit import started
+from taxel.gap.judge import Judge, Score
+
+Array = NDArray[np.float64]
+
+MOST_EFFECTS: Final = 4
+SHORTLIST: Final = 5
+"""Forms that are cross-validated in a round: those that gain most where they were fitted."""
+
+LEVEL: Final = 0.01
+"""Of a corrected p-value under which a gain is believed."""
+
+LEAST_SHARE: Final = 0.03
+"""Of the whole score that an effect must explain to be named."""
+
+THREADS: Final = 2
+
+Forms = Mapping[str, tuple[Effect, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """An effect that was tried in a round. link: with fitted values; chain: in which. inside: score where it was
+    fitted; held: score on left-out cells, None where it was not worth it.
+    """
+
+    name: str
+    chain: Chain
+    features: Array
+    inside: Score
+    held: Score | None = None
+    held_features: Array | None = None
+
+    @property
+    def link(self) -> Link:
+        """The effect itself."""
+        return next(link for link in self.chain.links if link.effect.name == self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One round of the search. trials: best form of each effect. base: score that they began from. gain, p_value: of
+    the best, corrected for the search.
+    """
+
+    base: Score
+    trials: tuple[Trial, ...]
+    best: Trial | None
+    gain: float
+    p_value: float
+    accepted: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """chain: what explains the gap. rounds: how it was found. features: in sample; held: on left-out cells,
+    f64[C, F, n]. start, end: scores without and with it, on left-out cells.
+    """
+
+    chain: Chain
+    rounds: tuple[Round, ...]
+    features: Array
+    held: Array
+    start: Score
+    end: Score
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def explained(self) -> float:
+        """Share of the score that is gone on left-out cells."""
+        return 1.0 - self.end.value / self.start.value if self.start.value > 0 else 0.0
+
+
+def select(judge: Judge, forms: Forms, progress: Callable[[str], None] = lambda _: None) -> Selection:
+    """Search forward. forms: the catalogue."""
+    start = judge.score(judge.state.mean)
+    chain, base, held, features = Chain(), start, judge.state.mean, judge.state.mean
+    rounds: list[Round] = []
+    for number in range(MOST_EFFECTS):
+        progress(f"round {number + 1}")
+        this = _round(judge, forms, chain, features, base, start)
+        rounds.append(this)
+        if not this.accepted or this.best is None or this.best.held is None or this.best.held_features is None:
+            break
+        chain, features = this.best.chain, this.best.features
+        base, held = this.best.held, this.best.held_features
+    return Selection(chain, tuple(rounds), features, held, start, base)
+
+
+def _round(judge: Judge, forms: Forms, chain: Chain, features: Array, base: Score, start: Score) -> Round:
+    names = [name for name in forms if name not in chain.names]
+    jobs: list[tuple[str, Link]] = []
+    for name in names:
+        if name == DROPOUT:
+            dropped = find_dropped(judge.state, judge.sessions, features, np.ones(len(features), bool))
+            if dropped.found:
+                effect = Dropout(dropped)
+                jobs.append((name, Link(effect, effect.found_values(judge.state))))
+            continue
+        jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
+    with ThreadPoolExecutor(THREADS) as pool:
+        trials = list(pool.map(lambda job: _tried(judge, job[0], chain.with_link(job[1])), jobs))
+        trials.sort(key=lambda trial: trial.inside.value)
+        worth = [trial for trial in trials if base.value - trial.inside.value > 0.5 * LEAST_SHARE * start.value]
+        chosen = worth[:SHORTLIST]
+        held = list(pool.map(lambda trial: _cross_validated(judge, trial), chosen))
+    every = held + [trial for trial in trials if trial not in chosen]
+    best_of: dict[str, Trial] = {}
+    for trial in sorted(every, key=_rank):
+        best_of.setdefault(trial.name, trial)
+    best = min(held, key=_rank) if held else None
+    if best is None or best.held is None:
+        return Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
+    gain, p_value = best.held.better_than(base)
+    p_value = min(1.0, p_value * len(best_of))
+    accepted = p_value < LEVEL and gain > LEAST_SHARE * start.value
+    return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
+
+
+def _rank(trial: Trial) -> tuple[bool, float]:
+    """Those that were cross-validated first."""
+    return (trial.held is None, trial.inside.value if trial.held is None else trial.held.value)
+
+
+def _tried(judge: Judge, name: str, chain: Chain) -> Trial:
+    fitted = judge.in_sample(chain, (DROPOUT,))
+    return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
+
+
+def _cross_validated(judge: Judge, trial: Trial) -> Trial:
+    held = judge.cross_validated(trial.chain, (DROPOUT,))
+    return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held)
