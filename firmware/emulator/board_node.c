@@ -99,7 +99,7 @@ static int open_effects(struct board_node *board, const struct world_description
     board->wander = clock_wander_open(&effects->clock, board->index, world->seed, address);
     board->wander_rate = 1.0;
     silent_open(&board->contact, &effects->silent, board->index, world->seed, address);
-    gain_apply(&effects->gain, board->index, world->seed, address, &board->front_end);
+    gain_apply(&effects->gain, board->index, world->parts_seed, address, &board->front_end);
     if (effects->late.delay[board->index] > 0.0) {
         board->fields.history = late_history_open(board->description->taxel_count, effects->late.delay[board->index]);
     }

@@ -100,6 +100,17 @@ static int read_fault(const struct world_reader *reader)
     return world_reader_complain(reader, "unknown fault");
 }
 
+static int read_seed(const struct world_reader *reader, const char *complaint, uint64_t *seed)
+{
+    char *end;
+    if (reader->count < 2) {
+        return world_reader_complain(reader, "a number is missing");
+    }
+    errno = 0;
+    *seed = strtoull(reader->words[1], &end, 10);
+    return *end || errno || !isdigit((unsigned char)reader->words[1][0]) ? world_reader_complain(reader, complaint) : 0;
+}
+
 static int read_line(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -122,15 +133,11 @@ static int read_line(const struct world_reader *reader)
         return effects_read_line(reader);
     }
     if (strcmp(word, "seed") == 0) {
-        char *end;
-        if (reader->count < 2) {
-            return world_reader_complain(reader, "a number is missing");
-        }
-        errno = 0;
-        world->seed = strtoull(reader->words[1], &end, 10);
-        return *end || errno || !isdigit((unsigned char)reader->words[1][0])
-                   ? world_reader_complain(reader, "seed: expected a whole number from 0 to 2^64 - 1")
-                   : 0;
+        return read_seed(reader, "seed: expected a whole number from 0 to 2^64 - 1", &world->seed);
+    }
+    if (strcmp(word, "parts_seed") == 0) {
+        world->parts_seed_is_given = true;
+        return read_seed(reader, "parts_seed: expected a whole number from 0 to 2^64 - 1", &world->parts_seed);
     }
     const struct {
         const char *word;
@@ -210,6 +217,9 @@ int world_file_read(struct world_description *world, const char *path)
     }
     const int result = read_lines(&reader, file);
     fclose(file);
+    if (!world->parts_seed_is_given) {
+        world->parts_seed = world->seed;
+    }
     return result;
 }
 

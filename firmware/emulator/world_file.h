@@ -60,6 +60,8 @@ struct object_description {
 
 struct world_description {
     uint64_t seed;
+    uint64_t parts_seed; /* of what differs from part to part, power-up after power-up */
+    bool parts_seed_is_given;
     double scl_hz;
     double baud;
     double usb_latency_ms;

@@ -26,6 +26,7 @@ BRACKET_M = 0.002  # thickness of a bracket between link and electrode (assumed)
 TIP_RADIUS_M = 0.017  # of a fingertip's bracket: clears the corners of the distal link's box, 16.9 mm from its axis
 FACE_HALF_WIDTH_M = 0.01375 + BRACKET_M  # of a finger link with brackets on its flanks
 BEND_RADIUS_M = 0.003  # to which the flexible circuit is bent round a link's corner (assumed)
+SLEEVE_RADIUS_M = 0.016  # of the bar under the rig's wrapped board (assumed)
 DOME_ROWS = 7  # TX 0..6 of a fingertip run over the dome, the others over the cylinder below it
 
 Rows = NDArray[np.float64]
@@ -70,6 +71,14 @@ def fingertip(kind: BoardKind) -> Rows:
     return np.hstack([centre + TIP_RADIUS_M * normal, normal])
 
 
+def sleeve(kind: BoardKind) -> Rows:
+    """A sheet round a bar."""
+    along, across = along_and_across(kind)
+    angle = across / SLEEVE_RADIUS_M
+    left, out = SLEEVE_RADIUS_M * np.sin(angle), SLEEVE_RADIUS_M * (np.cos(angle) - 1.0)
+    return np.column_stack([along, left, out, np.zeros_like(along), np.sin(angle), np.cos(angle)])
+
+
 SHEETS: dict[str, Callable[[BoardKind], Rows]] = {
     "back_of_hand": flat,
     "fingertip": fingertip,
@@ -82,7 +91,7 @@ SHEETS: dict[str, Callable[[BoardKind], Rows]] = {
     "rig_slab": flat,
     "rig_wall": flat,
     "rig_dome": fingertip,
-    "rig_sleeve": wrapped,
+    "rig_sleeve": sleeve,
 }
 
 

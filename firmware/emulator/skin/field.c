@@ -101,7 +101,7 @@ int field_init(struct field *field, const struct world_description *description,
         if (!field->stiffness) {
             return -1;
         }
-        modulus_fill(&effects->modulus, description->seed, &description->boards[index], field->stiffness);
+        modulus_fill(&effects->modulus, description->parts_seed, &description->boards[index], field->stiffness);
     }
     return 0;
 }

@@ -77,6 +77,7 @@ def session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str
     """The text of the world in which one session takes place: its brackets are mounted anew."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
+        parts_seed=settings.seed,
         scl_hz=settings.scl_hz,
         baud=settings.baud,
         noise_counts=settings.noise_counts,

@@ -24,12 +24,16 @@ DROPOUT = "dropout"
 CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
         "contact_propagation": (ContactPropagation("kept"), ContactPropagation("added")),
-        "electrode_crosstalk": (ElectrodeCrosstalk(HAND), ElectrodeCrosstalk(BOARD)),
+        "electrode_crosstalk": (
+            ElectrodeCrosstalk("lines"),
+            ElectrodeCrosstalk("network"),
+            ElectrodeCrosstalk("network", BOARD),
+        ),
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
         "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
-        "hysteresis": (Hysteresis("late"), Hysteresis("more")),
+        "hysteresis": (Hysteresis("drop"), Hysteresis("force"), Hysteresis("more")),
         "saturation": (Saturation("clip"), Saturation("soft")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by looking, see `taxel.gap.dropped`

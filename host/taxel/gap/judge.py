@@ -20,8 +20,8 @@ from taxel.gap.state import State
 
 Array = NDArray[np.float64]
 
-FOLDS: Final = 4
-"""Parts of the cells; each is predicted by what the others tell."""
+FOLDS: Final = 16
+"""Parts of the cells, at most; each is predicted by what the others tell."""
 
 MODEL_SHARE: Final = 0.04
 """Relative error of a good simulator's drop: two solvers of one contact differ by as much at least."""

@@ -33,7 +33,7 @@ class Pair:
     Attributes:
         cells: the C keys (object, approach) that both have, sorted.
         taxels, sensors, groups: of the hand; sensors in the order of the real file.
-        clock: nodes of time. real, sim: the reduced recordings.
+        clock: nodes of time. frame_s: frame period of the slower recording. real, sim: the reduced recordings.
         sensor_model: of the simulator, if its file states one.
         objects: meshes by name. sensor_poses, object_poses: of the simulation's first grasp of each cell,
             f64[C, s, 4, 4] and f64[C, 4, 4].
@@ -46,6 +46,7 @@ class Pair:
     sensors: SensorTable
     groups: Groups
     clock: Clock
+    frame_s: float
     real: Recording
     sim: Recording
     sensor_model: SensorModel | None
@@ -76,7 +77,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
     with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
         columns = _check_tables(real, sim)
         cells, real_ids, sim_ids, losses = _common_cells(real, sim)
-        clock = _clock(real, sim, real_ids, sim_ids)
+        clock, rate = _clock(real, sim, real_ids, sim_ids)
         groups = _groups(real.taxels, real.sensors)
         total = len(real_ids) + len(sim_ids)
         numbers = {key: index for index, key in enumerate(cells)}
@@ -93,6 +94,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             real.sensors,
             groups,
             clock,
+            1.0 / rate,
             first,
             second,
             sim.sensor_model,
@@ -150,7 +152,9 @@ def _common_cells(real: GraspDataset, sim: GraspDataset) -> tuple[tuple[Key, ...
     return common, ids[0], ids[1], losses
 
 
-def _clock(real: GraspDataset, sim: GraspDataset, real_ids: Sequence[str], sim_ids: Sequence[str]) -> Clock:
+def _clock(
+    real: GraspDataset, sim: GraspDataset, real_ids: Sequence[str], sim_ids: Sequence[str]
+) -> tuple[Clock, float]:
     durations: dict[Phase, float] = {}
     rate = np.inf
     for data, ids in ((real, real_ids), (sim, sim_ids)):
@@ -168,7 +172,8 @@ def _clock(real: GraspDataset, sim: GraspDataset, real_ids: Sequence[str], sim_i
                 where = f"{data.path}: /grasps/{name}/phase"
                 raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
     usable = {phase: lasts for phase, lasts in durations.items() if lasts > 0}
-    return Clock.of(usable, rate if np.isfinite(rate) else 1.0)
+    rate = rate if np.isfinite(rate) else 1.0
+    return Clock.of(usable, rate), rate
 
 
 def _groups(taxels: TaxelTable, sensors: SensorTable) -> Groups:

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.align import ALIGNMENT, aligned
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.dropped import find_dropped
@@ -31,6 +32,9 @@ LEAST_SHARE: Final = 0.03
 """Of the whole score that an effect must explain to be named."""
 
 THREADS: Final = 2
+
+FIXED: Final = (DROPOUT, ALIGNMENT)
+"""Links that are found, not fitted with the others."""
 
 Forms = Mapping[str, tuple[Effect, ...]]
 
@@ -83,6 +87,11 @@ class Selection:
     notes: tuple[str, ...] = field(default=())
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that were found, in the order in which they were."""
+        return tuple(one.best.name for one in self.rounds if one.accepted and one.best is not None)
+
+    @property
     def explained(self) -> float:
         """Share of the score that is gone on left-out cells."""
         return 1.0 - self.end.value / self.start.value if self.start.value > 0 else 0.0
@@ -90,8 +99,10 @@ class Selection:
 
 def select(judge: Judge, forms: Forms, progress: Callable[[str], None] = lambda _: None) -> Selection:
     """Search forward. forms: the catalogue."""
-    start = judge.score(judge.state.mean)
-    chain, base, held, features = Chain(), start, judge.state.mean, judge.state.mean
+    chain = aligned(judge, judge.state.pair.frame_s)
+    features = chain.features(judge.state)
+    start = judge.score(features)
+    base, held = start, features
     rounds: list[Round] = []
     for number in range(MOST_EFFECTS):
         progress(f"round {number + 1}")
@@ -129,7 +140,7 @@ def _round(judge: Judge, forms: Forms, chain: Chain, features: Array, base: Scor
     if best is None or best.held is None:
         return Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
     gain, p_value = best.held.better_than(base)
-    p_value = min(1.0, p_value * len(best_of))
+    p_value = min(1.0, p_value * len({trial.name for trial in held}))
     accepted = p_value < LEVEL and gain > LEAST_SHARE * start.value
     return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
 
@@ -140,10 +151,10 @@ def _rank(trial: Trial) -> tuple[bool, float]:
 
 
 def _tried(judge: Judge, name: str, chain: Chain) -> Trial:
-    fitted = judge.in_sample(chain, (DROPOUT,))
+    fitted = judge.in_sample(chain, FIXED)
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 
 def _cross_validated(judge: Judge, trial: Trial) -> Trial:
-    held = judge.cross_validated(trial.chain, (DROPOUT,))
+    held = judge.cross_validated(trial.chain, FIXED)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held)

@@ -23,12 +23,14 @@ class WorldSettings:
     """What surrounds the hand in the emulator.
 
     `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is
-    off by up to this much (PSoC 4200: up to 2 %). `boot_ms`: from power to the first acknowledge. `faults`: lines of
+    off by up to this much (PSoC 4200: up to 2 %). `parts_seed`: draws what stays from one power-up to the next: clocks,
+    unique ids, gains and stiffness of taxels; None: `seed` does. `boot_ms`: from power to the first acknowledge. `faults`: lines of
     the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22". `effects`: lines without the
     word `effect`, such as "spread film length_m=0.002" (firmware/emulator/README.md lists them).
     """
 
     seed: int = 1
+    parts_seed: int | None = None
     scl_hz: float = 400e3
     baud: float = 1e6
     usb_latency_ms: float = 16.0
@@ -40,10 +42,15 @@ class WorldSettings:
     faults: Sequence[str] = ()
     effects: Sequence[str] = ()
 
+    @property
+    def parts(self) -> int:
+        """The seed of what stays."""
+        return self.seed if self.parts_seed is None else self.parts_seed
+
 
 def board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
     """How far each board's oscillator is off in this world, parts per million, in the order of `hand.boards`."""
-    generator = random.Random(f"clock {settings.seed}")
+    generator = random.Random(f"clock {settings.parts}")
     return [round(generator.uniform(-1.0, 1.0) * settings.clock_spread_ppm, 3) for _ in hand.boards]
 
 
@@ -55,6 +62,7 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
         "taxel-world 1",
         f"# hand {hand.name}: {len(hand.boards)} boards, {hand.n_taxels} taxels",
         f"seed {settings.seed}",
+        f"parts_seed {settings.parts}",
         f"scl_hz {settings.scl_hz!r}",
         f"baud {settings.baud:.10g}",
         f"usb_latency_ms {settings.usb_latency_ms!r}",
@@ -66,7 +74,7 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
     ]
     for board, ppm in zip(hand.boards, board_clocks_ppm(hand, settings), strict=True):
         kind = board.kind
-        unique_id = random.Random(f"unique id {settings.seed} {board.address}").randbytes(8).hex()
+        unique_id = random.Random(f"unique id {settings.parts} {board.address}").randbytes(8).hex()
         lines.append(
             f"board 0x{board.address:02X} {kind.code} {kind.tx_count} {kind.rx_count} {kind.taxel_count} "
             f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from taxel.gap.effects.effect import Array, Effect, Parameter
@@ -11,27 +9,35 @@ from taxel.gap.state import Signal, State
 
 
 class Hysteresis(Effect):
-    """A share `fraction` of the force acts late, with a time constant `seconds` (a standard linear solid).
+    """A share `fraction` acts late, with a time constant `seconds` (a standard linear solid).
 
-    variant "late": the whole force is reached in the end. "more": the late share comes on top.
+    variant "force": of the force. "drop": of the drop, as where the layer's compression creeps. "more": of the force,
+    and on top of it, as where a press goes on to give way.
     """
 
     name = "hysteresis"
-    order = 30
-    needs_force: ClassVar[bool] = True
+    order = 42
 
-    def __init__(self, variant: str = "late", scope: str = "hand") -> None:
+    def __init__(self, variant: str = "drop", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Late share and time constant."""
         return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
 
+    def unavailable(self, state: State) -> str:
+        """See `Effect`."""
+        return "" if self.variant == "drop" or state.has_force else "the simulation tells no contact force"
+
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
-        if not values[0].any() or signal.force is None:
+        if not values[0].any():
             return signal
         fraction, seconds = self.spread_out(state, values)
+        if self.variant == "drop":
+            drop = state.to_drop(signal)
+            return signal.with_drop((1.0 - fraction) * drop + fraction * low_pass(drop, state.since, seconds[:, 0]))
+        assert signal.force is not None
         late = low_pass(signal.force, state.since, seconds[:, 0])
         keep = 1.0 if self.variant == "more" else 1.0 - fraction
         return signal.with_force(keep * signal.force + fraction * late)
