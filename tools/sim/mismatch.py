@@ -1,6 +1,8 @@
 """How far the simulator and an emulated hand without effects are apart, against what repeats and sessions make of it.
 
 taxel grasp --source both --effects none --out out/none && python tools/sim/mismatch.py out/none/real.h5 out/none/sim.h5
+
+--all counts every board's taxels, as presses on a rig need it; else those that the thesis's experiments used.
 """
 
 from __future__ import annotations
@@ -16,22 +18,23 @@ from taxel.recording.grasp_dataset import GraspDataset
 Key = tuple[str, str]
 
 
-def hold_drops(path: str) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
-    """Mean drop over hold, counts [n], of every grasp by (object, approach) and session; and the used taxels."""
+def hold_drops(path: str, every: bool) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
+    """Mean drop over hold, counts [n], of every grasp by (object, approach) and session; and the taxels that count."""
     drops: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:
         for grasp in data:
             own = drops.setdefault((grasp.object, grasp.approach), {})
             own.setdefault(grasp.session, []).append(grasp.hold_drop())
-        return drops, used_taxels(data)
+        return drops, np.ones(data.taxels.n, bool) if every else used_taxels(data)
 
 
 def main() -> int:
     """Print gap and floor of each approach and of all, counts, over the taxels that either side activates."""
-    if len(sys.argv) != 3:
-        print("usage: mismatch.py REAL.h5 SIM.h5", file=sys.stderr)
+    paths = [word for word in sys.argv[1:] if word != "--all"]
+    if len(paths) != 2:
+        print("usage: mismatch.py [--all] REAL.h5 SIM.h5", file=sys.stderr)
         return 2
-    (real, used), (sim, _) = hold_drops(sys.argv[1]), hold_drops(sys.argv[2])
+    (real, used), (sim, _) = (hold_drops(path, "--all" in sys.argv[1:]) for path in paths)
     gaps, floors = [], []
     print(f"{'approach':<36}{'gap':>8}{'floor':>8}{'one grasp':>11}   counts, RMS over taxels")
     for key, sessions in sorted(real.items()):

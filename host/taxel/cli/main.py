@@ -8,6 +8,7 @@ import typer
 
 from taxel.cli.demo import demo
 from taxel.cli.emulate import emulate
+from taxel.cli.gap import gap_app
 from taxel.cli.grasp import grasp
 from taxel.cli.import_data import import_app
 from taxel.cli.record import record
@@ -25,6 +26,7 @@ app = typer.Typer(
 )
 for command in (demo, emulate, grasp, record, replay, show):
     app.command()(command)
+app.add_typer(gap_app, name="gap")
 app.add_typer(import_app, name="import")
 for point in entry_points(group="taxel.commands"):
     app.command(name=point.name)(point.load())

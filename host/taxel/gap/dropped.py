@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.effects.dropout import Dropped
-from taxel.gap.features import COUNTS_MISSING, SessionMeans
+from taxel.gap.features import COUNTS_MISSING, SessionMeans, known_mean
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]
@@ -33,11 +33,11 @@ def find_dropped(state: State, real: SessionMeans, features: Array, cells: NDArr
     """Look in some cells, bool[C]. features: f64[C, F, n], what is expected."""
     n, sensor = state.pair.n, state.pair.groups.sensor
     dead, loaded = _dead(state, real, features, cells)
-    noise = np.nanmean(real.value[cells][:, :, state.layout.noise], axis=(0, 1, 2))
-    usual = np.array([np.nanmedian(noise[sensor == board]) for board in sensor])
+    noise = known_mean(real.value[cells][:, :, state.layout.noise].reshape(-1, n), 0)
+    usual = _median_of_board(noise, sensor)
     stuck = np.nan_to_num(noise, nan=np.inf) < STUCK * usual
     missing = np.zeros(int(sensor.max()) + 1)
-    gone = np.nanmean(real.value[cells][:, :, state.layout.missing], axis=(0, 1)) / COUNTS_MISSING
+    gone = known_mean(real.value[cells][:, :, state.layout.missing].reshape(-1, n), 0) / COUNTS_MISSING
     simulated = features[cells][:, state.layout.missing].mean(axis=0) / COUNTS_MISSING
     for board in range(len(missing)):
         extra = float(np.mean((gone - simulated)[sensor == board]))
@@ -49,6 +49,16 @@ def find_dropped(state: State, real: SessionMeans, features: Array, cells: NDArr
         number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
         on_line |= (sensor == board) & (number == index)
     return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck)
+
+
+def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
+    """Of each taxel's board, f64[n]; NaN where nothing is known."""
+    result = np.full(len(noise), np.nan)
+    for board in np.unique(sensor):
+        known = noise[(sensor == board) & np.isfinite(noise)]
+        if len(known):
+            result[sensor == board] = np.median(known)
+    return result
 
 
 def _dead(
@@ -64,8 +74,9 @@ def _dead(
         ratio = np.einsum("csfn,cfn->sn", weight * seen, expected) / power
     loaded = expected.max(axis=(0, 1)) > LOADED_COUNTS
     count = np.isfinite(ratio).sum(axis=0)
-    mean = np.nanmean(np.where(np.isfinite(ratio), ratio, np.nan), axis=0)
-    error = np.nanstd(ratio, axis=0, ddof=1) / np.sqrt(np.maximum(count, 1)) if ratio.shape[0] > 1 else 0.1
+    mean = known_mean(ratio, 0)
+    squares = np.where(np.isfinite(ratio), (ratio - mean) ** 2, 0.0).sum(axis=0)
+    error = np.sqrt(squares / np.maximum(count - 1, 1) / np.maximum(count, 1)) if ratio.shape[0] > 1 else 0.1
     return loaded & (mean < DEAD) & (np.nan_to_num(mean + 3.0 * error, nan=9.0) < SURE), loaded
 
 

@@ -114,9 +114,16 @@ def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDA
     values[:, layout.missing] = COUNTS_MISSING * recording.missing[:, sensor]
     values[:, layout.onset] = COUNTS_PER_SECOND * recording.onset[:, sensor]
     last = clock.bins[-1][0]
-    after = np.nanmean(values[:, clock.bins_of(last)], axis=1) if last != Phase.HOLD else values[:, hold]
+    after = known_mean(values[:, clock.bins_of(last)].astype(np.float64), 1) if last != Phase.HOLD else values[:, hold]
     values[:, layout.wander] = np.where(untouched[recording.cell], after, 0.0)
     return values
+
+
+def known_mean(values: Array, axis: int) -> Array:
+    """Mean over what is known; NaN where nothing is."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    return np.asarray(np.where(known, values, 0.0).sum(axis=axis) / np.where(count, count, np.nan))
 
 
 def bin_means(clock: Clock, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -149,7 +156,7 @@ def session_means(
             mean = np.where(known, own, 0.0).sum(axis=0) / np.where(number, number, np.nan)
             squares += np.nan_to_num(np.where(known, (own - mean) ** 2, 0.0).sum(axis=0))
             freedom += len(own) - 1
-            mean[layout.wander] = np.sqrt(np.nanmean(own[:, layout.wander] ** 2, axis=0))
+            mean[layout.wander] = np.sqrt(known_mean(own[:, layout.wander] ** 2, 0))
             value[cell, column] = mean
         if freedom > 0:
             spread[cell] = squares / freedom

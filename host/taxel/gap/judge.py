@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from taxel.gap.chain import Chain
-from taxel.gap.features import Layout, SessionMeans
+from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import Fit, Problem, fit
 from taxel.gap.state import State
 
@@ -60,7 +60,7 @@ class Judge:
         self.state, self.layout, self.sessions = state, layout, real
         self.real = np.nan_to_num(real.value)
         self._known = np.isfinite(real.value)
-        self.target = np.nan_to_num(np.nanmean(np.where(self._known, real.value, np.nan), axis=1))
+        self.target = np.nan_to_num(known_mean(real.value, 1))
         self.weight = self._weights(real)
         self.fold = _folds(state.pair.cells)
 

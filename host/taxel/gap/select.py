@@ -15,7 +15,7 @@ from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import Effect
+from taxel.gap.effects.effect import HAND, Effect
 from taxel.gap.fit import started
 from taxel.gap.judge import Judge, Score
 
@@ -30,6 +30,9 @@ LEVEL: Final = 0.01
 
 LEAST_SHARE: Final = 0.03
 """Of the whole score that an effect must explain to be named."""
+
+SIMPLER: Final = 0.01
+"""Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
 
 THREADS: Final = 2
 
@@ -97,7 +100,7 @@ class Selection:
         return 1.0 - self.end.value / self.start.value if self.start.value > 0 else 0.0
 
 
-def select(judge: Judge, forms: Forms, progress: Callable[[str], None] = lambda _: None) -> Selection:
+def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = lambda done, total: None) -> Selection:
     """Search forward. forms: the catalogue."""
     chain = aligned(judge, judge.state.pair.frame_s)
     features = chain.features(judge.state)
@@ -105,7 +108,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[str], None] = lambda 
     base, held = start, features
     rounds: list[Round] = []
     for number in range(MOST_EFFECTS):
-        progress(f"round {number + 1}")
+        progress(number, MOST_EFFECTS)
         this = _round(judge, forms, chain, features, base, start)
         rounds.append(this)
         if not this.accepted or this.best is None or this.best.held is None or this.best.held_features is None:
@@ -133,16 +136,27 @@ def _round(judge: Judge, forms: Forms, chain: Chain, features: Array, base: Scor
         chosen = worth[:SHORTLIST]
         held = list(pool.map(lambda trial: _cross_validated(judge, trial), chosen))
     every = held + [trial for trial in trials if trial not in chosen]
-    best_of: dict[str, Trial] = {}
-    for trial in sorted(every, key=_rank):
-        best_of.setdefault(trial.name, trial)
-    best = min(held, key=_rank) if held else None
+    best_of = _best_forms(every, SIMPLER * start.value)
+    tried = [trial for trial in best_of.values() if trial.held is not None]
+    best = min(tried, key=_rank) if tried else None
     if best is None or best.held is None:
         return Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
     gain, p_value = best.held.better_than(base)
     p_value = min(1.0, p_value * len({trial.name for trial in held}))
     accepted = p_value < LEVEL and gain > LEAST_SHARE * start.value
     return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
+
+
+def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
+    """Each effect's best form: one for the whole hand, unless another is better by `worth`."""
+    best: dict[str, Trial] = {}
+    for trial in sorted(trials, key=_rank):
+        first = best.setdefault(trial.name, trial)
+        known = (trial.held is None) == (first.held is None)
+        simpler = trial.link.effect.scope == HAND != first.link.effect.scope
+        if known and simpler and _rank(trial)[1] - _rank(first)[1] < worth:
+            best[trial.name] = trial
+    return best
 
 
 def _rank(trial: Trial) -> tuple[bool, float]:

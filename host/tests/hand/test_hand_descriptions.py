@@ -56,11 +56,11 @@ def is_connected(crossings: NDArray[np.bool_]) -> bool:
     return not left
 
 
-def test_both_hands_are_packaged() -> None:
-    assert packaged_hands() == ["allegro", "flat8"]
+def test_three_hands_are_packaged() -> None:
+    assert packaged_hands() == ["allegro", "flat8", "rig4"]
 
 
-@pytest.mark.parametrize("name", ["allegro", "flat8"])
+@pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])
 def test_a_packaged_hand_bears_its_own_name(name: str) -> None:
     assert load_hand(name).name == name
 

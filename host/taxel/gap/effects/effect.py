@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.pair import Pair
 from taxel.gap.state import Signal, State
 
 Array = NDArray[np.float64]
@@ -66,14 +67,18 @@ class Effect(ABC):
 
     def blocks(self, state: State) -> NDArray[np.intp]:
         """Which block acts on a taxel in a cell, [C, n]."""
-        cells, n = len(state.pair.cells), state.pair.n
+        return self.blocks_of(state.pair)
+
+    def blocks_of(self, pair: Pair) -> NDArray[np.intp]:
+        """The same for a pair."""
+        cells, n = len(pair.cells), pair.n
         if self.scope == BOARD:
-            return np.broadcast_to(state.pair.groups.sensor, (cells, n))
+            return np.broadcast_to(pair.groups.sensor, (cells, n))
         if self.scope == TAXEL:
             return np.broadcast_to(np.arange(n), (cells, n))
         if self.scope == OBJECT:
-            names = sorted({item for item, _ in state.pair.cells})
-            own = np.array([names.index(item) for item, _ in state.pair.cells], dtype=np.intp)
+            names = sorted({item for item, _ in pair.cells})
+            own = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
             return np.broadcast_to(own[:, None], (cells, n))
         return np.zeros((cells, n), np.intp)
 

@@ -1,0 +1,117 @@
+"""`taxel gap`: where the gap between simulator and hand lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from taxel.errors import TaxelError
+from taxel.gap.diagnosis import Diagnosis
+from taxel.gap.diagnosis import diagnose as run
+from taxel.gap.page import write_page
+
+gap_app = typer.Typer(
+    help="Where simulator and hand disagree, which effect causes it, and how far the gap shrinks.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@gap_app.command()
+def diagnose(
+    real: Annotated[Path, typer.Argument(help="Grasp dataset of the hand.", metavar="REAL.h5")],
+    sim: Annotated[Path, typer.Argument(help="Grasp dataset of the simulator.", metavar="SIM.h5")],
+    out: Annotated[Path, typer.Option(help="Folder for report.json and report.html.")],
+    without: Annotated[list[str] | None, typer.Option(help="An effect that is not tried; may be repeated.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the draws behind the p-values.")] = 0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a report that is there.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Diagnose the gap between two grasp datasets.
+
+    Example: taxel gap diagnose out/campaign/real.h5 out/campaign/sim.h5 --out out/gap
+    """
+    if seed < 0:
+        raise TaxelError(f"--seed: expected 0 or more, found {seed}")
+    report, page = out / "report.json", out / "report.html"
+    for path in (report, page):
+        if path.exists() and not overwrite:
+            raise TaxelError(f"{path}: exists already; choose another --out or --overwrite it")
+    console = Console(stderr=as_json)
+    with _Bars(console) as bars:
+        diagnosis = run(real, sim, without or (), seed, bars.show)
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(diagnosis.report, allow_nan=False)
+    report.write_text(text)
+    write_page(json.loads(text), page)
+    if as_json:
+        print(text)
+    else:
+        _summary(console, diagnosis, page)
+
+
+def _summary(console: Console, diagnosis: Diagnosis, page: Path) -> None:
+    report = diagnosis.report
+    console.print(f"\n[bold]{report['verdict']['one_line']}[/bold]\n", highlight=False)
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "counts", "mm"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
+    table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), _with_interval(mm["value"], mm["ci95"], 2))
+    table.add_row("floor", f"{gap['floor']:.1f}", f"{mm['floor']:.2f}")
+    table.add_row("left-out sessions before", f"{after['before']:.1f}", "")
+    table.add_row("left-out sessions after", _with_interval(after["value"], after["ci95"]), "")
+    console.print(table)
+    if report["verdict"]["effects"]:
+        said = f"shrink {100 * after['shrink']:.0f} %, predicted {100 * after['predicted_shrink']:.0f} %"
+        if after["reducible_shrink"] is not None:
+            said += f"; {100 * after['reducible_shrink']:.0f} % of what lies above the floor"
+        console.print(said, highlight=False)
+    for entry in report["effects"]:
+        if entry["in_verdict"]:
+            values = ", ".join(_parameter(name, one) for name, one in list(entry["parameters"].items())[:6])
+            console.print(f"{entry['name']}: {values}", highlight=False)
+    for loss in report["losses"]:
+        console.print(f"note: {loss}", highlight=False)
+    console.print(f"report: {page}", highlight=False)
+
+
+def _with_interval(value: float, interval: list[float] | None, digits: int = 1) -> str:
+    text = f"{value:.{digits}f}"
+    return text if interval is None else f"{text} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
+
+
+def _parameter(name: str, entry: dict[str, object]) -> str:
+    value, unit = entry["value"], entry["unit"]
+    shown = f"{value:.3g}" if isinstance(value, float) else str(value)
+    return f"{name} {shown}" + (f" {unit}" if unit not in ("1", "index", "address") else "")
+
+
+class _Bars:
+    """A progress bar a stage."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+        )
+        self._stage = ""
+
+    def show(self, stage: str, done: int, total: int) -> None:
+        """How far a stage is."""
+        if stage != self._stage:
+            self._stage = stage
+            self._task = self._progress.add_task(stage, total=total)
+        self._progress.update(self._task, completed=done, total=total)
+
+    def __enter__(self) -> _Bars:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()

@@ -1,0 +1,93 @@
+"""The whole diagnosis of two datasets: read, measure, search, hold out, report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from taxel.gap.catalogue import chosen
+from taxel.gap.chain import Chain
+from taxel.gap.cloud_gap import cloud_gap
+from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.held_out import HeldOut, held_out
+from taxel.gap.judge import Judge
+from taxel.gap.metric import Gap, measure
+from taxel.gap.pair import Pair, read_pair
+from taxel.gap.report import report_of
+from taxel.gap.select import MOST_EFFECTS, Selection, select
+from taxel.gap.state import state_of
+from taxel.gap.verdict import Verdict, judge_verdict
+
+Array = NDArray[np.float64]
+Show = Callable[[str, int, int], None]
+
+
+def quiet(stage: str, done: int, total: int) -> None:
+    """Nothing is shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """All that was worked out; `report` is the form for files."""
+
+    pair: Pair
+    layout: Layout
+    real: SessionMeans
+    judge: Judge
+    base: Chain
+    gap: Gap
+    selection: Selection
+    held: HeldOut
+    verdict: Verdict
+    report: dict[str, Any]
+
+
+def diagnose(
+    real_path: str | PathLike[str],
+    sim_path: str | PathLike[str],
+    without: Collection[str] = (),
+    seed: int = 0,
+    show: Show = quiet,
+) -> Diagnosis:
+    """Say where the gap between two datasets lies, which effect causes it and how far it shrinks.
+
+    without: names of the catalogue that are not tried. seed: of the p-values' draws. Raises DatasetError and
+    GapInputError of one line.
+    """
+    began = time.perf_counter()
+    forms = chosen(without)
+    with threadpool_limits(limits=1):  # small products: threads would only wait for each other
+        pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
+        layout = Layout.of(pair.clock)
+        real, mean = _reduced(pair, layout)
+        judge = Judge(state_of(pair, layout, mean), real, layout)
+        selection = select(judge, forms, lambda number, total: show("searching", number, total))
+        base = Chain(tuple(link for link in selection.chain.links if link.effect.name not in selection.names))
+        model = base.features(judge.state)
+        gap = measure(real, model, layout)
+        show("searching", MOST_EFFECTS, MOST_EFFECTS)
+        show("holding out", 0, 1)
+        held = held_out(judge, base, selection.chain)
+        verdict = judge_verdict(gap, selection, held.shrink.value, held.reducible)
+        report = report_of(pair, layout, real, judge, base, gap, selection, held, verdict, seed)
+        report["gap"]["mm"] = cloud_gap(pair, real, model, layout, seed)
+        report["runtime_s"] = time.perf_counter() - began
+        show("holding out", 1, 1)
+    return Diagnosis(pair, layout, real, judge, base, gap, selection, held, verdict, report)
+
+
+def _reduced(pair: Pair, layout: Layout) -> tuple[SessionMeans, Array]:
+    untouched = untouched_cells(pair)
+    cells = len(pair.cells)
+    real = session_means(features_of(pair, pair.real, layout, untouched), pair.real, cells, pair.sessions, layout)
+    simulated = features_of(pair, pair.sim, layout, untouched)
+    sessions = np.unique(pair.sim.session)
+    mean = known_mean(session_means(simulated, pair.sim, cells, sessions, layout).value, 1)
+    return real, np.nan_to_num(mean)
