@@ -52,6 +52,8 @@ class Chain:
 
     def features(self, state: State) -> Array:
         """The simulator's features with these effects, f64[C, F, n]."""
+        if not any(link.effect.memory for link in self.links):
+            state = state.coarse
         signal = state.base
         for link in self.links:
             signal = link.effect.apply(state, signal, link.values)

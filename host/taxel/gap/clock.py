@@ -73,6 +73,14 @@ class Clock:
         return np.asarray(offset + 0.5 * (self.begin + self.end))
 
     @cached_property
+    def of_bins(self) -> Clock:
+        """One node a bin."""
+        first = np.array([own.start for _, own in self.bins])
+        last = np.array([own.stop - 1 for _, own in self.bins])
+        bins = tuple((phase, slice(row, row + 1)) for row, (phase, _) in enumerate(self.bins))
+        return Clock(self.phase[first], self.begin[first], self.end[last], bins)
+
+    @cached_property
     def to_bins(self) -> NDArray[np.float64]:
         """Means over the nodes of each bin, f64[B, K]."""
         matrix = np.zeros((len(self.bins), self.nodes))

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from taxel.gap.align import common_shift
 from taxel.gap.catalogue import chosen
-from taxel.gap.chain import Chain
 from taxel.gap.cloud_gap import cloud_gap
 from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
 from taxel.gap.held_out import HeldOut, held_out
@@ -41,7 +41,6 @@ class Diagnosis:
     layout: Layout
     real: SessionMeans
     judge: Judge
-    base: Chain
     gap: Gap
     selection: Selection
     held: HeldOut
@@ -67,20 +66,22 @@ def diagnose(
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
         layout = Layout.of(pair.clock)
         real, mean = _reduced(pair, layout)
-        judge = Judge(state_of(pair, layout, mean), real, layout)
+        state = state_of(pair, layout, mean)
+        shift = common_shift(Judge(state, real, layout))
+        state = state.shifted(shift)
+        judge = Judge(state, real, layout)
         selection = select(judge, forms, lambda number, total: show("searching", number, total))
-        base = Chain(tuple(link for link in selection.chain.links if link.effect.name not in selection.names))
-        model = base.features(judge.state)
-        gap = measure(real, model, layout)
+        gap = measure(real, state.mean, layout)
         show("searching", MOST_EFFECTS, MOST_EFFECTS)
         show("holding out", 0, 1)
-        held = held_out(judge, base, selection.chain)
+        held = held_out(judge, selection.chain)
         verdict = judge_verdict(gap, selection, held.shrink.value, held.reducible)
-        report = report_of(pair, layout, real, judge, base, gap, selection, held, verdict, seed)
-        report["gap"]["mm"] = cloud_gap(pair, real, model, layout, seed)
+        report = report_of(judge, gap, selection, held, verdict, seed)
+        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
+        report["notes"] = [f"frames of the hand were taken {1e3 * shift:.0f} ms later than those of the simulator"]
         report["runtime_s"] = time.perf_counter() - began
         show("holding out", 1, 1)
-    return Diagnosis(pair, layout, real, judge, base, gap, selection, held, verdict, report)
+    return Diagnosis(pair, layout, real, judge, gap, selection, held, verdict, report)
 
 
 def _reduced(pair: Pair, layout: Layout) -> tuple[SessionMeans, Array]:

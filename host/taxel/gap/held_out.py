@@ -71,11 +71,11 @@ def _shrink(before2: float, after2: float) -> float:
     return float(1.0 - np.sqrt(after2 / before2)) if before2 > 0 else 0.0
 
 
-def held_out(judge: Judge, base: Chain, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOut:
-    """Leave every session out in turn. base: what is there without effects (the alignment)."""
+def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOut:
+    """Leave every session out in turn."""
     real, layout = judge.sessions, judge.layout
     count = real.value.shape[1]
-    before = base.features(judge.state)
+    before = judge.state.mean
     scale = layout.weight[:, None] / (real.value.shape[0] * real.value.shape[3])
     known = np.isfinite(real.value)
     about = np.where(known, real.value - known_mean(real.value, 1)[:, None], 0.0)

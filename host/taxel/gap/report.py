@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.catalogue import CATALOGUE, DROPOUT
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.features import Layout, SessionMeans
@@ -27,19 +27,10 @@ COMMON_LEAST = 0.01
 
 
 def report_of(
-    pair: Pair,
-    layout: Layout,
-    real: SessionMeans,
-    judge: Judge,
-    base: Chain,
-    gap: Gap,
-    selection: Selection,
-    held: HeldOut,
-    verdict: Verdict,
-    seed: int,
+    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, seed: int
 ) -> dict[str, Any]:
     """All but run time and millimetres."""
-    before = base.features(judge.state)
+    pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
     left = products(real, after, layout)
@@ -67,7 +58,7 @@ def report_of(
             "confounded_with": {},
             "one_line": verdict.one_line,
         },
-        "effects": [_effect(name, pair, real, layout, judge, selection, held, gap) for name in CATALOGUE],
+        "effects": [_effect(name, judge, selection, held, gap) for name in CATALOGUE],
         "after": {
             "before": held.before,
             "value": held.after,
@@ -82,16 +73,8 @@ def report_of(
     }
 
 
-def _effect(
-    name: str,
-    pair: Pair,
-    real: SessionMeans,
-    layout: Layout,
-    judge: Judge,
-    selection: Selection,
-    held: HeldOut,
-    gap: Gap,
-) -> dict[str, Any]:
+def _effect(name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap) -> dict[str, Any]:
+    pair = judge.state.pair
     first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
     in_verdict = name in selection.names
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
@@ -113,7 +96,8 @@ def _effect(
     if in_verdict:
         link = next(one for one in selection.chain.links if one.effect.name == name)
         inside = [one for links in held.links for one in links if one.effect.name == name]
-    alone = measure(real, first.held_features if first.held_features is not None else first.features, layout)
+    features = first.held_features if first.held_features is not None else first.features
+    alone = measure(judge.sessions, features, judge.layout)
     return {
         **entry,
         "parameters": parameters_of(pair, link, inside),

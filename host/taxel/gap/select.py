@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.align import ALIGNMENT, aligned
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.dropped import find_dropped
@@ -36,7 +35,7 @@ SIMPLER: Final = 0.01
 
 THREADS: Final = 2
 
-FIXED: Final = (DROPOUT, ALIGNMENT)
+FIXED: Final = (DROPOUT,)
 """Links that are found, not fitted with the others."""
 
 Forms = Mapping[str, tuple[Effect, ...]]
@@ -102,10 +101,8 @@ class Selection:
 
 def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = lambda done, total: None) -> Selection:
     """Search forward. forms: the catalogue."""
-    chain = aligned(judge, judge.state.pair.frame_s)
-    features = chain.features(judge.state)
-    start = judge.score(features)
-    base, held = start, features
+    start = judge.score(judge.state.mean)
+    chain, base, features, held = Chain(), start, judge.state.mean, judge.state.mean
     rounds: list[Round] = []
     for number in range(MOST_EFFECTS):
         progress(number, MOST_EFFECTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -9,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.clock import Clock
 from taxel.gap.features import Layout
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
@@ -35,6 +37,13 @@ class Signal:
     drop: Array | None
     law_scale: Array | float = 1.0
 
+    def mapped(self, change: Callable[[Array], Array]) -> Signal:
+        """The same with every array changed."""
+        force, separation, drop = (
+            None if part is None else change(part) for part in (self.force, self.separation, self.drop)
+        )
+        return Signal(force, separation, drop, self.law_scale)
+
     def with_force(self, force: Array) -> Signal:
         """The same with other forces."""
         return replace(self, force=force)
@@ -44,19 +53,52 @@ class Signal:
         return replace(self, drop=drop)
 
 
+def delayed(values: Array, time_s: Array, delay_s: Array) -> Array:
+    """Values f64[Q, K, n] of `delay_s` f64[Q, n] ago, linear between nodes; before the first node it was as there."""
+    result = values.copy()
+    own = delay_s[0] if (delay_s == delay_s[0]).all() else None  # as a rule every press has the same delays
+    for value in np.unique(delay_s[delay_s != 0.0]):
+        at = time_s - value
+        right = np.clip(np.searchsorted(time_s, at), 0, len(time_s) - 1)
+        left = np.maximum(right - 1, 0)
+        gap = time_s[right] - time_s[left]
+        share = np.where(gap > 0, (at - time_s[left]) / np.where(gap > 0, gap, 1.0), 1.0).clip(0.0, 1.0)[:, None]
+        taxels = np.flatnonzero(own == value) if own is not None else np.arange(values.shape[2])
+        part = values[:, :, taxels]
+        moved = part[:, left] + share * (part[:, right] - part[:, left])
+        result[:, :, taxels] = moved if own is not None else np.where((delay_s == value)[:, None, :], moved, result)
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """The simulator's side of a pair, as effects see it.
 
-    pair, layout: what is compared. cell: [Q], the cell of each press. base: the signal without effects. mean:
-    f64[C, F, n], the simulator's features.
+    pair, layout: what is compared. clock: the nodes. cell: [Q], the cell of each press. base: the signal without
+    effects. mean: f64[C, F, n], the simulator's features.
     """
 
     pair: Pair
     layout: Layout
+    clock: Clock
     cell: NDArray[np.intp]
     base: Signal
     mean: Array
+
+    @cached_property
+    def coarse(self) -> State:
+        """The same with one node a bin: enough for effects without memory, and quicker."""
+        bins = self.clock.to_bins
+        signal = self.base.mapped(lambda values: np.asarray(np.matmul(bins, values)))
+        return State(self.pair, self.layout, self.clock.of_bins, self.cell, signal, self.mean)
+
+    def shifted(self, seconds: float) -> State:
+        """The same with everything that the simulator did so much later."""
+        if seconds == 0.0:
+            return self
+        delay = np.full((len(self.cell), self.pair.n), seconds)
+        moved = self.base.mapped(lambda values: delayed(values, self.since, delay))
+        return State(self.pair, self.layout, self.clock, self.cell, moved, self.predicted(moved))
 
     @property
     def model(self) -> SensorModel:
@@ -86,7 +128,7 @@ class State:
     @cached_property
     def since(self) -> Array:
         """Middle of each node, seconds after closing began, f64[K]."""
-        return self.pair.clock.since_start
+        return self.clock.since_start
 
     @cached_property
     def _average(self) -> Array:
@@ -98,7 +140,7 @@ class State:
     def binned(self, drop: Array) -> Array:
         """Cell means of the bins' drops, f64[C, B, n]."""
         presses, nodes, taxels = drop.shape
-        average, bins = self._average, self.pair.clock.to_bins
+        average, bins = self._average, self.clock.to_bins
         cells = (average @ drop.reshape(presses, nodes * taxels)).reshape(-1, nodes, taxels)
         return np.asarray(np.matmul(bins, cells))
 
@@ -124,7 +166,7 @@ class State:
 
     def _onsets(self, drop: Array) -> Array:
         """When each board's summed drop passes half its hold level, in the feature's counts, f64[C, s]."""
-        clock = self.pair.clock
+        clock = self.clock
         presses, nodes, taxels = drop.shape
         board = (np.maximum(drop, 0.0).reshape(-1, taxels) @ self._boards).reshape(presses, nodes, -1)
         hold = board[:, clock.phase == Phase.HOLD].mean(axis=1)
@@ -161,7 +203,7 @@ def state_of(pair: Pair, layout: Layout, mean: Array) -> State:
         base = Signal(_filled(sim.force[rows]), _filled(sim.separation[rows]), None)
     else:
         base = Signal(None, None, _filled(sim.nodes[rows]))
-    return State(pair, layout, sim.cell[rows], base, mean)
+    return State(pair, layout, pair.clock, sim.cell[rows], base, mean)
 
 
 def _filled(values: NDArray[np.float32]) -> Array:

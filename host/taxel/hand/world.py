@@ -24,9 +24,9 @@ class WorldSettings:
 
     `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is
     off by up to this much (PSoC 4200: up to 2 %). `parts_seed`: draws what stays from one power-up to the next: clocks,
-    unique ids, gains and stiffness of taxels; None: `seed` does. `boot_ms`: from power to the first acknowledge. `faults`: lines of
-    the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22". `effects`: lines without the
-    word `effect`, such as "spread film length_m=0.002" (firmware/emulator/README.md lists them).
+    unique ids, gains and stiffness of taxels; None: `seed` does. `boot_ms`: from power to the first acknowledge.
+    `faults`: lines of the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22". `effects`:
+    lines without the word `effect`, such as "spread film length_m=0.002" (firmware/emulator/README.md lists them).
     """
 
     seed: int = 1

@@ -41,6 +41,7 @@ class Effect(ABC):
 
     name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
     from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
+    memory: whether what comes out at a time depends on other times.
     """
 
     name: ClassVar[str]
@@ -48,6 +49,7 @@ class Effect(ABC):
     variant: str = ""
     scope: str = HAND
     needs_force: ClassVar[bool] = False
+    memory: ClassVar[bool] = False
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:

@@ -156,21 +156,21 @@ def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array
 def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     """Forces f64[m] of pieces f64[m, 9] when the board approaches until they add to the net force."""
     low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
-    for _ in range(40):
+    for _ in range(22):
         middle = 0.5 * (low + high)
         force = law.force(np.maximum(depth + middle, 0.0)).mean(axis=1)
         low, high = (middle, high) if force.sum() < net_force else (low, middle)
     return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def geometry_of(state: State) -> Geometry:
     """Work out, once for a state, where boards bear."""
     pair = state.pair
     assert state.base.force is not None
     law = law_of(state)
     meshes = {name: Mesh(pair.objects[name]) for name in sorted({item for item, _ in pair.cells})}
-    hold = pair.clock.phase == Phase.HOLD
+    hold = state.clock.phase == Phase.HOLD
     contacts = []
     for cell in range(len(pair.cells)):
         force = state.base.force[state.cell == cell][:, hold].mean(axis=(0, 1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from taxel.gap.effects.effect import Array, Effect, Parameter
@@ -17,6 +19,7 @@ class Hysteresis(Effect):
 
     name = "hysteresis"
     order = 42
+    memory: ClassVar[bool] = True
 
     def __init__(self, variant: str = "drop", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope

@@ -45,7 +45,7 @@ class PoseError(Effect):
         if not values.any() or signal.force is None:
             return signal
         geometry = geometry_of(state)
-        hold = state.pair.clock.phase == Phase.HOLD
+        hold = state.clock.phase == Phase.HOLD
         force = signal.force.copy()
         blocks = self.blocks(state)
         for contact, rest in zip(geometry.contacts, geometry.rest, strict=True):
