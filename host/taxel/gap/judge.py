@@ -63,6 +63,7 @@ class Judge:
         self.target = np.nan_to_num(known_mean(real.value, 1))
         self.weight = self._weights(real)
         self.fold = _folds(state.pair.cells)
+        self.floor2 = self._floor2()
 
     def _weights(self, real: SessionMeans) -> Array:
         model, layout = self.state.mean, self.layout
@@ -82,6 +83,13 @@ class Judge:
         weight = layout.weight[:, None] / (pooled + tolerance**2)
         return np.where(self._known.any(axis=1), weight, 0.0)
 
+    def _floor2(self) -> float:
+        """Squared floor, counts^2: variance of the sessions' mean."""
+        count = np.maximum(self._known.sum(axis=1), 1)
+        squares = np.where(self._known, (self.real - self.target[:, None]) ** 2, 0.0).sum(axis=1)
+        variance = squares / np.maximum(count - 1, 1) / count
+        return float((self.layout.weight[:, None] * variance).sum(axis=1).mean())
+
     def problem(self, cells: NDArray[np.bool_] | None = None) -> Problem:
         """To be fitted on some cells, bool[C]; None: all."""
         weight = self.weight if cells is None else np.where(cells[:, None, None], self.weight, 0.0)
@@ -95,6 +103,11 @@ class Judge:
         # Per session pair: sum over s != t of w D_s D_t, over their number.
         gram = np.einsum("csfn,ctfn->st", residual * weight[:, None], residual, optimize=True)
         return Score(_off_diagonal(gram), np.array([_off_diagonal(_less(gram, s)) for s in range(sessions)]))
+
+    def excess(self, features: Array) -> float:
+        """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
+        scale = self.layout.weight[:, None] / (features.shape[0] * features.shape[2])
+        return self.score(features, np.broadcast_to(scale, features.shape)).value
 
     def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = 12) -> Fit:
         """Fitted to all cells."""

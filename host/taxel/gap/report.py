@@ -55,7 +55,7 @@ def report_of(
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
-            "confounded_with": {},
+            "confounded_with": {name: list(rivals) for name, rivals in selection.rivals.items()},
             "one_line": verdict.one_line,
         },
         "effects": [_effect(name, judge, selection, held, gap) for name in CATALOGUE],
@@ -115,6 +115,8 @@ def _effect(name: str, judge: Judge, selection: Selection, held: HeldOut, gap: G
 
 def _identifiable(trial: Trial, selection: Selection) -> str:
     """How well this pair can tell the effect: whether fitting it moves anything."""
+    if trial.name in selection.rivals or any(trial.name in others for others in selection.rivals.values()):
+        return "confounded"
     gain = selection.start.value - trial.inside.value
     if gain <= 1e-6 * max(selection.start.value, 1e-12):
         return "not_excited"

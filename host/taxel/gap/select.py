@@ -28,10 +28,16 @@ LEVEL: Final = 0.01
 """Of a corrected p-value under which a gain is believed."""
 
 LEAST_SHARE: Final = 0.03
-"""Of the whole score that an effect must explain to be named."""
+"""Of the whole score, and of the excess in counts^2, that the first effect must explain to be named."""
+
+NEXT_SHARE: Final = 0.06
+"""The same for a further one: what the first one's form leaves is no effect of its own."""
 
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
+
+ALIKE: Final = 0.1
+"""Share of the best effect's gain by which another may fall behind and still not be told from it."""
 
 THREADS: Final = 2
 
@@ -94,6 +100,18 @@ class Selection:
         return tuple(one.best.name for one in self.rounds if one.accepted and one.best is not None)
 
     @property
+    def rivals(self) -> dict[str, tuple[str, ...]]:
+        """For each found effect those that explain the left-out cells as well: these presses cannot tell them apart."""
+        found: dict[str, tuple[str, ...]] = {}
+        for one in self.rounds:
+            if one.accepted and one.best is not None and one.best.held is not None:
+                others = [trial for trial in one.trials if trial.name != one.best.name and trial.held is not None]
+                alike = tuple(trial.name for trial in others if _as_good(trial, one.best, one.base))
+                if alike:
+                    found[one.best.name] = alike
+        return found
+
+    @property
     def explained(self) -> float:
         """Share of the score that is gone on left-out cells."""
         return 1.0 - self.end.value / self.start.value if self.start.value > 0 else 0.0
@@ -106,7 +124,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
     rounds: list[Round] = []
     for number in range(MOST_EFFECTS):
         progress(number, MOST_EFFECTS)
-        this = _round(judge, forms, chain, features, base, start)
+        this = _round(judge, forms, chain, features, held, base, start, number)
         rounds.append(this)
         if not this.accepted or this.best is None or this.best.held is None or this.best.held_features is None:
             break
@@ -115,7 +133,23 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
     return Selection(chain, tuple(rounds), features, held, start, base)
 
 
-def _round(judge: Judge, forms: Forms, chain: Chain, features: Array, base: Score, start: Score) -> Round:
+def _as_good(trial: Trial, best: Trial, base: Score) -> bool:
+    assert trial.held is not None
+    assert best.held is not None
+    lost, p_value = best.held.better_than(trial.held)
+    return lost < ALIKE * (base.value - best.held.value) and p_value > LEVEL
+
+
+def _round(
+    judge: Judge,
+    forms: Forms,
+    chain: Chain,
+    features: Array,
+    held_before: Array,
+    base: Score,
+    start: Score,
+    number: int,
+) -> Round:
     names = [name for name in forms if name not in chain.names]
     jobs: list[tuple[str, Link]] = []
     for name in names:
@@ -136,11 +170,14 @@ def _round(judge: Judge, forms: Forms, chain: Chain, features: Array, base: Scor
     best_of = _best_forms(every, SIMPLER * start.value)
     tried = [trial for trial in best_of.values() if trial.held is not None]
     best = min(tried, key=_rank) if tried else None
-    if best is None or best.held is None:
+    if best is None or best.held is None or best.held_features is None:
         return Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
     gain, p_value = best.held.better_than(base)
     p_value = min(1.0, p_value * len({trial.name for trial in held}))
-    accepted = p_value < LEVEL and gain > LEAST_SHARE * start.value
+    least = LEAST_SHARE if number == 0 else NEXT_SHARE
+    counts2 = judge.excess(held_before) - judge.excess(best.held_features)
+    material = best.name == DROPOUT or counts2 > least * max(judge.excess(judge.state.mean), judge.floor2)
+    accepted = p_value < LEVEL and gain > least * start.value and material
     return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
 
 
