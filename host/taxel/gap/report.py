@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.attribution import Attribution, attribute
 from taxel.gap.catalogue import CATALOGUE, DROPOUT
 from taxel.gap.chain import Link
 from taxel.gap.effects.dropout import Dropout
@@ -33,6 +34,7 @@ def report_of(
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
+    told = attribute(judge, selection.names, held)
     left = products(real, after, layout)
     return {
         "format": "taxel-gap-report",
@@ -58,7 +60,7 @@ def report_of(
             "confounded_with": {name: list(rivals) for name, rivals in selection.rivals.items()},
             "one_line": verdict.one_line,
         },
-        "effects": [_effect(name, judge, selection, held, gap) for name in CATALOGUE],
+        "effects": [_effect(name, judge, selection, held, gap, told) for name in CATALOGUE],
         "after": {
             "before": held.before,
             "value": held.after,
@@ -69,11 +71,15 @@ def report_of(
             "reducible_shrink": held.reducible,
         },
         "unexplained": _unexplained(pair, left, seed),
+        "waterfall": told.waterfall(),
+        "ablation": told.ablation() if len(told.names) > 1 else [],
         **_extras(pair, layout, real, before, after, gap, verdict),
     }
 
 
-def _effect(name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap) -> dict[str, Any]:
+def _effect(
+    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution
+) -> dict[str, Any]:
     pair = judge.state.pair
     first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
     in_verdict = name in selection.names
@@ -98,6 +104,7 @@ def _effect(name: str, judge: Judge, selection: Selection, held: HeldOut, gap: G
         inside = [one for links in held.links for one in links if one.effect.name == name]
     features = first.held_features if first.held_features is not None else first.features
     alone = measure(judge.sessions, features, judge.layout)
+    measured = told.shrink(frozenset({name})) if in_verdict else (0.0, None)
     return {
         **entry,
         "parameters": parameters_of(pair, link, inside),
@@ -106,10 +113,10 @@ def _effect(name: str, judge: Judge, selection: Selection, held: HeldOut, gap: G
         "gap_after_alone": alone.gap.value,
         "shrink_alone": 1.0 - alone.gap.value / gap.gap.value if gap.gap.value > 0 else 0.0,
         "shrink_alone_ci95": None,
-        "shapley_share": 0.0,
+        "shapley_share": told.shapley()[name] if in_verdict else 0.0,
         "predicted_shrink": float(held.predicted.mean()) if in_verdict else 0.0,
-        "measured_shrink": held.shrink.value if in_verdict else 0.0,
-        "measured_shrink_ci95": held.shrink.ci95 if in_verdict else None,
+        "measured_shrink": measured[0],
+        "measured_shrink_ci95": measured[1],
     }
 
 
