@@ -1,0 +1,88 @@
+"""`taxel gap diagnose`: what it writes, and what it refuses with one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.cli import main as command
+
+
+def run(monkeypatch, *arguments) -> int:
+    """Exit status."""
+    monkeypatch.setattr(sys, "argv", ["taxel", "gap", "diagnose", *map(str, arguments)])
+    try:
+        command.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def paths(world, tmp_path_factory):
+    return world(tmp_path_factory.mktemp("pair"))
+
+
+def test_it_writes_the_report_and_its_page_and_prints_the_verdict(monkeypatch, capsys, paths, tmp_path):
+    assert run(monkeypatch, *paths, "--out", tmp_path / "gap") == 0
+    report = json.loads((tmp_path / "gap" / "report.json").read_text())
+    assert report["verdict"]["status"] == "no_gap"
+    assert "No gap" in capsys.readouterr().out
+    assert (tmp_path / "gap" / "report.html").stat().st_size > 10_000
+    assert run(monkeypatch, *paths, "--out", tmp_path / "gap") == 1
+    assert "exists already" in capsys.readouterr().err
+    assert run(monkeypatch, *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == report["verdict"]
+
+
+def broken(paths, tmp_path, change):
+    """The pair with a changed simulator."""
+    copy = tmp_path / "sim.h5"
+    copy.write_bytes(Path(paths[1]).read_bytes())
+    with h5py.File(copy, "r+") as file:
+        change(file)
+    return paths[0], str(copy)
+
+
+def rename_approaches(file):
+    for grasp in file["grasps"].values():
+        grasp.attrs["approach"] = "other"
+
+
+def move_a_taxel(file):
+    file["taxels/position"][3] = np.array([0.5, 0.0, 0.0])
+
+
+def swap_lines(file):
+    file["taxels/rx"][0], file["taxels/rx"][1] = 1, 0
+
+
+def no_baseline(file):
+    grasp = file["grasps/0000"]
+    phase = grasp["phase"][:]
+    phase[:105] = 1
+    grasp["phase"][:] = phase
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (rename_approaches, ("/grasps", "an (object, approach) of", "simulate the grasps that were made")),
+        (move_a_taxel, ("/taxels/position[3]", "the same hand")),
+        (swap_lines, ("/taxels/rx[0]", "the same hand")),
+        (no_baseline, ("/grasps/0000", "baseline")),
+    ],
+)
+def test_files_that_do_not_go_together_are_one_line(monkeypatch, capsys, paths, tmp_path, change, words):
+    pair = broken(paths, tmp_path, change)
+    assert run(monkeypatch, *pair, "--out", tmp_path / "gap") == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert lines[0].startswith("taxel: ")
+    assert all(word in lines[0] for word in words)
+    assert not (tmp_path / "gap").exists()
