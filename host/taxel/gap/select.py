@@ -175,7 +175,10 @@ def _round(
     gain, p_value = best.held.better_than(base)
     p_value = min(1.0, p_value * len({trial.name for trial in held}))
     least = LEAST_SHARE if number == 0 else NEXT_SHARE
-    counts2 = judge.excess(held_before) - judge.excess(best.held_features)
+    # Both where it was not fitted and where it was: a model with a value for each taxel may leave much of the first to
+    # another, and nothing of the second.
+    pairs = ((held_before, best.held_features), (features, best.features))
+    counts2 = min(judge.excess(before) - judge.excess(after) for before, after in pairs)
     material = best.name == DROPOUT or counts2 > least * max(judge.excess(judge.state.mean), judge.floor2)
     accepted = p_value < LEVEL and gain > least * start.value and material
     return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
