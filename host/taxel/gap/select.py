@@ -162,6 +162,7 @@ def _round(
         jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
     with ThreadPoolExecutor(THREADS) as pool:
         trials = list(pool.map(lambda job: _tried(judge, job[0], chain.with_link(job[1])), jobs))
+        trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
         trials.sort(key=lambda trial: trial.inside.value)
         worth = [trial for trial in trials if base.value - trial.inside.value > 0.5 * LEAST_SHARE * start.value]
         chosen = worth[:SHORTLIST]

@@ -89,6 +89,10 @@ class Effect(ABC):
         count = int(self.blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
+    def is_idle(self, state: State, values: Array) -> bool:
+        """Whether these values say nothing that is an effect, though they are not neutral."""
+        return False
+
     def spread_out(self, state: State, values: Array) -> list[Array]:
         """Each parameter for every press and taxel, P arrays f64[Q, 1, n]."""
         blocks = self.blocks(state)[state.cell]

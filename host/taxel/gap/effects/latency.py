@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
 from taxel.gap.state import Signal, State, delayed
+
+TOUCHED_COUNTS = 50.0
+"""A board whose largest expected drop is less tells no time."""
 
 
 class Latency(Effect):
@@ -21,6 +26,15 @@ class Latency(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """The delay."""
         return (Parameter("seconds", "s", -0.3, 1.5, 0.0, 0.05),)
+
+    def is_idle(self, state: State, values: Array) -> bool:
+        """A delay that all touched boards share, within a frame and a half, is how the frames fell."""
+        sensor = state.pair.groups.sensor
+        drop = np.abs(state.mean[:, : state.layout.bins]).max(axis=(0, 1))
+        touched = [board for board in range(values.shape[1]) if drop[sensor == board].max(initial=0.0) > TOUCHED_COUNTS]
+        delays = values[0, touched]
+        frame = state.pair.frame_s
+        return len(delays) > 1 and float(np.ptp(delays)) < 0.5 * frame and float(np.abs(delays).max()) < 1.5 * frame
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
