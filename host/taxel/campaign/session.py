@@ -128,17 +128,22 @@ def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, conta
 
 def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: EmulatedSettings) -> Rows:
     """Everything that moved, through the emulated skin, to the frames that a host decodes."""
-    length = settings.timeline.duration_s
     names = list(setup.objects)
     parts = []
     for place, grasp in enumerate(made):
-        begin, motion = LEAD_IN_S + place * length, grasp.motion
+        (begin, end), motion = _span(settings, place), grasp.motion
         # The first and the last record hold before and after: between two grasps nothing moves.
         held = np.r_[0, : len(motion.time_s), -1]
         number = np.full(len(held), names.index(grasp.planned.object))
-        times = begin + np.r_[0.0, motion.time_s, length]
+        times = np.r_[begin, begin + motion.time_s, end]
         parts.append(Moved(times, number, motion.object_poses[held], motion.bracket_poses[held]))
-    return emulate(setup.hand, world, parts, LEAD_IN_S + len(made) * length + 0.1)
+    return emulate(setup.hand, world, parts, _span(settings, len(made) - 1)[1] + 0.1)
+
+
+def _span(settings: EmulatedSettings, place: int) -> tuple[float, float]:
+    """When a grasp of the session begins and ends; the end is the next one's beginning to the last bit."""
+    length = settings.timeline.duration_s
+    return LEAD_IN_S + place * length, LEAD_IN_S + (place + 1) * length
 
 
 def emulate(hand: Hand, world: str, moved: Sequence[Moved], duration_s: float) -> Rows:
@@ -158,8 +163,8 @@ def emulate(hand: Hand, world: str, moved: Sequence[Moved], duration_s: float) -
 
 def _record(setup: Setup, grasp: _Made, rows: Rows, place: int, settings: EmulatedSettings) -> GraspRecord:
     timeline = settings.timeline
-    begin = LEAD_IN_S + place * timeline.duration_s
-    own = rows.between(begin, begin + timeline.duration_s)
+    begin, end = _span(settings, place)
+    own = rows.between(begin, end)
     since = own.time_s - begin
     phase = timeline.phase_at(since)
     joints = np.hstack([setup.arm_angles(grasp.planned, timeline, since), grasp.motion.joints.at(since)])

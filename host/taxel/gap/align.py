@@ -12,17 +12,13 @@ from taxel.gap.judge import Judge
 FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
 
-TOUCHED_COUNTS = 50.0
-
 
 def common_shift(judge: Judge) -> float:
     """Seconds by which the hand is later: the median of the boards' delays, so that one late board does not move it."""
     state = judge.state
     fitted = fit(judge.problem(), Chain((started(state, Latency()),)), iterations=6).chain.links[0]
-    touched = np.abs(state.mean[:, : judge.layout.bins]).max(axis=(0, 1)) > TOUCHED_COUNTS
-    sensor = state.pair.groups.sensor
-    boards = [board for board in range(fitted.values.shape[1]) if touched[sensor == board].any()]
-    if not boards:
+    boards = state.touched_boards
+    if not len(boards):
         return 0.0
     most = FRAMES * state.pair.frame_s
     return float(np.clip(np.median(fitted.values[0, boards]), -most, most))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from taxel.gap.chain import Chain
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
-from taxel.gap.metric import jackknife, root
+from taxel.gap.metric import Interval, jackknife, leave_one_out, root, shrink
 
 Array = NDArray[np.float64]
 Names = frozenset[str]
@@ -20,10 +20,13 @@ Names = frozenset[str]
 
 @dataclass(frozen=True, eq=False)
 class Attribution:
-    """gap2: squared gap of each left-out session with each subset of the effects, counts^2, f64[S]."""
+    """Of each subset of the effects: squared gap in each left-out session, counts^2, f64[S]; and the shrink that the
+    other sessions had promised, f64[S].
+    """
 
     names: tuple[str, ...]
     gap2: dict[Names, Array]
+    promised: dict[Names, Array]
 
     def shapley(self) -> dict[str, float]:
         """Each effect's share of what all of them take from the squared gap (Shapley 1953); they add to 1."""
@@ -46,7 +49,8 @@ class Attribution:
         steps: list[dict[str, object]] = []
         for number, name in enumerate(self.names):
             gap2 = self.gap2[frozenset(self.names[: number + 1])]
-            left = np.array([np.delete(gap2, s).mean() for s in range(len(gap2))]) if len(gap2) > 2 else np.zeros(0)
+            stays = leave_one_out(len(gap2)) if len(gap2) > 2 else []
+            left = np.array([gap2[stay].mean() for stay in stays])
             value = root(jackknife(left, float(gap2.mean())))
             steps.append({"effect": name, "gap": value.value, "ci95": value.ci95})
         return steps
@@ -58,30 +62,32 @@ class Attribution:
             for name in self.names
         ]
 
-    def shrink(self, names: Names) -> tuple[float, list[float] | None]:
-        """Of the gap by some effects alone, and its interval."""
-        before, after = self.gap2[frozenset()], self.gap2[names]
-        whole = _shrink(before, after)
-        keep = [np.arange(len(before)) != s for s in range(len(before))]
-        left = np.array([_shrink(before[k], after[k]) for k in keep]) if len(before) > 2 else np.zeros(0)
-        return whole, jackknife(left, whole).ci95
-
-
-def _shrink(before: Array, after: Array) -> float:
-    return float(1.0 - np.sqrt(after.mean() / before.mean())) if before.mean() > 0 else 0.0
+    def shrink(self, name: str) -> Interval:
+        """Of the gap by one effect alone."""
+        before, after = self.gap2[frozenset()], self.gap2[frozenset({name})]
+        stays = leave_one_out(len(before)) if len(before) > 2 else []
+        left = np.array([shrink(float(before[k].mean()), float(after[k].mean())) for k in stays])
+        return jackknife(left, shrink(float(before.mean()), float(after.mean())))
 
 
 def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attribution:
     """Work out every subset, with the values that were fitted without the session in which it is measured."""
-    real, layout = judge.sessions.value, judge.layout
-    scale = layout.weight[:, None] / (real.shape[0] * real.shape[3])
+    real, state = judge.sessions, judge.state
+    count = real.value.shape[1]
+    scale = judge.layout.scale(real.value.shape[0], real.value.shape[3])
+    inside = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
+    start = [max(own.excess(state.mean), 0.0) + held.floor2 for own in inside]
     gap2: dict[Names, Array] = {}
+    promised: dict[Names, Array] = {}
     for size in range(len(names) + 1):
         for chosen in combinations(names, size):
-            sessions = []
+            squares, shrinks = [], []
             for session, links in enumerate(held.links):
                 chain = Chain.of([link for link in links if link.effect.name in chosen])
-                residual = real[:, session] - chain.features(judge.state)
-                sessions.append(float(np.nansum(scale * residual**2)))
-            gap2[frozenset(chosen)] = np.array(sessions)
-    return Attribution(names, gap2)
+                features = chain.features(state)
+                squares.append(float(np.sum(scale * real.residual(features)[:, session] ** 2)))
+                after = max(inside[session].excess(features), 0.0) + held.floor2
+                shrinks.append(shrink(start[session], after))
+            gap2[frozenset(chosen)] = np.array(squares)
+            promised[frozenset(chosen)] = np.array(shrinks)
+    return Attribution(names, gap2, promised)

@@ -76,7 +76,7 @@ def diagnose(
         show("holding out", 0, 1)
         held = held_out(judge, selection.chain)
         verdict = judge_verdict(gap, selection, held.shrink.value, held.reducible)
-        report = report_of(judge, gap, selection, held, verdict, seed)
+        report = report_of(judge, gap, selection, held, verdict, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["notes"] = [f"frames of the hand were taken {1e3 * shift:.0f} ms later than those of the simulator"]
         report["runtime_s"] = time.perf_counter() - began

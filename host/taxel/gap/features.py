@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -36,8 +37,6 @@ _PHASE_NAMES: Final = {
     Phase.RELEASE: "release",
     Phase.RECOVERY: "recovery",
 }
-LATE: Final = 0.2
-"""Seconds by which an onset can be off, at most: beyond it the board was touched by something else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +75,10 @@ class Layout:
         """F."""
         return self.bins + 5
 
+    def scale(self, cells: int, taxels: int) -> Array:
+        """What a squared difference in a cell, feature and taxel adds to the squared gap, f64[F, 1]."""
+        return self.weight[:, None] / (cells * taxels)
+
     @classmethod
     def of(cls, clock: Clock) -> Layout:
         """For a pair's clock. What a missing phase would weigh goes to the others."""
@@ -98,6 +101,34 @@ class SessionMeans:
     value: Array
     count: NDArray[np.int64]
     spread: Array
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """bool[C, S, F, n]."""
+        return np.isfinite(self.value)
+
+    @cached_property
+    def mean(self) -> Array:
+        """Over sessions, f64[C, F, n]; NaN where nothing is known."""
+        return known_mean(self.value, 1)
+
+    @cached_property
+    def variance(self) -> Array:
+        """Of one session, f64[C, F, n]; of a cell that was made once that of its repeats, or else that of other cells."""
+        count = self.known.sum(axis=1)
+        squares = np.where(self.known, (self.value - self.mean[:, None]) ** 2, 0.0).sum(axis=1)
+        between = squares / np.where(count > 1, count - 1, np.nan)
+        within = self.spread / np.maximum(self.count.sum(axis=1), 1)[:, None, None]
+        result = np.where(np.isfinite(between), between, within)
+        return np.where(np.isfinite(result), result, known_mean(result, 0))
+
+    def residual(self, features: Array) -> Array:
+        """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""
+        return np.where(self.known, self.value - features[:, None], 0.0)
+
+    def only(self, sessions: NDArray[np.bool_]) -> SessionMeans:
+        """Some of the sessions, bool[S]."""
+        return SessionMeans(self.value[:, sessions], self.count[:, sessions], self.spread)
 
 
 def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from taxel.gap.chain import Chain
-from taxel.gap.features import Layout, SessionMeans, known_mean
+from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.fit import Fit, Problem, fit
+from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]
@@ -58,20 +59,14 @@ class Judge:
 
     def __init__(self, state: State, real: SessionMeans, layout: Layout) -> None:
         self.state, self.layout, self.sessions = state, layout, real
-        self.real = np.nan_to_num(real.value)
-        self._known = np.isfinite(real.value)
-        self.target = np.nan_to_num(known_mean(real.value, 1))
+        self.target = np.nan_to_num(real.mean)
         self.weight = self._weights(real)
         self.fold = _folds(state.pair.cells)
-        self.floor2 = self._floor2()
+        self.floor2 = total(terms(real, state.mean, layout).floor2)
 
     def _weights(self, real: SessionMeans) -> Array:
         model, layout = self.state.mean, self.layout
-        count = self._known.sum(axis=1)
-        squares = np.where(self._known, (self.real - self.target[:, None]) ** 2, 0.0).sum(axis=1)
-        between = squares / np.maximum(count - 1, 1) / np.maximum(count, 1)
-        if self.real.shape[1] < 2:
-            between = np.nan_to_num(real.spread) / np.maximum(real.count.sum(axis=1), 1)[:, None, None]
+        between = np.nan_to_num(real.variance) / np.maximum(real.known.sum(axis=1), 1)
         pooled = 0.5 * between + 0.5 * between.mean(axis=0)
         tolerance = np.full(model.shape, TOLERANCE_COUNTS["drop"])
         expected = np.maximum(np.abs(model[:, : layout.bins]), np.abs(self.target[:, : layout.bins]))
@@ -81,14 +76,7 @@ class Judge:
         tolerance[:, layout.onset] = TOLERANCE_COUNTS["onset"]
         tolerance[:, layout.wander] = TOLERANCE_COUNTS["wander"]
         weight = layout.weight[:, None] / (pooled + tolerance**2)
-        return np.where(self._known.any(axis=1), weight, 0.0)
-
-    def _floor2(self) -> float:
-        """Squared floor, counts^2: variance of the sessions' mean."""
-        count = np.maximum(self._known.sum(axis=1), 1)
-        squares = np.where(self._known, (self.real - self.target[:, None]) ** 2, 0.0).sum(axis=1)
-        variance = squares / np.maximum(count - 1, 1) / count
-        return float((self.layout.weight[:, None] * variance).sum(axis=1).mean())
+        return np.where(real.known.any(axis=1), weight, 0.0)
 
     def problem(self, cells: NDArray[np.bool_] | None = None) -> Problem:
         """To be fitted on some cells, bool[C]; None: all."""
@@ -98,15 +86,15 @@ class Judge:
     def score(self, features: Array, weight: Array | None = None) -> Score:
         """Of features f64[C, F, n]."""
         weight = self.weight if weight is None else weight
-        residual = np.where(self._known, self.real - features[:, None], 0.0)
-        sessions = residual.shape[1]
+        residual = self.sessions.residual(features)
         # Per session pair: sum over s != t of w D_s D_t, over their number.
         gram = np.einsum("csfn,ctfn->st", residual * weight[:, None], residual, optimize=True)
-        return Score(_off_diagonal(gram), np.array([_off_diagonal(_less(gram, s)) for s in range(sessions)]))
+        left = [off_diagonal(gram[np.ix_(stay, stay)]) for stay in leave_one_out(len(gram))]
+        return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64))
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
-        scale = self.layout.weight[:, None] / (features.shape[0] * features.shape[2])
+        scale = self.layout.scale(features.shape[0], features.shape[2])
         return self.score(features, np.broadcast_to(scale, features.shape)).value
 
     def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = 12) -> Fit:
@@ -122,17 +110,6 @@ class Judge:
                 return chain.features(self.state)
             result[held] = fit(self.problem(~held), chain, fixed, REFITS).features[held]
         return result
-
-
-def _off_diagonal(gram: Array) -> float:
-    count = len(gram)
-    if count < 2:
-        return float(gram.sum())
-    return float((gram.sum() - np.trace(gram)) / (count * (count - 1)))
-
-
-def _less(gram: Array, session: int) -> Array:
-    return np.delete(np.delete(gram, session, axis=0), session, axis=1)
 
 
 def _folds(cells: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:

@@ -48,35 +48,29 @@ class Interval:
         return None if self.low is None or self.high is None else [self.low, self.high]
 
 
-def terms(real: SessionMeans, model: Array, layout: Layout, used: NDArray[np.bool_] | None = None) -> Terms:
-    """Terms of gap and floor. model: f64[C, F, n], counts. used: bool[S], sessions that are looked at; None: all.
+def terms(real: SessionMeans, model: Array, layout: Layout) -> Terms:
+    """Terms of gap and floor. model: f64[C, F, n], counts.
 
     A feature that is unknown on either side tells nothing: its terms are 0.
     """
-    value = real.value if used is None else real.value[:, used]
-    known = np.isfinite(value)
-    count = known.sum(axis=1)
-    total = np.where(known, value, 0.0).sum(axis=1)
-    mean = total / np.where(count, count, np.nan)
-    squares = np.where(known, (value - mean[:, None]) ** 2, 0.0).sum(axis=1)
-    between = squares / np.where(count > 1, count - 1, np.nan)
-    variance = _filled(between / np.where(count, count, np.nan), real, count, used)
     weight = layout.weight[:, None]
-    gap2 = np.nan_to_num(weight * (mean - model) ** 2)
-    floor2 = np.where(np.isfinite(mean - model), np.nan_to_num(weight * variance), 0.0)
+    number = np.maximum(real.known.sum(axis=1), 1)
+    gap2 = np.nan_to_num(weight * (real.mean - model) ** 2)
+    floor2 = np.where(np.isfinite(real.mean - model), np.nan_to_num(weight * real.variance / number), 0.0)
     return Terms(gap2, floor2)
 
 
-def _filled(variance: Array, real: SessionMeans, count: NDArray[np.intp], used: NDArray[np.bool_] | None) -> Array:
-    """Where a cell was made in one session only: the repeats' variance, or else the mean of the other cells."""
-    if np.isfinite(variance).all():
-        return variance
-    repeats = real.count if used is None else real.count[:, used]
-    within = real.spread / np.maximum(repeats.sum(axis=1), 1)[:, None, None]
-    result = np.where(np.isfinite(variance), variance, within)
-    with np.errstate(invalid="ignore"):
-        others = np.nanmean(np.where(np.isfinite(result), result, np.nan), axis=0) if np.isfinite(result).any() else 0.0
-    return np.where(np.isfinite(result), result, others)
+def off_diagonal(gram: Array) -> Array:
+    """Mean over s != t of products f64[..., S, S]: the excess, f64[...]. With one session, the product itself."""
+    sessions = gram.shape[-1]
+    if sessions < 2:
+        return np.asarray(gram.sum(axis=(-1, -2)))
+    return np.asarray((gram.sum(axis=(-1, -2)) - np.trace(gram, axis1=-2, axis2=-1)) / (sessions * (sessions - 1)))
+
+
+def leave_one_out(sessions: int) -> list[NDArray[np.bool_]]:
+    """Which sessions stay, each left out in turn, bool[S]."""
+    return [np.arange(sessions) != s for s in range(sessions)]
 
 
 def total(term: Array) -> float:
@@ -115,11 +109,25 @@ def measure(real: SessionMeans, model: Array, layout: Layout) -> Gap:
     """Gap, floor and excess of a model, f64[C, F, n], against the real sessions."""
     whole = terms(real, model, layout)
     sessions = real.value.shape[1]
-    left = [terms(real, model, layout, np.arange(sessions) != s) for s in range(sessions)] if sessions >= 3 else []
+    left = [terms(real.only(stay), model, layout) for stay in leave_one_out(sessions)] if sessions >= 3 else []
     gap2 = jackknife(np.array([total(part.gap2) for part in left]), total(whole.gap2))
     excess = jackknife(np.array([total(part.excess) for part in left]), total(whole.excess))
     floor = float(np.sqrt(max(total(whole.floor2), 0.0)))
     return Gap(root(gap2), floor, excess, _p_value(excess, sessions), whole)
+
+
+def shrink(before2: float, after2: float) -> float:
+    """(before - after) / before of squared gaps."""
+    return float(1.0 - np.sqrt(after2 / before2)) if before2 > 0 else 0.0
+
+
+def shrink_by(real: SessionMeans, before: Array, after: Array, layout: Layout) -> Interval:
+    """Shrink of the gap from one model to another, f64[C, F, n] each, with its interval."""
+
+    def of(sessions: SessionMeans) -> float:
+        return shrink(*(total(terms(sessions, model, layout).gap2) for model in (before, after)))
+
+    return jackknife(np.array([of(real.only(stay)) for stay in leave_one_out(real.value.shape[1])]), of(real))
 
 
 def _p_value(excess: Interval, sessions: int) -> float:

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.attribution import Attribution, attribute
-from taxel.gap.catalogue import CATALOGUE, DROPOUT
-from taxel.gap.chain import Link
-from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
-from taxel.gap.features import Layout, SessionMeans
+from taxel.gap.attribution import attribute
+from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, jackknife, measure, terms
+from taxel.gap.metric import Gap, off_diagonal
 from taxel.gap.pair import Pair
-from taxel.gap.select import Selection, Trial
-from taxel.gap.verdict import MARGIN_FLOORS, Verdict
-from taxel.gap.where import Products, off_diagonal, p_values, products, where
+from taxel.gap.report_effects import effect_entry
+from taxel.gap.report_page_fields import page_fields
+from taxel.gap.select import Selection
+from taxel.gap.verdict import Verdict
+from taxel.gap.where import Products, p_values, products, summed, where
 
 Array = NDArray[np.float64]
 
-COMMON_LEAST = 0.01
-"""Share of the added variance below which a common part is chance."""
-
 
 def report_of(
-    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, seed: int
+    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, tried: Collection[str], seed: int
 ) -> dict[str, Any]:
-    """All but run time and millimetres."""
+    """All but run time and millimetres. tried: names of the catalogue."""
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
@@ -60,7 +56,7 @@ def report_of(
             "confounded_with": {name: list(rivals) for name, rivals in selection.rivals.items()},
             "one_line": verdict.one_line,
         },
-        "effects": [_effect(name, judge, selection, held, gap, told) for name in CATALOGUE],
+        "effects": [effect_entry(name, judge, selection, held, gap, told) for name in CATALOGUE if name in tried],
         "after": {
             "before": held.before,
             "value": held.after,
@@ -70,236 +66,25 @@ def report_of(
             "shrink": held.shrink.value,
             "reducible_shrink": held.reducible,
         },
-        "unexplained": _unexplained(pair, left, seed),
+        "unexplained": _unexplained(pair, left, where(pair, left, layout, seed)["phases"], seed),
         "waterfall": told.waterfall(),
         "ablation": told.ablation() if len(told.names) > 1 else [],
-        **_extras(pair, layout, real, before, after, gap, verdict),
+        **page_fields(pair, layout, real, before, after, verdict),
     }
 
 
-def _effect(
-    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution
-) -> dict[str, Any]:
-    pair = judge.state.pair
-    first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
-    in_verdict = name in selection.names
-    entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
-    if first is None:
-        missing = name != DROPOUT
-        return {
-            **entry,
-            "identifiability": "unavailable" if missing else "not_excited",
-            "gap_after_alone": gap.gap.value,
-            "shrink_alone": 0.0,
-            "shrink_alone_ci95": None,
-            "shapley_share": 0.0,
-            "predicted_shrink": 0.0,
-            "measured_shrink": 0.0,
-            "measured_shrink_ci95": None,
-        }
-    link = first.link
-    inside: list[Link] = []
-    if in_verdict:
-        link = next(one for one in selection.chain.links if one.effect.name == name)
-        inside = [one for links in held.links for one in links if one.effect.name == name]
-    features = first.held_features if first.held_features is not None else first.features
-    alone = measure(judge.sessions, features, judge.layout)
-    measured = told.shrink(frozenset({name})) if in_verdict else (0.0, None)
-    return {
-        **entry,
-        "parameters": parameters_of(pair, link, inside),
-        "where": _acts(pair, link),
-        "identifiability": _identifiable(first, selection),
-        "gap_after_alone": alone.gap.value,
-        "shrink_alone": 1.0 - alone.gap.value / gap.gap.value if gap.gap.value > 0 else 0.0,
-        "shrink_alone_ci95": None,
-        "shapley_share": told.shapley()[name] if in_verdict else 0.0,
-        "predicted_shrink": float(held.predicted.mean()) if in_verdict else 0.0,
-        "measured_shrink": measured[0],
-        "measured_shrink_ci95": measured[1],
-    }
-
-
-def _identifiable(trial: Trial, selection: Selection) -> str:
-    """How well this pair can tell the effect: whether fitting it moves anything."""
-    if trial.name in selection.rivals or any(trial.name in others for others in selection.rivals.values()):
-        return "confounded"
-    gain = selection.start.value - trial.inside.value
-    if gain <= 1e-6 * max(selection.start.value, 1e-12):
-        return "not_excited"
-    return "identifiable" if trial.held is not None and trial.held.value < selection.start.value else "weak"
-
-
-def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
-    """Values, intervals from the sessions' fits (jackknife) and units; per board "name@address"."""
-    if isinstance(link.effect, Dropout):
-        return _dropped(pair, link.effect)
-    entries: dict[str, Any] = {}
-    for row, parameter in enumerate(link.effect.parameters()):
-        values = link.values[row]
-        left = np.array([one.values[row] for one in inside]) if inside else np.zeros((0, len(values)))
-        for block in _shown_blocks(link):
-            label = _label(pair, link, parameter.name, block)
-            interval = jackknife(left[:, block], float(values[block]))
-            entries[label] = {"value": float(values[block]), "ci95": interval.ci95, "unit": parameter.unit}
-    if link.effect.name == "gain_mismatch":
-        entries = {**_gains(pair, link, inside), **({} if link.effect.scope == TAXEL else entries)}
-    if link.effect.name == "noise":
-        return _noises(pair, link)
-    if link.effect.name == "baseline_drift":
-        size = np.hypot(link.values[0], link.values[1])
-        entries["counts"] = {"value": float(np.max(size)), "ci95": None, "unit": "counts"}
-    if link.effect.name == "pose_error":
-        entries.update(_displacement(link))
-    return entries
-
-
-def _shown_blocks(link: Link) -> range:
-    return range(0) if link.effect.scope == TAXEL else range(link.values.shape[1])
-
-
-def _label(pair: Pair, link: Link, name: str, block: int) -> str:
-    if link.effect.scope == HAND:
-        return name
-    if link.effect.scope == BOARD:
-        return f"{name}@{int(pair.sensors.address[block])}"
-    if link.effect.scope == OBJECT:
-        return f"{name}@{sorted({item for item, _ in pair.cells})[block]}"
-    return f"{name}@{block}"
-
-
-def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
-    """Scale of each board and spread of the taxels' gains about it."""
-    logs = link.values[0][link.effect.blocks_of(pair)[0]]
-    touched = logs != 0.0
-    sensor = pair.groups.sensor
-    scales = {}
-    residual = np.zeros_like(logs)
-    for board, address in enumerate(pair.sensors.address.tolist()):
-        own = (sensor == board) & touched
-        middle = float(np.median(logs[own])) if own.any() else 0.0
-        residual[own] = logs[own] - middle
-        scales[f"scale@{address}"] = {"value": float(np.exp(middle)), "ci95": None, "unit": "1"}
-    spread = float(np.std(residual[touched])) if touched.any() else 0.0
-    return {"log_std": {"value": spread, "ci95": None, "unit": "1"}, **scales}
-
-
-def _noises(pair: Pair, link: Link) -> dict[str, Any]:
-    """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
-    total = np.sqrt((link.values**2).sum(axis=0))
-    covariance = np.nanmean(pair.real.common, axis=0) - np.nanmean(pair.sim.common, axis=0)
-    common = min(float(np.sqrt(max(covariance[0], 0.0) + max(covariance[1], 0.0) + max(covariance[2], 0.0))), 1e6)
-    if common**2 < COMMON_LEAST * float((total**2).mean()):
-        common = 0.0  # what pairs of taxels share by chance
-    entries = {"common_counts": {"value": common, "ci95": None, "unit": "counts"}}
-    for block in range(len(total)):
-        white = float(np.sqrt(max(total[block] ** 2 - common**2, 0.0)))
-        entries[_label(pair, link, "white_counts", block)] = {"value": white, "ci95": None, "unit": "counts"}
-    return entries
-
-
-def _displacement(link: Link) -> dict[str, Any]:
-    move, turn = (np.linalg.norm(link.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
-    return {
-        "translation_mm": {"value": float(move.max()), "ci95": None, "unit": "mm"},
-        "rotation_deg": {"value": float(turn.max()), "ci95": None, "unit": "deg"},
-    }
-
-
-def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:
-    dropped = effect.dropped
-    return {
-        "taxels": {"value": np.flatnonzero(dropped.taxels).tolist(), "ci95": None, "unit": "index"},
-        "lines": {
-            "value": [[int(pair.sensors.address[board]), axis, index] for board, axis, index in dropped.lines],
-            "ci95": None,
-            "unit": "address, axis, index",
-        },
-        "sensors": {
-            "value": [int(pair.sensors.address[board]) for board in np.flatnonzero(dropped.missing > 0)],
-            "ci95": None,
-            "unit": "address",
-        },
-    }
-
-
-def _acts(pair: Pair, link: Link) -> dict[str, Any]:
-    """Where an effect acts, if locally."""
-    if isinstance(link.effect, Dropout):
-        found = _dropped(pair, link.effect)
-        return {key: found[key]["value"] for key in ("sensors", "lines", "taxels")}
-    return {}
-
-
-def _unexplained(pair: Pair, left: Products, seed: int) -> dict[str, Any]:
-    """Whether anything is left, and on which boards."""
+def _unexplained(pair: Pair, left: Products, phases: list[dict[str, Any]], seed: int) -> dict[str, Any]:
+    """Whether anything is left, on which boards, and in which phase most of it."""
     count = len(pair.sensors.address)
-    gram, centred = np.zeros((2, count, *left.taxels.shape[1:]))
-    np.add.at(gram, pair.groups.sensor, left.taxels)
-    np.add.at(centred, pair.groups.sensor, left.centred_taxels)
-    p_value = p_values(gram, centred, seed)
+    gram = summed(left.taxels, pair.groups.sensor, count)
+    p_value = p_values(gram, summed(left.centred_taxels, pair.groups.sensor, count), seed)
     excess = off_diagonal(gram)
+    order = [int(k) for k in np.argsort(-excess) if p_value[k] < 0.05]
     places = [
-        {
-            "address": int(pair.sensors.address[board]),
-            "name": pair.sensors.name[board],
-            "p_value": float(p_value[board]),
-        }
-        for board in np.argsort(-excess)
-        if p_value[board] < 0.05
+        {"address": int(pair.sensors.address[k]), "name": pair.sensors.name[k], "p_value": float(p_value[k])}
+        for k in order
     ]
-    return {"p_value": float(p_value.min(initial=1.0)), "signature": "", "where": places}
-
-
-def _extras(
-    pair: Pair, layout: Layout, real: SessionMeans, before: Array, after: Array, gap: Gap, verdict: Verdict
-) -> dict[str, Any]:
-    """What the page shows beside the fields of the form."""
-    first, second = terms(real, before, layout), terms(real, after, layout)
-    names = sorted({item for item, _ in pair.cells})
-    of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
-    sensor = pair.groups.sensor
-
-    def rms(part: Array) -> float:
-        return float(np.sqrt(max(part.sum(axis=1).mean(), 0.0)))
-
-    return {
-        "taxels": {"sensor": pair.taxels.sensor.tolist(), "tx": pair.taxels.tx.tolist(), "rx": pair.taxels.rx.tolist()},
-        "sensors": [
-            {"address": int(address), "name": name, "kind": kind}
-            for address, name, kind in zip(pair.sensors.address, pair.sensors.name, pair.sensors.kind, strict=True)
-        ],
-        "taxel_excess": {
-            "before": first.excess.sum(axis=1).mean(axis=0).tolist(),
-            "after": second.excess.sum(axis=1).mean(axis=0).tolist(),
-        },
-        "counts": {
-            "real": {"grasps": len(pair.real), "sessions": len(pair.sessions)},
-            "sim": {"grasps": len(pair.sim)},
-            "cells": len(pair.cells),
-        },
-        "by_object": [
-            {
-                "name": name,
-                "before": rms(first.gap2[of_object == k]),
-                "after": rms(second.gap2[of_object == k]),
-                "floor": rms(first.floor2[of_object == k]),
-            }
-            for k, name in enumerate(names)
-        ],
-        "by_sensor": [
-            {
-                "address": int(address),
-                "name": pair.sensors.name[k],
-                "before": rms(first.gap2[:, :, sensor == k]),
-                "after": rms(second.gap2[:, :, sensor == k]),
-                "floor": rms(first.floor2[:, :, sensor == k]),
-            }
-            for k, address in enumerate(pair.sensors.address.tolist())
-        ],
-        "losses": list(pair.losses),
-        "margin": {
-            "excess_counts2": verdict.margin,
-            "words": f"no gap: the upper bound of the excess is at most {MARGIN_FLOORS:g} squared floors",
-        },
-    }
+    words = ""
+    if places:
+        words = f"mostly in {phases[0]['phase']}, most of it on {pair.sensors.name[order[0]]}"
+    return {"p_value": float(p_value.min(initial=1.0)), "signature": words, "where": places}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.clock import Clock
-from taxel.gap.features import Layout
+from taxel.gap.features import COUNTS_PER_SECOND, Layout
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -22,6 +22,8 @@ MOST_VALUES: Final = 1_200_000
 """Numbers in one array: a few repeats of each cell of a small hand, two of a large one."""
 
 MOST_REPEATS: Final = 4
+
+TOUCHED_COUNTS: Final = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +128,12 @@ class State:
         return np.asarray(self.model.full_scale_drop_counts * signal.force / (signal.force + half))
 
     @cached_property
+    def touched_boards(self) -> NDArray[np.intp]:
+        """Columns of the boards that tell a time: some taxel is expected to drop."""
+        drop = np.abs(self.mean[:, : self.layout.bins]).max(axis=(0, 1))
+        return np.unique(self.pair.groups.sensor[drop > TOUCHED_COUNTS])
+
+    @cached_property
     def since(self) -> Array:
         """Middle of each node, seconds after closing began, f64[K]."""
         return self.clock.since_start
@@ -180,7 +188,7 @@ class State:
             share = np.clip((0.5 * hold - low) / (high - low), 0.0, 1.0)
         time = self.since[rise[before]] + np.nan_to_num(share) * (self.since[rise[first]] - self.since[rise[before]])
         time = np.where((hold > 0) & (first > 0), time, np.nan)
-        return 300.0 * np.asarray(self._average @ np.nan_to_num(time, nan=0.0))
+        return COUNTS_PER_SECOND * np.asarray(self._average @ np.nan_to_num(time, nan=0.0))
 
     @cached_property
     def _boards(self) -> Array:

@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.features import Layout, SessionMeans
+from taxel.gap.features import Layout, SessionMeans, known_mean
+from taxel.gap.metric import off_diagonal
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
 
@@ -44,25 +45,15 @@ class Products:
 
 def products(real: SessionMeans, model: Array, layout: Layout) -> Products:
     """model: f64[C, F, n], counts."""
-    known = np.isfinite(real.value)
-    weight = layout.weight[:, None] / (real.value.shape[0] * real.value.shape[3])
-    residual = np.where(known, real.value - model[:, None], 0.0)
-    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-    centred = np.where(known, residual - residual.sum(axis=1, keepdims=True) / count, 0.0)
+    scale = np.sqrt(layout.scale(real.value.shape[0], real.value.shape[3]))
+    residual = real.residual(model)
+    centred = np.where(real.known, residual - known_mean(np.where(real.known, residual, np.nan), 1)[:, None], 0.0)
     parts = []
     for value in (residual, centred):
-        scaled = value * np.sqrt(weight)
+        scaled = value * scale
         parts.append(np.einsum("csfn,ctfn->cfst", scaled, scaled, optimize=True))
         parts.append(np.einsum("csfn,ctfn->nst", scaled, scaled, optimize=True))
     return Products(parts[0], parts[1], parts[2], parts[3])
-
-
-def off_diagonal(gram: Array) -> Array:
-    """Mean over s != t of products f64[..., S, S]: the excess, f64[...]. With one session, the product itself."""
-    sessions = gram.shape[-1]
-    if sessions < 2:
-        return np.asarray(gram.sum(axis=(-1, -2)))
-    return np.asarray((gram.sum(axis=(-1, -2)) - np.trace(gram, axis1=-2, axis2=-1)) / (sessions * (sessions - 1)))
 
 
 def p_values(gram: Array, centred: Array, seed: int) -> Array:

@@ -5,36 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NoReturn
 
-from taxel.errors import TaxelError
+from taxel.errors import FieldError
 from taxel.hand.errors import Field
 
 __all__ = ["CalibrationError", "Place"]
 
 
-class CalibrationError(TaxelError, ValueError):
-    """A calibration that cannot be used.
-
-    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
-
-    Attributes:
-        file: the file, or what was called where there is none.
-        field: path of the field, such as ``objects[1].points``, or ``file`` where the whole file is meant.
-        expected: what should stand there.
-        found: what stands there.
-        remedy: what to do about it.
-    """
-
-    def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
-        # All five are args, so that the error survives pickling between processes.
-        super().__init__(file, field, expected, found, remedy)
-        self.file = file
-        self.field = field
-        self.expected = expected
-        self.found = found
-        self.remedy = remedy
-
-    def __str__(self) -> str:
-        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+class CalibrationError(FieldError, ValueError):
+    """A calibration that cannot be used."""
 
 
 @dataclass(frozen=True)

@@ -6,35 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from taxel.errors import TaxelError
+from taxel.errors import FieldError, TaxelError
 
 _MAX_SHOWN = 60  # characters of a found value that an error repeats; keeps the line readable
 
 
-class HandDescriptionError(TaxelError, ValueError):
-    """A hand description that cannot be used.
-
-    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
-
-    Attributes:
-        file: the file, or the name that was asked for.
-        field: path of the field, such as ``boards[3].address``, or ``file`` where the whole file is meant.
-        expected: what should stand there.
-        found: what stands there.
-        remedy: what to do about it.
-    """
-
-    def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
-        # All five are args, so that the error survives pickling between processes.
-        super().__init__(file, field, expected, found, remedy)
-        self.file = file
-        self.field = field
-        self.expected = expected
-        self.found = found
-        self.remedy = remedy
-
-    def __str__(self) -> str:
-        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+class HandDescriptionError(FieldError, ValueError):
+    """A hand description that cannot be used."""
 
 
 class UnknownBoardError(TaxelError, LookupError):

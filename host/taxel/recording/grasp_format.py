@@ -6,7 +6,8 @@ arrays check against the same rows. Axes are letters: n taxels, s sensors, T fra
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum
+
+from taxel.grasp.timeline import Phase as Phase
 
 FORMAT = "taxel-grasp-dataset"
 VERSION = 1
@@ -20,16 +21,6 @@ BASELINE_FRAMES = 100
 
 ACTIVE_DROP_COUNTS = 150.0
 """A taxel is active when its count falls by more than this (format page, "What counts as active")."""
-
-
-class Phase(IntEnum):
-    """The commanded state of the hand at a frame."""
-
-    BASELINE = 0
-    CLOSING = 1
-    HOLD = 2
-    RELEASE = 3
-    RECOVERY = 4
 
 
 LARGEST_AXIS: Mapping[str, int] = {

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import Sheet, sheet_of
-from taxel.hand.transforms import FloatArray, inverse
+from taxel.hand.transforms import FloatArray, cross, inverse
 
 PARTS = 3
 """Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""
@@ -106,7 +106,7 @@ class SoftContact:
         rotation = sensor_poses[board, :3, :3]
         normal = np.einsum("mij,mj->mi", rotation, self.sheet.normal[square])
         arm = np.einsum("mij,mj->mi", rotation, self.sheet.position[square])
-        line = np.hstack([normal, _cross(arm, normal)])
+        line = np.hstack([normal, cross(arm, normal)])
         share = 1.0 / PARTS**2
         force = share * self._law.force(depth)
         wrench = np.zeros((len(sensor_poses), 6))
@@ -142,11 +142,3 @@ class SoftContact:
         points, _ = self._lines(in_object, maybe)
         self._near = maybe[self._shape.distance_bound(points) < reach]
         self._looked = in_object
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    result = np.empty_like(a)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        result[:, k] = a[:, i] * b[:, j] - a[:, j] * b[:, i]
-    return result

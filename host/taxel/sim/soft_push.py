@@ -12,7 +12,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from taxel.hand.transforms import FloatArray, inverse, rotate
+from taxel.hand.transforms import FloatArray, cross, inverse, rotate
 from taxel.sim.scene import JOINT_FRICTION_NM, Scene
 from taxel.sim.soft_contact import SoftContact, SoftLoad
 
@@ -109,20 +109,12 @@ class SoftPush:
         jacobian = np.zeros((len(board), self._model.nv))
         axes, anchors = data.xaxis[self._hinges], data.xanchor[self._hinges]
         # (moment + (point - anchor) x normal) . axis, without arrays of three indices
-        twist = moment @ axes.T + _cross(point, normal) @ axes.T - normal @ np.cross(axes, anchors).T
+        twist = moment @ axes.T + cross(point, normal) @ axes.T - normal @ np.cross(axes, anchors).T
         jacobian[:, self._hinge_dofs] = self._carried[board] * twist
         jacobian[:, self._slide_dofs] = -normal @ data.xaxis[self._slides].T
-        about = moment + _cross(point - data.xanchor[self._ball], normal)
+        about = moment + cross(point - data.xanchor[self._ball], normal)
         jacobian[:, self._ball_dofs] = -about @ data.xmat[self._item].reshape(3, 3)
         return jacobian
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    result = np.empty_like(a)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        result[:, k] = a[:, i] * b[:, j] - a[:, j] * b[:, i]
-    return result
 
 
 def _is_below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:

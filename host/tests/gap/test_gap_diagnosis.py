@@ -81,6 +81,8 @@ def test_the_effect_that_was_put_in_is_named_first(world, tmp_path, name):
     assert report["gap"]["significant"]
     assert report["verdict"]["effects"][0] == name
     assert abs(report["after"]["predicted_shrink"] - report["after"]["shrink"]) < 0.05
+    entry = next(one for one in report["effects"] if one["name"] == name)
+    assert 0.0 < entry["measured_shrink"] == pytest.approx(entry["predicted_shrink"], abs=0.05)
 
 
 def test_parameters_come_out(world, tmp_path):
@@ -130,6 +132,7 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_named(world, tmp_pat
     paths = world(tmp_path, effect=creeping)
     report = diagnose(*paths, without=["hysteresis"]).report
     assert "hysteresis" not in report["verdict"]["effects"]
+    assert "hysteresis" not in [entry["name"] for entry in report["effects"]]
     with pytest.raises(GapInputError, match="--without: expected one of contact_propagation"):
         diagnose(*paths, without=["magic"])
 

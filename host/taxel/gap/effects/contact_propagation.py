@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter, groups_of
+from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter, groups_of, pitch_m
 from taxel.gap.state import Signal, State
 
 FAR_M: Final = 0.04
@@ -58,21 +58,13 @@ class ContactPropagation(Effect):
 def spread_kernel(state: State, board: int, spread_m: float) -> Array:
     """Share of a taxel's force (row) that reaches another (column) of the same board, f64[m, m]; rows add to 1."""
     taxels = np.flatnonzero(state.pair.groups.sensor == board)
-    places = state.pair.taxels.position[taxels]
+    table = state.pair.taxels
+    places = table.position[taxels]
     apart = np.linalg.norm(places[:, None] - places, axis=2)
-    side = _pitch(state)
+    side = pitch_m(places, table.size[taxels])
     distance, share = _square_kernel(round(spread_m, 7), round(side, 6))
     kernel = np.where(apart < FAR_M, np.interp(apart, distance, share), 0.0)
     return np.asarray(kernel / kernel.sum(axis=1, keepdims=True))
-
-
-def _pitch(state: State) -> float:
-    """Distance of neighbouring taxels, metres."""
-    places, sensor = state.pair.taxels.position, state.pair.groups.sensor
-    first = np.flatnonzero(sensor == np.bincount(sensor).argmax())[:200]
-    apart = np.linalg.norm(places[first][:, None] - places[first], axis=2)
-    apart[apart == 0] = np.inf
-    return float(np.median(apart.min(axis=1))) if len(first) > 1 else float(state.pair.taxels.size.mean())
 
 
 @lru_cache(maxsize=256)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
+from taxel.gap.features import COUNTS_MISSING
 from taxel.gap.state import Signal, State
 
 
@@ -62,6 +63,6 @@ class Dropout(Effect):
             return features
         result = features.copy()
         missing = state.layout.missing
-        result[:, missing] += 1000.0 * self.dropped.missing[state.pair.groups.sensor]
+        result[:, missing] += COUNTS_MISSING * self.dropped.missing[state.pair.groups.sensor]
         result[:, state.layout.noise, self.dropped.stuck] = 0.0
         return result

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from taxel.gap.effects.effect import groups_of
+from taxel.gap.effects.effect import groups_of, pitch_m
 from taxel.gap.state import State
 from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_format import Phase
@@ -197,15 +197,7 @@ def _pieces(position: Array, normal: Array, size: Array) -> tuple[Array, Array]:
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(normal, first)
     steps = ((np.arange(PIECES) + 0.5) / PIECES - 0.5)[:, None]
-    pitch = _pitch(position, size)
+    pitch = pitch_m(position, size)
     along, across = (grid.ravel() * pitch for grid in np.meshgrid(steps, steps, indexing="ij"))
     points = position[:, None] + along[:, None] * first[:, None] + across[:, None] * second[:, None]
     return points, np.repeat(normal[:, None], PIECES**2, axis=1)
-
-
-def _pitch(position: Array, size: Array) -> float:
-    if len(position) < 2:
-        return float(size.mean())
-    apart = np.linalg.norm(position[:, None] - position, axis=2)
-    apart[apart == 0] = np.inf
-    return float(np.median(apart.min(axis=1)))

@@ -9,9 +9,6 @@ import numpy as np
 from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
 from taxel.gap.state import Signal, State, delayed
 
-TOUCHED_COUNTS = 50.0
-"""A board whose largest expected drop is less tells no time."""
-
 
 class Latency(Effect):
     """Each board's drops are those of `seconds` ago."""
@@ -29,9 +26,7 @@ class Latency(Effect):
 
     def is_idle(self, state: State, values: Array) -> bool:
         """A delay that all touched boards share, within a frame and a half, is how the frames fell."""
-        sensor = state.pair.groups.sensor
-        drop = np.abs(state.mean[:, : state.layout.bins]).max(axis=(0, 1))
-        touched = [board for board in range(values.shape[1]) if drop[sensor == board].max(initial=0.0) > TOUCHED_COUNTS]
+        touched = state.touched_boards
         delays = values[0, touched]
         frame = state.pair.frame_s
         return len(delays) > 1 and float(np.ptp(delays)) < 0.5 * frame and float(np.abs(delays).max()) < 1.5 * frame

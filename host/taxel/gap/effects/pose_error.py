@@ -36,10 +36,6 @@ class PoseError(Effect):
         turn = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_DEG) for axis in "xyz"]
         return (*move, *turn)
 
-    def unavailable(self, state: State) -> str:
-        """See `Effect`."""
-        return super().unavailable(state)
-
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
         if not values.any() or signal.force is None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
-from taxel.errors import TaxelError
+from taxel.errors import FieldError
 from taxel.hand.errors import shown, shown_path
 
 __all__ = ["ImportDataError", "Source", "near_names"]
@@ -16,30 +16,8 @@ _NEAR = 3
 _NEAR_CHARACTERS = 64
 
 
-class ImportDataError(TaxelError, ValueError):
-    """A file that cannot be turned into a grasp dataset.
-
-    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
-
-    Attributes:
-        file: the file that was read.
-        field: where in it, such as ``line 7, column fx`` or ``qpos``; ``file`` where the whole file is meant.
-        expected: what should stand there.
-        found: what stands there.
-        remedy: what to do about it.
-    """
-
-    def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
-        # All five are args, so that the error survives pickling between processes.
-        super().__init__(file, field, expected, found, remedy)
-        self.file = file
-        self.field = field
-        self.expected = expected
-        self.found = found
-        self.remedy = remedy
-
-    def __str__(self) -> str:
-        return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"
+class ImportDataError(FieldError, ValueError):
+    """A file that cannot be turned into a grasp dataset; field: such as ``line 7, column fx``."""
 
 
 @dataclass(frozen=True)

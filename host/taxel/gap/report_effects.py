@@ -1,0 +1,178 @@
+"""What the report says of each effect: parameters with intervals, where it acts, what it takes from the gap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.attribution import Attribution
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.chain import Link
+from taxel.gap.effects.dropout import Dropout
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
+from taxel.gap.held_out import HeldOut
+from taxel.gap.judge import Judge
+from taxel.gap.metric import Gap, jackknife, measure, shrink_by
+from taxel.gap.pair import Pair
+from taxel.gap.select import Selection, Trial
+
+Array = NDArray[np.float64]
+
+COMMON_LEAST = 0.01
+"""Share of the added variance below which a common part is chance."""
+
+
+def effect_entry(
+    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution
+) -> dict[str, Any]:
+    """One effect that was tried."""
+    pair = judge.state.pair
+    first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
+    in_verdict = name in selection.names
+    entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
+    if first is None:
+        return {**entry, "identifiability": _not_tried(name, judge), **_nothing(gap)}
+    link = first.link
+    inside: list[Link] = []
+    if in_verdict:
+        link = next(one for one in selection.chain.links if one.effect.name == name)
+        inside = [one for links in held.links for one in links if one.effect.name == name]
+    features = first.held_features if first.held_features is not None else first.features
+    alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
+    found = {**entry, "parameters": parameters_of(pair, link, inside), "where": _acts(pair, link)}
+    found["identifiability"] = _identifiable(first, selection)
+    found |= _nothing(gap)
+    found["gap_after_alone"] = measure(judge.sessions, features, judge.layout).gap.value
+    found["shrink_alone"], found["shrink_alone_ci95"] = alone.value, alone.ci95
+    if in_verdict:
+        measured = told.shrink(name)
+        found["shapley_share"] = told.shapley()[name]
+        found["predicted_shrink"] = float(told.promised[frozenset({name})].mean())
+        found["measured_shrink"], found["measured_shrink_ci95"] = measured.value, measured.ci95
+    return found
+
+
+def _nothing(gap: Gap) -> dict[str, Any]:
+    """Of an effect that changes nothing."""
+    shrinks: dict[str, Any] = {"gap_after_alone": gap.gap.value, "shrink_alone": 0.0, "shrink_alone_ci95": None}
+    shrinks |= {"shapley_share": 0.0, "predicted_shrink": 0.0, "measured_shrink": 0.0, "measured_shrink_ci95": None}
+    return shrinks
+
+
+def _not_tried(name: str, judge: Judge) -> str:
+    """An effect whose every form needs what the simulation does not tell, or that found nothing to act on."""
+    forms = CATALOGUE[name]
+    return "unavailable" if forms and all(form.unavailable(judge.state) for form in forms) else "not_excited"
+
+
+def _identifiable(trial: Trial, selection: Selection) -> str:
+    """How well this pair can tell the effect: whether fitting it moves anything."""
+    if trial.name in selection.rivals or any(trial.name in others for others in selection.rivals.values()):
+        return "confounded"
+    gain = selection.start.value - trial.inside.value
+    if gain <= 1e-6 * max(selection.start.value, 1e-12):
+        return "not_excited"
+    return "identifiable" if trial.held is not None and trial.held.value < selection.start.value else "weak"
+
+
+def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
+    """Values, intervals from the sessions' fits (jackknife) and units; per board "name@address"."""
+    if isinstance(link.effect, Dropout):
+        return _dropped(pair, link.effect)
+    entries: dict[str, Any] = {}
+    for row, parameter in enumerate(link.effect.parameters()):
+        values = link.values[row]
+        left = np.array([one.values[row] for one in inside]) if inside else np.zeros((0, len(values)))
+        for block in _shown_blocks(link):
+            label = _label(pair, link, parameter.name, block)
+            interval = jackknife(left[:, block], float(values[block]))
+            entries[label] = {"value": float(values[block]), "ci95": interval.ci95, "unit": parameter.unit}
+    if link.effect.name == "gain_mismatch":
+        entries = {**_gains(pair, link, inside), **({} if link.effect.scope == TAXEL else entries)}
+    if link.effect.name == "noise":
+        return _noises(pair, link)
+    if link.effect.name == "baseline_drift":
+        size = np.hypot(link.values[0], link.values[1])
+        entries["counts"] = {"value": float(np.max(size)), "ci95": None, "unit": "counts"}
+    if link.effect.name == "pose_error":
+        entries.update(_displacement(link))
+    return entries
+
+
+def _shown_blocks(link: Link) -> range:
+    return range(0) if link.effect.scope == TAXEL else range(link.values.shape[1])
+
+
+def _label(pair: Pair, link: Link, name: str, block: int) -> str:
+    if link.effect.scope == HAND:
+        return name
+    if link.effect.scope == BOARD:
+        return f"{name}@{int(pair.sensors.address[block])}"
+    if link.effect.scope == OBJECT:
+        return f"{name}@{sorted({item for item, _ in pair.cells})[block]}"
+    return f"{name}@{block}"
+
+
+def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
+    """Scale of each board and spread of the taxels' gains about it."""
+    logs = link.values[0][link.effect.blocks_of(pair)[0]]
+    touched = logs != 0.0
+    sensor = pair.groups.sensor
+    scales = {}
+    residual = np.zeros_like(logs)
+    for board, address in enumerate(pair.sensors.address.tolist()):
+        own = (sensor == board) & touched
+        middle = float(np.median(logs[own])) if own.any() else 0.0
+        residual[own] = logs[own] - middle
+        scales[f"scale@{address}"] = {"value": float(np.exp(middle)), "ci95": None, "unit": "1"}
+    spread = float(np.std(residual[touched])) if touched.any() else 0.0
+    return {"log_std": {"value": spread, "ci95": None, "unit": "1"}, **scales}
+
+
+def _noises(pair: Pair, link: Link) -> dict[str, Any]:
+    """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
+    total = np.sqrt((link.values**2).sum(axis=0))
+    covariance = np.nanmean(pair.real.common, axis=0) - np.nanmean(pair.sim.common, axis=0)
+    common = min(float(np.sqrt(max(covariance[0], 0.0) + max(covariance[1], 0.0) + max(covariance[2], 0.0))), 1e6)
+    if common**2 < COMMON_LEAST * float((total**2).mean()):
+        common = 0.0  # what pairs of taxels share by chance
+    entries = {"common_counts": {"value": common, "ci95": None, "unit": "counts"}}
+    for block in range(len(total)):
+        white = float(np.sqrt(max(total[block] ** 2 - common**2, 0.0)))
+        entries[_label(pair, link, "white_counts", block)] = {"value": white, "ci95": None, "unit": "counts"}
+    return entries
+
+
+def _displacement(link: Link) -> dict[str, Any]:
+    move, turn = (np.linalg.norm(link.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
+    return {
+        "translation_mm": {"value": float(move.max()), "ci95": None, "unit": "mm"},
+        "rotation_deg": {"value": float(turn.max()), "ci95": None, "unit": "deg"},
+    }
+
+
+def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:
+    dropped = effect.dropped
+    return {
+        "taxels": {"value": np.flatnonzero(dropped.taxels).tolist(), "ci95": None, "unit": "index"},
+        "lines": {
+            "value": [[int(pair.sensors.address[board]), axis, index] for board, axis, index in dropped.lines],
+            "ci95": None,
+            "unit": "address, axis, index",
+        },
+        "sensors": {
+            "value": [int(pair.sensors.address[board]) for board in np.flatnonzero(dropped.missing > 0)],
+            "ci95": None,
+            "unit": "address",
+        },
+    }
+
+
+def _acts(pair: Pair, link: Link) -> dict[str, Any]:
+    """Where an effect acts, if locally."""
+    if isinstance(link.effect, Dropout):
+        found = _dropped(pair, link.effect)
+        return {key: found[key]["value"] for key in ("sensors", "lines", "taxels")}
+    return {}

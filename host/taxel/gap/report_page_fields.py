@@ -1,0 +1,69 @@
+"""What the page shows beside the fields of the report's form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.features import Layout, SessionMeans
+from taxel.gap.metric import terms
+from taxel.gap.pair import Pair
+from taxel.gap.verdict import MARGIN_FLOORS, Verdict
+
+Array = NDArray[np.float64]
+
+
+def page_fields(
+    pair: Pair, layout: Layout, real: SessionMeans, before: Array, after: Array, verdict: Verdict
+) -> dict[str, Any]:
+    """What the page shows beside the fields of the form."""
+    first, second = terms(real, before, layout), terms(real, after, layout)
+    names = sorted({item for item, _ in pair.cells})
+    of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
+    sensor = pair.groups.sensor
+
+    def rms(part: Array) -> float:
+        return float(np.sqrt(max(part.sum(axis=1).mean(), 0.0)))
+
+    return {
+        "taxels": {"sensor": pair.taxels.sensor.tolist(), "tx": pair.taxels.tx.tolist(), "rx": pair.taxels.rx.tolist()},
+        "sensors": [
+            {"address": int(address), "name": name, "kind": kind}
+            for address, name, kind in zip(pair.sensors.address, pair.sensors.name, pair.sensors.kind, strict=True)
+        ],
+        "taxel_excess": {
+            "before": first.excess.sum(axis=1).mean(axis=0).tolist(),
+            "after": second.excess.sum(axis=1).mean(axis=0).tolist(),
+        },
+        "counts": {
+            "real": {"grasps": len(pair.real), "sessions": len(pair.sessions)},
+            "sim": {"grasps": len(pair.sim)},
+            "cells": len(pair.cells),
+        },
+        "by_object": [
+            {
+                "name": name,
+                "before": rms(first.gap2[of_object == k]),
+                "after": rms(second.gap2[of_object == k]),
+                "floor": rms(first.floor2[of_object == k]),
+            }
+            for k, name in enumerate(names)
+        ],
+        "by_sensor": [
+            {
+                "address": int(address),
+                "name": pair.sensors.name[k],
+                "before": rms(first.gap2[:, :, sensor == k]),
+                "after": rms(second.gap2[:, :, sensor == k]),
+                "floor": rms(first.floor2[:, :, sensor == k]),
+            }
+            for k, address in enumerate(pair.sensors.address.tolist())
+        ],
+        "losses": list(pair.losses),
+        "margin": {
+            "excess_counts2": verdict.margin,
+            "words": f"no gap: the upper bound of the excess is at most {MARGIN_FLOORS:g} squared floors",
+        },
+    }
