@@ -114,7 +114,7 @@ class SessionMeans:
 
     @cached_property
     def variance(self) -> Array:
-        """Of one session, f64[C, F, n]; of a cell that was made once that of its repeats, or else that of other cells."""
+        """Of one session, f64[C, F, n]; of a cell made once that of its repeats, or else that of other cells."""
         count = self.known.sum(axis=1)
         squares = np.where(self.known, (self.value - self.mean[:, None]) ** 2, 0.0).sum(axis=1)
         between = squares / np.where(count > 1, count - 1, np.nan)
