@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 VIEW = (18.0, -60.0)
 """Elevation and azimuth of every picture, degrees."""
 
+TICK_MM = 20.0
+
 _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
 
@@ -112,6 +114,8 @@ def _sharp_edges(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
 
 
 def _frame(axis: Any, points: Array) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     low, high = points.min(axis=0), points.max(axis=0)
     axis.set_xlim(low[0], high[0])
     axis.set_ylim(low[1], high[1])
@@ -121,6 +125,7 @@ def _frame(axis: Any, points: Array) -> None:
     axis.grid(False)
     axis.tick_params(labelsize=6, pad=-2)
     for letter in "xyz":
+        getattr(axis, f"{letter}axis").set_major_locator(MultipleLocator(TICK_MM))
         getattr(axis, f"set_{letter}label")(f"{letter} mm", fontsize=7, labelpad=-6)
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from taxel.gap.chain import Chain
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import Effect
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.fit import Fit, Problem, fit
 from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
@@ -91,6 +92,11 @@ class Judge:
         gram = np.einsum("csfn,ctfn->st", residual * weight[:, None], residual, optimize=True)
         left = [off_diagonal(gram[np.ix_(stay, stay)]) for stay in leave_one_out(len(gram))]
         return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64))
+
+    def visible(self, effect: Effect) -> float:
+        """How much a plain case of an effect would change the score: below 1 these presses do not show it."""
+        features = Chain((Link(effect, effect.typical(self.state)),)).features(self.state)
+        return float(np.sum(self.weight * (features - self.state.mean) ** 2))
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""

@@ -16,9 +16,12 @@ from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, jackknife, measure, shrink_by
 from taxel.gap.pair import Pair
-from taxel.gap.select import Selection, Trial
+from taxel.gap.select import Selection
 
 Array = NDArray[np.float64]
+
+EXCITED, CLEAR = 1.0, 25.0
+"""Change of the score by a plain case of an effect: one and five standard deviations of what scatters."""
 
 COMMON_LEAST = 0.01
 """Share of the added variance below which a common part is chance."""
@@ -33,7 +36,7 @@ def effect_entry(
     in_verdict = name in selection.names
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
     if first is None:
-        return {**entry, "identifiability": _not_tried(name, judge), **_nothing(gap)}
+        return {**entry, "identifiability": _identifiable(name, judge, selection), **_nothing(gap)}
     link = first.link
     inside: list[Link] = []
     if in_verdict:
@@ -42,7 +45,7 @@ def effect_entry(
     features = first.held_features if first.held_features is not None else first.features
     alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside), "where": _acts(pair, link)}
-    found["identifiability"] = _identifiable(first, selection)
+    found["identifiability"] = _identifiable(name, judge, selection)
     found |= _nothing(gap)
     found["gap_after_alone"] = measure(judge.sessions, features, judge.layout).gap.value
     found["shrink_alone"], found["shrink_alone_ci95"] = alone.value, alone.ci95
@@ -61,20 +64,18 @@ def _nothing(gap: Gap) -> dict[str, Any]:
     return shrinks
 
 
-def _not_tried(name: str, judge: Judge) -> str:
-    """An effect whose every form needs what the simulation does not tell, or that found nothing to act on."""
-    forms = CATALOGUE[name]
-    return "unavailable" if forms and all(form.unavailable(judge.state) for form in forms) else "not_excited"
-
-
-def _identifiable(trial: Trial, selection: Selection) -> str:
-    """How well this pair can tell the effect: whether fitting it moves anything."""
-    if trial.name in selection.rivals or any(trial.name in others for others in selection.rivals.values()):
+def _identifiable(name: str, judge: Judge, selection: Selection) -> str:
+    """How well these presses can tell an effect, whether it is there or not."""
+    if name in selection.rivals or any(name in others for others in selection.rivals.values()):
         return "confounded"
-    gain = selection.start.value - trial.inside.value
-    if gain <= 1e-6 * max(selection.start.value, 1e-12):
-        return "not_excited"
-    return "identifiable" if trial.held is not None and trial.held.value < selection.start.value else "weak"
+    forms = CATALOGUE[name]
+    if not forms:  # what does not answer is seen wherever something was expected
+        return "identifiable"
+    possible = [form for form in forms if not form.unavailable(judge.state)]
+    if not possible:
+        return "unavailable"
+    seen = max(judge.visible(form) for form in possible)
+    return "not_excited" if seen < EXCITED else "weak" if seen < CLEAR else "identifiable"
 
 
 def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
-from taxel.gap.features import Layout, known_mean
+from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
+from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
 
@@ -50,6 +53,18 @@ def test_spreading_pressure_keeps_each_boards_net_force(state):
         own = state.pair.groups.sensor == board
         np.testing.assert_allclose(moved.force[:, :, own].sum(axis=2), state.base.force[:, :, own].sum(axis=2))
     assert (moved.force > 0).sum() > (state.base.force > 0).sum()
+
+
+def test_presses_that_do_not_show_an_effect_say_so(state):
+    """Without force nothing spreads; noise is seen even then."""
+    layout, cells = state.layout, len(state.pair.cells)
+    shape = (cells, 3, layout.count, state.pair.n)
+    real = SessionMeans(np.zeros(shape), np.full((cells, 3), 2), np.zeros((cells, layout.count, state.pair.n)))
+    idle = replace(state, base=state.base.with_force(np.zeros_like(state.base.force)))
+    judge = Judge(idle, real, layout)
+    assert judge.visible(CATALOGUE["contact_propagation"][0]) == 0.0
+    assert judge.visible(CATALOGUE["noise"][0]) > 1.0
+    assert Judge(state, real, layout).visible(CATALOGUE["contact_propagation"][0]) > 1.0
 
 
 def test_a_mean_of_what_is_known_ignores_the_rest():

@@ -89,6 +89,14 @@ class Effect(ABC):
         count = int(self.blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
+    def typical(self, state: State) -> Array:
+        """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects."""
+        values = self.neutral(state)
+        for row, parameter in enumerate(self.parameters()):
+            step = parameter.start - parameter.neutral
+            values[row] += step if step else min(0.3 * parameter.prior, 0.3 * (parameter.high - parameter.neutral))
+        return values
+
     def is_idle(self, state: State, values: Array) -> bool:
         """Whether these values say nothing that is an effect, though they are not neutral."""
         return False

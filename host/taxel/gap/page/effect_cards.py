@@ -88,8 +88,14 @@ def _parameters(effect: Value) -> list[tuple[str, Value]]:
     return [] if found is None else list(found.entries())
 
 
-def _row(report: Report, base: str, board: str, parameter: Value) -> tuple[str, str, str]:
+def _unit(parameter: Value) -> str:
+    """Of a parameter; nothing for a plain number, of which the unit is 1."""
     unit = parameter.maybe_text("unit")
+    return "" if unit == "1" else unit
+
+
+def _row(report: Report, base: str, board: str, parameter: Value) -> tuple[str, str, str]:
+    unit = _unit(parameter)
     label = base.removesuffix(f"_{unit}") if unit else base
     where = ""
     if board:
@@ -112,7 +118,7 @@ def _amount(parameter: Value, unit: str) -> str:
 def _range_words(base: str, own: list[tuple[str, Value]]) -> str:
     values = [parameter.maybe_number("value") for _, parameter in own]
     known = [value for value in values if value is not None]
-    unit = own[0][1].maybe_text("unit")
+    unit = _unit(own[0][1])
     label = words(base.removesuffix(f"_{unit}") if unit else base)
     spread = f"{number(min(known))} to {with_unit(max(known), unit)}" if known else "no values"
     return f"{label} of {len(own)} boards: {spread}"
