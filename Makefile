@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BUILD := build/c
 JOBS := $(shell nproc)
-SOURCES := pyproject.toml $(shell find firmware -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' 2>/dev/null)
+SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help

@@ -14,6 +14,7 @@ import bench_control_loop
 import bench_decoder
 import bench_emulator
 import bench_press
+import bench_sim
 from figures import Figure
 from rich.console import Console
 from rich.table import Table
@@ -39,7 +40,7 @@ def table_of(figures: list[Figure]) -> Table:
 def main() -> int:
     """Exit status 1 if a figure misses its target."""
     figures = bench_emulator.measure() + bench_decoder.measure() + bench_campaign.measure()
-    figures += bench_press.measure()
+    figures += bench_press.measure() + bench_sim.measure()
     loop = bench_control_loop.measure()
     if "--json" in sys.argv[1:]:
         print(json.dumps({"figures": [figure.__dict__ for figure in figures], "control_loop": loop}, indent=2))

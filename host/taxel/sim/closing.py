@@ -14,9 +14,10 @@ from taxel.grasp.objects import standing_pose
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.transforms import FloatArray, to_quaternion
-from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches, read_contacts
+from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, board_wrenches, read_contacts
+from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import STEP_S, Scene
-from taxel.sim.soft_contact import LayerLaw, SoftContact
+from taxel.sim.soft_contact import LayerContact, LayerLaw
 from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
 
 RATE_HZ: Final = 20.0
@@ -99,7 +100,7 @@ def simulate_grasp(
     _check(scene, approach, rate_hz)
     nominal = standing_pose() if object_pose is None else object_pose
     true = nominal if object_offset is None else nominal @ object_offset
-    soft = None if law is None else SoftContact(scene.hand, scene.item.shape, law)
+    soft = None if law is None else NativeContact(scene.hand, scene.item.shape, law)
     run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal, soft)
     run.place(true)
     return run.record(timeline, rate_hz)
@@ -126,7 +127,7 @@ class _Run:
     """The state of one grasp."""
 
     def __init__(
-        self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: SoftContact | None
+        self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: LayerContact | None
     ) -> None:
         self.scene = scene
         self.controller = controller
@@ -138,8 +139,9 @@ class _Run:
         self._withdrawn = -1.0  # no place yet
 
     def place(self, item: FloatArray) -> None:
-        """Put the mount and the joints where the grasp begins."""
+        """Put the mount, the palm and the joints where the grasp begins."""
         self._put(self.scene.model.body("mount").id, item)
+        self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.palm_pose_at(1.0))
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 
     def _put(self, body: int, transform: FloatArray) -> None:
@@ -150,7 +152,9 @@ class _Run:
     def _put_palm(self, time: float) -> None:
         withdrawn = self.controller.timeline.withdrawn_at(time)
         if withdrawn != self._withdrawn:
-            self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.palm_pose_at(withdrawn))
+            index = self.scene.model.body_mocapid[self.scene.link_bodies[0]]
+            pose = self.nominal @ self.controller.approach.palm_pose_at(withdrawn)
+            self.data.mocap_pos[index] = pose[:3, 3]  # it withdraws without turning
             self._withdrawn = withdrawn
 
     def record(self, timeline: Timeline, rate_hz: float) -> GraspMotion:
@@ -192,21 +196,23 @@ class _Run:
     def _state(self) -> _State:
         """The present state; poses and forces of the same moment, which is the angles' too."""
         scene, data = self.scene, self.data
-        mujoco.mj_forward(scene.model, data)
-        contacts = read_contacts(scene, data)
-        recent = self._recent or [self._wrenches(contacts)]
-        self._recent = []
-        item = scene.model.body("object").id
         felt = None
         if self._soft is not None:
-            own, felt = self._soft.feel(data)
-            recent = [own]
+            mujoco.mj_kinematics(scene.model, data)
+            contacts = NO_CONTACTS
+            wrench, felt = self._soft.feel(data)
+        else:
+            mujoco.mj_forward(scene.model, data)
+            contacts = read_contacts(scene, data)
+            wrench = np.mean(self._recent or [self._wrenches(contacts)], axis=0)
+            self._recent = []
+        item = scene.model.body("object").id
         return _State(
             data.qpos[scene.joint_addresses],
             _poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
             self._sensors(),
             _poses(data.xmat[item], data.xpos[item]),
-            np.mean(recent, axis=0),
+            wrench,
             contacts,
             felt,
         )

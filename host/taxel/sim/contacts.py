@@ -24,6 +24,9 @@ class StepContacts:
     force: FloatArray
 
 
+NO_CONTACTS = StepContacts(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty((0, 3)))
+
+
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """Contact points of all samples, one after the other, c in all.

@@ -49,9 +49,20 @@ def separations(
     the hand's description gives no positions, LayerThicknessError if it gives no layer.
     """
     layer = layer_thickness(hand)
-    points, directions = _in_object(hand, sensor_poses, object_poses)
+    poses, objects = np.asarray(sensor_poses, dtype=np.float64), np.asarray(object_poses, dtype=np.float64)
+    moved = _moved(poses, objects)
+    points, directions = _in_object(hand, poses[moved], objects[moved])
     result = shape.ray_separation(points, directions) - layer
-    return np.where(result < -deepest_m, MISS_M, np.minimum(result, MISS_M))
+    result = np.where(result < -deepest_m, MISS_M, np.minimum(result, MISS_M))
+    return np.asarray(result[np.cumsum(moved) - 1])
+
+
+def _moved(sensor_poses: FloatArray, object_poses: FloatArray) -> npt.NDArray[np.bool_]:
+    """Frames in which anything stands elsewhere than in the frame before, bool[T]: a hand that waits costs nothing."""
+    moved = np.ones(len(object_poses), dtype=bool)
+    boards = (sensor_poses[1:] != sensor_poses[:-1]).any(axis=(1, 2, 3))
+    moved[1:] = boards | (object_poses[1:] != object_poses[:-1]).any(axis=(1, 2))
+    return moved
 
 
 def distances(hand: Hand | Sheet, shape: Shape, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike) -> FloatArray:

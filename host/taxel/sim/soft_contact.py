@@ -3,12 +3,14 @@
 Every square of the dielectric sheet, cut into pieces, is a spring along its normal. Board and object come to rest where
 the springs' net forces and moments are those that MuJoCo's bodies need: each link's approach and tilts follow from its
 joints.
+
+Here in NumPy, as the reference; a grasp runs on the same in C (`taxel.sim.native_contact`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -66,22 +68,30 @@ class LayerLaw:
 
 
 class SoftLoad(NamedTuple):
-    """What contact does, in the world.
+    """What contact does to the boards, about each bracket's origin, in the world.
 
-    wrench: f64[s, 6], force and moment on each board about its bracket's origin. square: [m], pieces that bear; force:
-    f64[m], newtons; line: f64[m, 6], outward normal and its moment about the board's origin; rate: f64[m], newtons a
-    metre.
+    wrench: f64[s, 6], force and moment, N and Nm. stiffness: f64[s, 6, 6], how the wrench falls with a small motion of
+    the board against the object (translation, rotation): symmetric, positive semidefinite.
     """
 
     wrench: FloatArray
-    square: npt.NDArray[np.intp]
-    force: FloatArray
-    line: FloatArray
-    rate: FloatArray
+    stiffness: FloatArray
+
+
+class LayerContact(Protocol):
+    """Contact of a hand's sheet with one shape."""
+
+    def load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
+        """Contact of brackets at `sensor_poses` f64[s, 4, 4] with the object at `object_pose` f64[4, 4]."""
+        ...
+
+    def taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
+        """Normal force on every taxel, newtons, f64[n]; the bare margin's part is nobody's."""
+        ...
 
 
 class SoftContact:
-    """Contact of a hand's sheet with one shape. `law`: of the layer under one taxel."""
+    """See `LayerContact`. `law`: of the layer under one taxel."""
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
         self.hand = hand
@@ -94,35 +104,36 @@ class SoftContact:
         self._size = np.array([away[self.sheet.board_index == board].max() for board in range(len(hand.boards))])
 
     def load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
-        """Contact of brackets at `sensor_poses` f64[s, 4, 4] with the object at `object_pose` f64[4, 4]."""
-        in_object = inverse(object_pose) @ sensor_poses
-        if self._looked is None or self._motion(in_object - self._looked) > NEAR_M:
-            self._look(in_object)
-        points, normals = self._lines(in_object, self._near)
-        depth = self._layer - self._shape.ray_separation(points, normals)
-        pressed = (depth > 0.0) & (depth < self._layer + DEEPEST_M)
-        square, depth = self._near[pressed], depth[pressed]
+        """See `LayerContact`."""
+        square, depth = self._pressed(inverse(object_pose) @ sensor_poses)
         board = self.sheet.board_index[square]
         rotation = sensor_poses[board, :3, :3]
         normal = np.einsum("mij,mj->mi", rotation, self.sheet.normal[square])
         arm = np.einsum("mij,mj->mi", rotation, self.sheet.position[square])
         line = np.hstack([normal, cross(arm, normal)])
-        share = 1.0 / PARTS**2
-        force = share * self._law.force(depth)
-        wrench = np.zeros((len(sensor_poses), 6))
-        for column in range(6):
-            wrench[:, column] = -np.bincount(board, force * line[:, column], len(sensor_poses))
-        return SoftLoad(wrench, square, force, line, share * self._law.stiffness(depth))
+        force, rate = self._law.force(depth) / PARTS**2, self._law.stiffness(depth) / PARTS**2
+        wrench, stiffness = np.zeros((len(sensor_poses), 6)), np.zeros((len(sensor_poses), 6, 6))
+        for index in np.unique(board):
+            own = board == index
+            wrench[index] = -force[own] @ line[own]
+            stiffness[index] = (rate[own, None] * line[own]).T @ line[own]
+        return SoftLoad(wrench, stiffness)
 
     def taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
-        """Normal force on every taxel, newtons, f64[n]; the bare margin's part is nobody's."""
-        in_object = inverse(object_pose) @ sensor_poses
-        pieces = PARTS**2
-        own = np.arange(self.hand.n_taxels * pieces)
-        points, normals = self._lines(in_object, own)
+        """See `LayerContact`."""
+        square, depth = self._pressed(inverse(object_pose) @ sensor_poses)
+        share = self._law.force(depth) / PARTS**2
+        count = self.hand.n_taxels
+        return np.asarray(np.bincount(square // PARTS**2, share, count)[:count], dtype=np.float64)
+
+    def _pressed(self, in_object: FloatArray) -> tuple[npt.NDArray[np.intp], FloatArray]:
+        """The pieces that bear, [m], and how far each is compressed, metres, f64[m]."""
+        if self._looked is None or self._motion(in_object - self._looked) > NEAR_M:
+            self._look(in_object)
+        points, normals = self._lines(in_object, self._near)
         depth = self._layer - self._shape.ray_separation(points, normals)
-        depth = np.where((depth > 0.0) & (depth < self._layer + DEEPEST_M), depth, 0.0)
-        return np.asarray(self._law.force(depth).reshape(-1, pieces).sum(axis=1) / pieces)
+        pressed = (depth > 0.0) & (depth < self._layer + DEEPEST_M)
+        return self._near[pressed], depth[pressed]
 
     def _lines(self, in_object: FloatArray, squares: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         pose = in_object[self.sheet.board_index[squares]]

@@ -14,7 +14,7 @@ import numpy as np
 
 from taxel.hand.transforms import FloatArray, cross, inverse, rotate
 from taxel.sim.scene import JOINT_FRICTION_NM, Scene
-from taxel.sim.soft_contact import SoftContact, SoftLoad
+from taxel.sim.soft_contact import LayerContact
 
 SOFT_STEP_S: Final = 0.004
 """Not the emulated hand's step, and not that of rigid contact."""
@@ -26,53 +26,48 @@ STICKING_RAD_S: Final = 0.003
 class SoftPush:
     """Moves a scene whose hand and object meet through `soft` only."""
 
-    def __init__(self, scene: Scene, soft: SoftContact) -> None:
+    def __init__(self, scene: Scene, soft: LayerContact) -> None:
         self._soft = soft
         self._model = model = copy.copy(scene.model)
-        item = model.geom("object").id
-        model.geom_contype[item] = model.geom_conaffinity[item] = 0  # the layer bears, not the solids
+        # The layer bears, not the solids; friction and the joints' ranges are in the step itself.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.timestep = SOFT_STEP_S
         self._damping = model.dof_damping.copy()
         model.dof_damping[:] = 0.0  # it is in the implicit part: MuJoCo's passive forces are the springs' alone
         self._item = model.body("object").id
         self._boards, self._places = scene.board_bodies, scene.board_poses
-        kinds = model.jnt_type
-        self._hinges = np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_HINGE)
-        self._slides = np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_SLIDE)
-        self._ball = int(np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_BALL)[0])
-        self._hinge_dofs, self._slide_dofs = model.jnt_dofadr[self._hinges], model.jnt_dofadr[self._slides]
-        self._ball_dofs = model.jnt_dofadr[self._ball] + np.arange(3)
-        self._spring = np.zeros(model.nv)
-        self._spring[self._slide_dofs] = model.jnt_stiffness[self._slides]
-        self._spring[self._ball_dofs] = model.jnt_stiffness[self._ball]
-        self._carried = np.array(
-            [[_is_below(model, int(board), int(model.jnt_bodyid[j])) for j in self._hinges] for board in self._boards],
-            dtype=np.float64,
-        )
+        hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+        self._hinge_dofs, self._hinge_angles = model.jnt_dofadr[hinges], model.jnt_qposadr[hinges]
+        self._low, self._high = model.jnt_range[hinges].T.copy()
+        self._spring = np.where(np.isin(model.dof_jntid, hinges), 0.0, model.jnt_stiffness[model.dof_jntid])
+        self._roots = model.body_rootid[model.dof_bodyid]
+        carried = np.stack([_carried(model, int(body)) for body in self._boards])
+        self._carried = carried - _carried(model, self._item)  # of the relative motion
+        self._inertia = np.zeros((model.nv, model.nv))
 
     def step(self, data: mujoco.MjData) -> None:
-        """Move on by `SOFT_STEP_S` under `data.qfrc_applied`."""
-        model, h = self._model, SOFT_STEP_S
+        """Move on by `SOFT_STEP_S` under `data.qfrc_applied`; only qpos and qvel are those of the new moment."""
+        model, h, inertia = self._model, SOFT_STEP_S, self._inertia
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         poses = self._sensor_poses(data)
         load = self._soft.load(poses, self._object_pose(data))
-        inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
-        force = data.qfrc_applied + data.qfrc_passive - data.qfrc_bias
-        damping = self._damping.copy()
-        damping[self._hinge_dofs] += JOINT_FRICTION_NM / (np.abs(data.qvel[self._hinge_dofs]) + STICKING_RAD_S)
+        velocity = data.qvel
+        force = data.qfrc_applied + data.qfrc_passive - data.qfrc_bias + inertia @ velocity / h
+        damping = self._damping + h * self._spring
+        damping[self._hinge_dofs] += JOINT_FRICTION_NM / (np.abs(velocity[self._hinge_dofs]) + STICKING_RAD_S)
         system = inertia / h
-        if len(load.square):
-            jacobian = self._jacobian(data, load, poses)
-            force = force - load.force @ jacobian
-            system += h * (jacobian * load.rate[:, None]).T @ jacobian
-        system[np.diag_indices_from(system)] += damping + h * self._spring
-        data.qvel[:] = np.linalg.solve(system, inertia @ data.qvel / h + force)
-        mujoco.mj_integratePos(model, data.qpos, data.qvel, h)
+        system.flat[:: model.nv + 1] += damping
+        if load.wrench.any():
+            motion = self._motion(data, poses)
+            flat = motion.reshape(-1, model.nv)
+            force += load.wrench.ravel() @ flat
+            system += h * flat.T @ (load.stiffness @ motion).reshape(-1, model.nv)
+        velocity[:] = np.linalg.solve(system, force)
+        mujoco.mj_integratePos(model, data.qpos, velocity, h)
         self._stop(data)
         data.time += h
-        mujoco.mj_kinematics(model, data)
 
     def feel(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """Wrench on each board in its bracket's frame f64[s, 6], and force on every taxel f64[n]."""
@@ -84,11 +79,11 @@ class SoftPush:
 
     def _stop(self, data: mujoco.MjData) -> None:
         """A joint stays in its range, and loses its speed at the end of it."""
-        address = self._model.jnt_qposadr[self._hinges]
-        low, high = self._model.jnt_range[self._hinges].T
-        wanted = data.qpos[address]
-        data.qpos[address] = np.clip(wanted, low, high)
-        data.qvel[self._hinge_dofs[data.qpos[address] != wanted]] = 0.0
+        wanted = data.qpos[self._hinge_angles]
+        stopped = (wanted < self._low) | (wanted > self._high)
+        if stopped.any():
+            data.qpos[self._hinge_angles] = np.clip(wanted, self._low, self._high)
+            data.qvel[self._hinge_dofs[stopped]] = 0.0
 
     def _sensor_poses(self, data: mujoco.MjData) -> FloatArray:
         poses = np.zeros((len(self._boards), 4, 4))
@@ -101,25 +96,23 @@ class SoftPush:
         pose[:3, :3], pose[:3, 3] = data.xmat[self._item].reshape(3, 3), data.xpos[self._item]
         return pose
 
-    def _jacobian(self, data: mujoco.MjData, load: SoftLoad, poses: FloatArray) -> FloatArray:
-        """How fast each bearing piece sinks in with each degree of freedom, f64[m, dofs]."""
-        board = self._soft.sheet.board_index[load.square]
-        normal, moment = load.line[:, :3], load.line[:, 3:]
-        point = poses[board, :3, 3]  # the moment's point: that of a line about any other follows from the shift
-        jacobian = np.zeros((len(board), self._model.nv))
-        axes, anchors = data.xaxis[self._hinges], data.xanchor[self._hinges]
-        # (moment + (point - anchor) x normal) . axis, without arrays of three indices
-        twist = moment @ axes.T + cross(point, normal) @ axes.T - normal @ np.cross(axes, anchors).T
-        jacobian[:, self._hinge_dofs] = self._carried[board] * twist
-        jacobian[:, self._slide_dofs] = -normal @ data.xaxis[self._slides].T
-        about = moment + cross(point - data.xanchor[self._ball], normal)
-        jacobian[:, self._ball_dofs] = -about @ data.xmat[self._item].reshape(3, 3)
-        return jacobian
+    def _motion(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:
+        """How fast each bracket's origin moves, and the bracket turns, against the object with each degree of freedom.
+
+        f64[s, 6, dofs], in the world. Where the object moves, it is that of the point at the bracket's origin.
+        """
+        turn, about = data.cdof[:, :3], data.subtree_com[self._roots]  # MuJoCo's are about the whole tree's centre
+        motion = np.empty((len(poses), 6, len(turn)))
+        arm = poses[:, None, :3, 3] - about
+        motion[:, :3] = (data.cdof[:, 3:] + cross(turn, arm)).transpose(0, 2, 1)
+        motion[:, 3:] = turn.T
+        motion *= self._carried[:, None]
+        return motion
 
 
-def _is_below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
-    while body > 0:
-        if body == ancestor:
-            return True
-        body = int(model.body_parentid[body])
-    return False
+def _carried(model: mujoco.MjModel, body: int) -> FloatArray:
+    """Which degrees of freedom move a body, f64[dofs]: 1 for its own and those above it, else 0."""
+    above = [body]
+    while above[-1] > 0:
+        above.append(int(model.body_parentid[above[-1]]))
+    return np.isin(model.dof_bodyid, above).astype(np.float64)

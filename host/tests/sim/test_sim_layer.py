@@ -259,6 +259,16 @@ def test_separation_is_from_the_surface_and_0_05_where_the_normal_misses():
     np.testing.assert_array_equal(separations(hand, PLANE, away, one), MISS_M)
 
 
+def test_frames_in_which_nothing_moves_have_the_separation_of_the_one_before():
+    gaps = [0.004, 0.004, 0.001, 0.001, 0.004, 0.002]
+    poses, objects = np.concatenate([above_top(gap) for gap in gaps]), np.repeat(np.eye(4)[None], len(gaps), axis=0)
+    objects[5:, 0, 3] = 0.001
+    found = separations(flat_hand(), PLANE, poses, objects)
+    each = [separations(flat_hand(), PLANE, poses[i : i + 1], objects[i : i + 1])[0] for i in range(len(gaps))]
+    np.testing.assert_array_equal(found, each)
+    np.testing.assert_allclose(found[:, 0], gaps, atol=1e-12)
+
+
 def test_a_hand_without_a_layer_is_refused():
     with pytest.raises(LayerThicknessError, match="layer_m"):
         separations(replace(flat_hand(), layer_m=None), PLANE, above_top(0.0), np.eye(4)[None])

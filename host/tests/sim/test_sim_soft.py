@@ -19,6 +19,7 @@ from taxel.hand import load_hand
 from taxel.hand.transforms import from_rotation_vector, inverse, to_quaternion, to_rotation_vector
 from taxel.sim import soft_push
 from taxel.sim.closing import simulate_grasp
+from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
 from taxel.sim.soft_contact import LayerLaw, SoftContact
 
@@ -130,40 +131,50 @@ def test_how_fast_a_piece_sinks_in_is_its_speed_along_its_normal():
         index = scene.model.body_mocapid[body]
         data.mocap_pos[index], data.mocap_quat[index] = place[:3, 3], to_quaternion(place)
 
-    def lines(qpos, squares=None):
+    def moved_to(qpos):
         moved = mujoco.MjData(scene.model)
         moved.qpos[:], moved.mocap_pos[:], moved.mocap_quat[:] = qpos, data.mocap_pos, data.mocap_quat
         mujoco.mj_fwdPosition(scene.model, moved)
-        poses, item = push._sensor_poses(moved), push._object_pose(moved)
-        load = soft.load(poses, item)
-        squares = load.square if squares is None else squares
-        return (moved, load, poses), soft._lines(inverse(item) @ poses, squares)
+        poses = push._sensor_poses(moved)
+        return moved, poses, inverse(push._object_pose(moved)) @ poses
 
-    (at, load, poses), (points, normals) = lines(data.qpos)
-    assert load.force.sum() > 1.0
-    jacobian = push._jacobian(at, load, poses)
+    at, poses, in_object = moved_to(data.qpos)
+    square, _ = soft._pressed(in_object)
+    assert len(square) > 50
+    points, normals = soft._lines(in_object, square)
+    board = soft.sheet.board_index[square]
+    normal, arm = (
+        np.einsum("mij,mj->mi", poses[board, :3, :3], part[square]) for part in (soft.sheet.normal, soft.sheet.position)
+    )
+    speed = np.einsum("mi,mij->mj", np.hstack([normal, np.cross(arm, normal)]), push._motion(at, poses)[board])
     step = 1e-7
     for column in range(scene.model.nv):
         velocity = np.zeros(scene.model.nv)
         velocity[column] = 1.0
         there = data.qpos.copy()
         mujoco.mj_integratePos(scene.model, there, velocity, step)
-        _, (after, _) = lines(there, load.square)
+        after, _ = soft._lines(moved_to(there)[2], square)
         expected = np.sum((after - points) / step * normals, axis=1)
-        np.testing.assert_allclose(jacobian[:, column], expected, atol=1e-5)
+        np.testing.assert_allclose(speed[:, column], expected, atol=1e-5)
 
 
-def test_pieces_that_are_left_out_do_not_bear():
+@pytest.mark.parametrize("contact", [SoftContact, NativeContact])
+def test_pieces_that_are_left_out_do_not_bear(contact):
     """While a box comes, turns and goes, the pieces that were looked at give what all would."""
     hand, shape = load_hand("flat8"), ConvexPolytope.box(0.03, 0.02, 0.03).rounded(0.002)
     rng = np.random.default_rng(5)
-    tracked = SoftContact(hand, shape, LAW)
-    item = np.eye(4)
+    tracked = contact(hand, shape, LAW)
+    item, pressed = np.eye(4), 0
     for height in np.concatenate([np.linspace(0.02, 0.001, 40), np.linspace(0.001, 0.02, 15)]):
         item = item @ from_rotation_vector(rng.normal(0.0, 0.01, 3))
         item[:3, 3] = [*rng.normal(0.0, 0.0005, 2), height]
-        got = tracked.load(np.eye(4)[None], item)
-        wanted = SoftContact(hand, shape, LAW).load(np.eye(4)[None], item)
-        np.testing.assert_array_equal(got.square, wanted.square)
+        got, wanted = (each.load(np.eye(4)[None], item) for each in (tracked, contact(hand, shape, LAW)))
         np.testing.assert_array_equal(got.wrench, wanted.wrench)
-    assert len(wanted.square) == 0
+        np.testing.assert_array_equal(got.stiffness, wanted.stiffness)
+        pressed += int(wanted.wrench.any())
+    assert pressed > 5
+    assert not wanted.wrench.any()
+
+
+def test_rigid_solids_do_not_meet_where_the_layer_bears():
+    assert len(motion_of(ONE_OF_EACH[0]).contacts.board) == 0
