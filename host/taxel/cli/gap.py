@@ -11,16 +11,22 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from taxel.cli.gap_apply import apply
+from taxel.cli.gap_blind import blind
+from taxel.cli.gap_next import next_press
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import Diagnosis
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.page import write_page
+from taxel.gap.priors import read_priors
 
 gap_app = typer.Typer(
     help="Where simulator and hand disagree, which effect causes it, and how far the gap shrinks.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+gap_app.command()(blind)
+gap_app.command(name="next")(next_press)
 
 
 @gap_app.command()
@@ -29,6 +35,7 @@ def diagnose(
     sim: Annotated[Path, typer.Argument(help="Grasp dataset of the simulator.", metavar="SIM.h5")],
     out: Annotated[Path, typer.Option(help="Folder for report.json and report.html.")],
     without: Annotated[list[str] | None, typer.Option(help="An effect that is not tried; may be repeated.")] = None,
+    priors: Annotated[Path | None, typer.Option(help="TOML file of what is known of the effects' parameters.")] = None,
     seed: Annotated[int, typer.Option(help="Of the draws behind the p-values.")] = 0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a report that is there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
@@ -45,7 +52,7 @@ def diagnose(
             raise TaxelError(f"{path}: exists already; choose another --out or --overwrite it")
     console = Console(stderr=as_json)
     with _Bars(console) as bars:
-        diagnosis = run(real, sim, without or (), seed, bars.show)
+        diagnosis = run(real, sim, without or (), seed, bars.show, read_priors(priors) if priors else {})
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
     report.write_text(text)
@@ -54,6 +61,9 @@ def diagnose(
         print(text)
     else:
         _summary(console, diagnosis, page)
+
+
+gap_app.command()(apply)
 
 
 def _summary(console: Console, diagnosis: Diagnosis, page: Path) -> None:

@@ -9,16 +9,24 @@ from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import fit, started
 from taxel.gap.judge import Judge
 
+SURE = 0.05
+"""P-value from which on a shift that helps is chance."""
+
 FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
 
 
 def common_shift(judge: Judge) -> float:
-    """Seconds by which the hand is later: the median of the boards' delays, so that one late board does not move it."""
+    """Seconds by which the hand is later: the median of the boards' delays, so that one late board does not move it.
+    0 where that does not surely help.
+    """
     state = judge.state
     fitted = fit(judge.problem(), Chain((started(state, Latency()),)), iterations=6).chain.links[0]
     boards = state.touched_boards
     if not len(boards):
         return 0.0
     most = FRAMES * state.pair.frame_s
-    return float(np.clip(np.median(fitted.values[0, boards]), -most, most))
+    shift = float(np.clip(np.median(fitted.values[0, boards]), -most, most))
+    gain, p_value = judge.score(state.shifted(shift).mean).better_than(judge.score(state.mean))
+    few = judge.sessions.value.shape[1] < 3
+    return shift if gain > 0 and (few or p_value < SURE) else 0.0

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.contact_propagation import ContactPropagation
-from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Prior
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
@@ -31,7 +31,7 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         ),
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
-        "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
+        "stiffness": (Stiffness(HAND), Stiffness(BOARD), Stiffness(TAXEL)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
         "hysteresis": (Hysteresis("drop"), Hysteresis("force"), Hysteresis("more")),
         "saturation": (Saturation("clip"), Saturation("soft")),
@@ -44,10 +44,19 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
 """Forms of every effect."""
 
 
-def chosen(without: Collection[str] = ()) -> dict[str, tuple[Effect, ...]]:
-    """The catalogue less some effects. Raises GapInputError for a name that it lacks."""
+def chosen(
+    without: Collection[str] = (), priors: Mapping[str, Mapping[str, Prior]] = MappingProxyType({})
+) -> dict[str, tuple[Effect, ...]]:
+    """The catalogue less some effects. priors: what is known of parameters, by effect and name.
+
+    Raises GapInputError for a name that it lacks.
+    """
     for name in without:
         if name not in CATALOGUE:
             names = ", ".join(CATALOGUE)
             raise GapInputError("--without", f"one of {names}", repr(name), "correct the name")
-    return {name: forms for name, forms in CATALOGUE.items() if name not in without}
+    return {
+        name: tuple(form.with_priors(priors[name]) if name in priors else form for form in forms)
+        for name, forms in CATALOGUE.items()
+        if name not in without
+    }

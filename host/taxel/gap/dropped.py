@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.dropout import Dropped
+from taxel.gap.effects.dropout import Dropped, Short, crossings
 from taxel.gap.features import COUNTS_MISSING, SessionMeans, known_mean
 from taxel.gap.state import State
 
@@ -24,6 +24,9 @@ SURE: Final = 0.5
 
 MISSING: Final = 0.02
 """Share of missing frames beyond the simulator's that is no accident."""
+
+ALIKE: Final = 0.03
+"""Share of the expected squared difference of two lines below which they show the same."""
 
 STUCK: Final = 0.1
 """Noise below this share of the board's usual noise: the taxel does not even read noise."""
@@ -48,7 +51,8 @@ def find_dropped(state: State, real: SessionMeans, features: Array, cells: NDArr
     for board, axis, index in lines:
         number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
         on_line |= (sensor == board) & (number == index)
-    return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck)
+    shorts = _shorts(state, real, features, cells)
+    return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts)
 
 
 def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
@@ -92,3 +96,33 @@ def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> l
                 if own.sum() >= 2 and dead[own].all() and not dead[whole].all():
                     found.append((board, axis, index))
     return found
+
+
+def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> tuple[Short, ...]:
+    """Neighbouring lines whose crossings all show the same where they should differ."""
+    bins = state.layout.bins
+    expected = features[cells][:, :bins]
+    seen = np.nan_to_num(known_mean(real.value[cells], 1)[:, :bins])
+    weight = state.layout.weight[:bins, None]
+    found = []
+    sensor = state.pair.taxels.sensor
+    for axis, number in (("tx", state.pair.taxels.tx), ("rx", state.pair.taxels.rx)):
+        for address in state.pair.sensors.address.tolist():
+            for index in np.unique(number[sensor == address])[:-1].tolist():
+                first, second = crossings(state.pair, address, axis, index)
+                if len(first) < 2:
+                    continue
+                apart, together = (
+                    expected[:, :, first] - expected[:, :, second],
+                    expected[:, :, first] + expected[:, :, second],
+                )
+                if np.abs(apart).max() < LOADED_COUNTS:
+                    continue
+                differs = float(np.sum(weight * (seen[:, :, first] - seen[:, :, second]) ** 2))
+                if differs > ALIKE * float(np.sum(weight * apart**2)):
+                    continue
+                total = seen[:, :, first] + seen[:, :, second]
+                share = 0.5 * float(np.sum(weight * total * together) / np.sum(weight * together**2))
+                if share > DEAD:
+                    found.append(Short(address, axis, index, share))
+    return tuple(found)

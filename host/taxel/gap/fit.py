@@ -52,15 +52,54 @@ class Fit:
     cost: float
 
 
-def fit(problem: Problem, chain: Chain, fixed: Sequence[str] = (), iterations: int = ITERATIONS) -> Fit:
-    """Fit all effects of the chain but those named in `fixed`, from the values they have."""
+@dataclass(frozen=True, eq=False)
+class Column:
+    """How the features change with a parameter: change f64[C, F, n] a unit, block of each (cell, taxel) [C, n], and
+    the number of blocks. precision, pull: of its prior, f64[count].
+    """
+
+    change: Array
+    blocks: NDArray[np.intp]
+    count: int
+    precision: Array
+    pull: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where fits to different parts of one problem begin: it is worked out once for all of them."""
+
+    chain: Chain
+    features: Array
+    columns: tuple[Column, ...]
+
+
+def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
+    """Features of a chain and their derivatives."""
+    features = chain.features(state)
+    return Start(chain, features, _columns(state, chain, _free(chain, fixed), features))
+
+
+def _free(chain: Chain, fixed: Sequence[str]) -> list[int]:
+    return [index for index, link in enumerate(chain.links) if link.effect.name not in fixed]
+
+
+def fit(
+    problem: Problem,
+    chain: Chain,
+    fixed: Sequence[str] = (),
+    iterations: int = ITERATIONS,
+    start: Start | None = None,
+) -> Fit:
+    """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`)."""
     problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
-    free = [index for index, link in enumerate(chain.links) if link.effect.name not in fixed]
-    features = chain.features(problem.state)
+    free = _free(chain, fixed)
+    features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
     damping = 1e-3
-    for _ in range(iterations if free else 0):
-        system, gradient = _normal_equations(problem, chain, free, features)
+    for number in range(iterations if free else 0):
+        columns = start.columns if start and number == 0 else _columns(problem.state, chain, free, features)
+        system, gradient = normal_equations(problem, columns, features)
         better = False
         for _ in range(6):
             step = _solve(system, gradient, damping)
@@ -95,43 +134,42 @@ def _scale(parameter: Parameter, values: Array) -> Array:
     return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
 
 
-def _normal_equations(problem: Problem, chain: Chain, free: list[int], features: Array) -> tuple[Array, Array]:
-    state = problem.state
-    residual = problem.target - features
-    columns: list[
-        tuple[Array, NDArray[np.intp], int, int]
-    ] = []  # derivative, block of each (cell, taxel), first column
-    first = 0
-    diagonal: list[Array] = []
-    pull: list[Array] = []
+def _columns(state: State, chain: Chain, free: list[int], features: Array) -> tuple[Column, ...]:
+    columns = []
     for index in free:
         link = chain.links[index]
         blocks = link.effect.blocks(state)
-        count = link.values.shape[1]
         for row, parameter in enumerate(link.effect.parameters()):
             step = STEP * _scale(parameter, link.values[row])
             step = np.where(link.values[row] + step > parameter.high, -step, step)
             moved = link.values.copy()
             moved[row] = moved[row] + step
             values = [moved if other == index else chain.links[other].values for other in range(len(chain.links))]
-            change = chain.with_values(values).features(state) - features
-            columns.append((np.nan_to_num(change) / step[blocks][:, None], blocks, first, count))
-            first += count
+            change = np.nan_to_num(chain.with_values(values).features(state) - features) / step[blocks][:, None]
             precision = 0.0 if np.isinf(parameter.prior) else parameter.prior**-2
-            diagonal.append(np.full(count, precision))
-            pull.append(precision * (parameter.neutral - link.values[row]))
-    system, gradient = np.diag(np.concatenate(diagonal)), np.concatenate(pull)
-    for number, (change, blocks, start, count) in enumerate(columns):
-        weighted = problem.weight * change
-        own = np.bincount(blocks.ravel(), np.sum(weighted * residual, axis=1).ravel(), count)
-        gradient[start : start + count] += own
-        for other_change, other_blocks, other_start, other_count in columns[: number + 1]:
-            product = np.sum(weighted * other_change, axis=1).ravel()
-            pairs = blocks.ravel() * other_count + other_blocks.ravel()
-            part = np.bincount(pairs, product, count * other_count).reshape(count, other_count)
-            system[start : start + count, other_start : other_start + other_count] += part
+            count = link.values.shape[1]
+            pull = precision * (parameter.middle - link.values[row])
+            columns.append(Column(change, blocks, count, np.full(count, precision), pull))
+    return tuple(columns)
+
+
+def normal_equations(problem: Problem, columns: Sequence[Column], features: Array) -> tuple[Array, Array]:
+    """Matrix f64[p, p] and right side f64[p] of the step from `features`, over all blocks of all columns."""
+    residual = problem.target - features
+    starts = np.cumsum([0] + [column.count for column in columns])
+    system = np.diag(np.concatenate([column.precision for column in columns]))
+    gradient = np.concatenate([column.pull for column in columns])
+    for number, (column, start) in enumerate(zip(columns, starts, strict=False)):
+        weighted = problem.weight * column.change
+        own = np.bincount(column.blocks.ravel(), np.sum(weighted * residual, axis=1).ravel(), column.count)
+        gradient[start : start + column.count] += own
+        for other, other_start in zip(columns[: number + 1], starts, strict=False):
+            product = np.sum(weighted * other.change, axis=1).ravel()
+            pairs = column.blocks.ravel() * other.count + other.blocks.ravel()
+            part = np.bincount(pairs, product, column.count * other.count).reshape(column.count, other.count)
+            system[start : start + column.count, other_start : other_start + other.count] += part
             if other_start != start:
-                system[other_start : other_start + other_count, start : start + count] += part.T
+                system[other_start : other_start + other.count, start : start + column.count] += part.T
     return system, gradient
 
 
@@ -162,5 +200,5 @@ def _prior_cost(chain: Chain, free: list[int]) -> float:
         link = chain.links[index]
         for row, parameter in enumerate(link.effect.parameters()):
             if np.isfinite(parameter.prior):
-                total += float(np.sum((link.values[row] - parameter.neutral) ** 2)) / parameter.prior**2
+                total += float(np.sum((link.values[row] - parameter.middle) ** 2)) / parameter.prior**2
     return total

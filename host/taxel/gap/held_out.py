@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
-from taxel.gap.fit import fit
+from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, shrink
 from taxel.gap.select import FIXED
@@ -74,10 +74,11 @@ def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOu
     firsts: list[float] = []
     seconds: list[float] = []
     promised, links = [], []
+    start = start_of(judge.state, chain, fixed)
     for session in range(count):
         part = real.only(np.arange(count) != session) if count > 1 else real
         own = Judge(judge.state, part, layout)
-        fitted = fit(own.problem(), chain, fixed, REFITS)
+        fitted = fit(own.problem(), chain, fixed, REFITS, start)
         links.append(fitted.chain.links)
         for store, features in ((firsts, before), (seconds, fitted.features)):
             store.append(float(np.sum(scale * real.residual(features)[:, session] ** 2)))

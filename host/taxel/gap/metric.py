@@ -94,13 +94,23 @@ def root(interval: Interval) -> Interval:
     return Interval(float(np.sqrt(max(interval.value, 0.0))), low, high, None)
 
 
+def upper_bound(interval: Interval, sessions: int) -> float:
+    """One-sided 95 % bound above; the value itself below 3 sessions."""
+    if interval.error is None:
+        return interval.value
+    return interval.value + float(student.ppf(0.95, sessions - 1)) * interval.error
+
+
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """gap, floor: counts. gap2, excess: counts^2 with intervals. p_value: of an excess this large without any."""
+    """gap, floor: counts. gap2, excess: counts^2 with intervals; most: upper bound of the excess. p_value: of an excess
+    this large without any.
+    """
 
     gap: Interval
     floor: float
     excess: Interval
+    most: float
     p_value: float
     terms: Terms
 
@@ -113,7 +123,7 @@ def measure(real: SessionMeans, model: Array, layout: Layout) -> Gap:
     gap2 = jackknife(np.array([total(part.gap2) for part in left]), total(whole.gap2))
     excess = jackknife(np.array([total(part.excess) for part in left]), total(whole.excess))
     floor = float(np.sqrt(max(total(whole.floor2), 0.0)))
-    return Gap(root(gap2), floor, excess, _p_value(excess, sessions), whole)
+    return Gap(root(gap2), floor, excess, upper_bound(excess, sessions), _p_value(excess, sessions), whole)
 
 
 def shrink(before2: float, after2: float) -> float:

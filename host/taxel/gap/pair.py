@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
 from taxel.gap.reading import Groups, Progress, Recording, read_recording
+from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -39,6 +40,7 @@ class Pair:
             f64[C, s, 4, 4] and f64[C, 4, 4].
         paths: of both files. digests: their SHA-256.
         losses: what this pair lacks, in words, for the report.
+        unrecorded: cells that only the simulator has, sorted.
     """
 
     cells: tuple[Key, ...]
@@ -56,11 +58,17 @@ class Pair:
     paths: tuple[str, str]
     digests: tuple[str, str]
     losses: tuple[str, ...]
+    unrecorded: tuple[Key, ...] = ()
 
     @cached_property
     def sessions(self) -> NDArray[np.int64]:
         """Sessions of the real recording, sorted."""
         return np.unique(self.real.session)
+
+    @cached_property
+    def baseline_age_s(self) -> float:
+        """How old the hand's baselines are when closing begins: the middle of their frames."""
+        return 0.5 * float(self.real.frames.mean()) * self.frame_s
 
     @property
     def n(self) -> int:
@@ -75,19 +83,19 @@ def silent(done: int, total: int) -> None:
 def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = silent) -> Pair:
     """Read what two datasets have in common. Raises DatasetError and GapInputError of one line."""
     with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
-        columns = _check_tables(real, sim)
-        cells, real_ids, sim_ids, losses = _common_cells(real, sim)
-        clock, rate = _clock(real, sim, real_ids, sim_ids)
+        columns = check_tables(real, sim)
+        cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
+        clock, rate = _clock(((real, made), (sim, simulated)))
         groups = _groups(real.taxels, real.sensors)
-        total = len(real_ids) + len(sim_ids)
         numbers = {key: index for index, key in enumerate(cells)}
+        count, total = len(made), len(made) + len(simulated)
+        firsts = [_first(simulated, key) for key in cells]
         first = read_recording(
-            real, real_ids, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
+            real, made, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
         )
         second = read_recording(
-            sim, sim_ids, numbers, clock, groups, columns, lambda done, _: progress(len(real_ids) + done, total)
+            sim, simulated, numbers, clock, groups, columns, lambda done, _: progress(count + done, total)
         )
-        firsts = [sim[sim_ids[int(np.flatnonzero(second.cell == cell)[0])]] for cell in range(len(cells))]
         return Pair(
             cells,
             real.taxels,
@@ -99,15 +107,16 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             second,
             sim.sensor_model,
             dict(real.objects),
-            np.stack([grasp.sensor_pose[columns] for grasp in firsts]),
-            np.stack([grasp.object_pose for grasp in firsts]),
+            np.stack([sensor_pose[columns] for sensor_pose, _ in firsts]),
+            np.stack([object_pose for _, object_pose in firsts]),
             (str(real_path), str(sim_path)),
             (_digest(real.path), _digest(sim.path)),
             tuple(losses + _further_losses(first, second)),
+            unrecorded,
         )
 
 
-def _check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
+def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
     """The simulator's sensor columns in the order of the real file's."""
     remedy = "give both datasets the same hand: same taxels in the same order"
     if real.taxels.n != sim.taxels.n:
@@ -133,8 +142,18 @@ def _check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
     return np.array([own.index(address) for address in real.sensors.address.tolist()], dtype=np.intp)
 
 
-def _common_cells(real: GraspDataset, sim: GraspDataset) -> tuple[tuple[Key, ...], list[str], list[str], list[str]]:
-    keys = [{(grasp.object, grasp.approach) for grasp in data} for data in (real, sim)]
+def _first(grasps: Sequence[Grasp], key: Key) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Poses of a cell's first grasp: brackets f64[s, 4, 4], object f64[4, 4]."""
+    grasp = next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key)
+    return grasp.sensor_pose, grasp.object_pose
+
+
+def _common_cells(
+    real: GraspDataset, sim: GraspDataset
+) -> tuple[tuple[Key, ...], list[Grasp], list[Grasp], tuple[Key, ...], list[str]]:
+    """Cells of both, their grasps on either side, cells of the simulator alone, and what is lost."""
+    every = [list(data) for data in (real, sim)]
+    keys = [{(grasp.object, grasp.approach) for grasp in grasps} for grasps in every]
     common = tuple(sorted(keys[0] & keys[1]))
     if not common:
         shown = ", ".join(f"{item} {name}" for item, name in sorted(keys[0])[:3]) or "no grasp"
@@ -147,19 +166,15 @@ def _common_cells(real: GraspDataset, sim: GraspDataset) -> tuple[tuple[Key, ...
         if left:
             names = ", ".join(f"{item} {name}" for item, name in left[:4])
             losses.append(f"{data.path}: {len(left)} approaches without a {other} were left out ({names})")
-    wanted = set(common)
-    ids = [[name for name in data.ids if (data[name].object, data[name].approach) in wanted] for data in (real, sim)]
-    return common, ids[0], ids[1], losses
+    made, simulated = ([one for one in grasps if (one.object, one.approach) in set(common)] for grasps in every)
+    return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
 
 
-def _clock(
-    real: GraspDataset, sim: GraspDataset, real_ids: Sequence[str], sim_ids: Sequence[str]
-) -> tuple[Clock, float]:
+def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock, float]:
     durations: dict[Phase, float] = {}
     rate = np.inf
-    for data, ids in ((real, real_ids), (sim, sim_ids)):
-        for name in ids:
-            grasp = data[name]
+    for data, grasps in sides:
+        for grasp in grasps:
             time, phase = grasp.timestamp, grasp.phase
             step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
             if step > 0:
@@ -169,7 +184,7 @@ def _clock(
                 lasts = float(own[-1] - own[0] + step) if len(own) else 0.0
                 durations[wanted] = min(durations.get(wanted, np.inf), lasts)
             if durations[Phase.HOLD] <= 0:
-                where = f"{data.path}: /grasps/{name}/phase"
+                where = f"{data.path}: /grasps/{grasp.id}/phase"
                 raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
     usable = {phase: lasts for phase, lasts in durations.items() if lasts > 0}
     rate = rate if np.isfinite(rate) else 1.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -89,23 +89,31 @@ class Groups:
 
 def read_recording(
     data: GraspDataset,
-    ids: Sequence[str],
+    grasps: list[Grasp],
     cells: dict[tuple[str, str], int],
     clock: Clock,
     groups: Groups,
     columns: NDArray[np.intp],
     progress: Progress,
 ) -> Recording:
-    """Reduce the grasps `ids`. columns: [s], this dataset's sensor columns in the pair's order."""
-    rows = []
-    for done, name in enumerate(ids):
-        rows.append(_reduce(data, data[name], clock, groups, columns))
-        progress(done + 1, len(ids))
-    grasps = [data[name] for name in ids]
+    """Reduce `grasps`, which empties the list: a grasp holds what was read of it as long as it lives.
+
+    columns: [s], this dataset's sensor columns in the pair's order.
+    """
+    rows, total = [], len(grasps)
+    cell, session, iteration = [], [], []
+    grasps.reverse()
+    while grasps:
+        grasp = grasps.pop()
+        rows.append(_reduce(data, grasp, clock, groups, columns))
+        cell.append(cells[grasp.object, grasp.approach])
+        session.append(grasp.session)
+        iteration.append(grasp.iteration)
+        progress(len(rows), total)
     fields: dict[str, Any] = {key: _stacked([row[key] for row in rows]) for key in rows[0]}
-    fields["cell"] = np.array([cells[grasp.object, grasp.approach] for grasp in grasps], np.intp)
-    fields["session"] = np.array([grasp.session for grasp in grasps], np.int64)
-    fields["iteration"] = np.array([grasp.iteration for grasp in grasps], np.int64)
+    fields["cell"] = np.array(cell, np.intp)
+    fields["session"] = np.array(session, np.int64)
+    fields["iteration"] = np.array(iteration, np.int64)
     return Recording(**fields)
 
 

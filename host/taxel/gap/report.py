@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.attribution import attribute
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap.confounding import classes, confounded_with
 from taxel.gap.held_out import HeldOut
+from taxel.gap.identify import identifiability, likenesses
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, off_diagonal
-from taxel.gap.pair import Pair
+from taxel.gap.metric import Gap
+from taxel.gap.next_press import next_presses
+from taxel.gap.press_findings import findings_of
+from taxel.gap.press_reading import left_out
 from taxel.gap.report_effects import effect_entry
 from taxel.gap.report_page_fields import page_fields
-from taxel.gap.select import Selection
+from taxel.gap.select import Forms, Round, Selection
+from taxel.gap.signature import unexplained
 from taxel.gap.verdict import Verdict
-from taxel.gap.where import Products, p_values, products, summed, where
+from taxel.gap.where import products, where
 
 Array = NDArray[np.float64]
 
 
 def report_of(
-    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, tried: Collection[str], seed: int
+    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, tried: Forms, seed: int
 ) -> dict[str, Any]:
-    """All but run time and millimetres. tried: names of the catalogue."""
+    """All but run time and millimetres. tried: what of the catalogue."""
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
     told = attribute(judge, selection.names, held)
-    left = products(real, after, layout)
+    fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
+    likes = likenesses(judge, tried, fitted)
+    confounded = confounded_with(selection.names, selection.rivals, likes)
     return {
         "format": "taxel-gap-report",
         "version": 1,
@@ -53,10 +59,16 @@ def report_of(
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
-            "confounded_with": {name: list(rivals) for name, rivals in selection.rivals.items()},
+            "confounded_with": confounded,
             "one_line": verdict.one_line,
         },
-        "effects": [effect_entry(name, judge, selection, held, gap, told) for name in CATALOGUE if name in tried],
+        "effects": [
+            effect_entry(
+                name, judge, selection, held, gap, told, identifiability(name, judge, tried, likes, confounded)
+            )
+            for name in CATALOGUE
+            if name in tried
+        ],
         "after": {
             "before": held.before,
             "value": held.after,
@@ -66,25 +78,35 @@ def report_of(
             "shrink": held.shrink.value,
             "reducible_shrink": held.reducible,
         },
-        "unexplained": _unexplained(pair, left, where(pair, left, layout, seed)["phases"], seed),
+        "unexplained": unexplained(pair, layout, real, after, judge.fold, seed),
+        "classes": classes(confounded),
+        "likeness": [one.to_json() for one in likes],
+        "search": [_round(one) for one in selection.rounds],
         "waterfall": told.waterfall(),
         "ablation": told.ablation() if len(told.names) > 1 else [],
         **page_fields(pair, layout, real, before, after, verdict),
+        "next_presses": next_presses(
+            findings_of(judge, selection, tried, verdict.effects, confounded, held.links), left_out(judge.state)
+        ).to_json(),
     }
 
 
-def _unexplained(pair: Pair, left: Products, phases: list[dict[str, Any]], seed: int) -> dict[str, Any]:
-    """Whether anything is left, on which boards, and in which phase most of it."""
-    count = len(pair.sensors.address)
-    gram = summed(left.taxels, pair.groups.sensor, count)
-    p_value = p_values(gram, summed(left.centred_taxels, pair.groups.sensor, count), seed)
-    excess = off_diagonal(gram)
-    order = [int(k) for k in np.argsort(-excess) if p_value[k] < 0.05]
-    places = [
-        {"address": int(pair.sensors.address[k]), "name": pair.sensors.name[k], "p_value": float(p_value[k])}
-        for k in order
-    ]
-    words = ""
-    if places:
-        words = f"mostly in {phases[0]['phase']}, most of it on {pair.sensors.name[order[0]]}"
-    return {"p_value": float(p_value.min(initial=1.0)), "signature": words, "where": places}
+def _round(one: Round) -> dict[str, Any]:
+    """How one effect was chosen: scores without it, and with each form where it was fitted and on left-out cells."""
+    return {
+        "base": one.base.value,
+        "best": one.best.name if one.best is not None else None,
+        "gain": one.gain,
+        "p_value": one.p_value,
+        "accepted": one.accepted,
+        "trials": [
+            {
+                "name": trial.name,
+                "form": trial.link.effect.variant,
+                "scope": trial.link.effect.scope,
+                "inside": trial.inside.value,
+                "held": None if trial.held is None else trial.held.value,
+            }
+            for trial in one.trials
+        ],
+    }

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.attribution import Attribution
-from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
@@ -16,19 +15,14 @@ from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, jackknife, measure, shrink_by
 from taxel.gap.pair import Pair
+from taxel.gap.report_model import model_of, noise_parts
 from taxel.gap.select import Selection
 
 Array = NDArray[np.float64]
 
-EXCITED, CLEAR = 1.0, 25.0
-"""Change of the score by a plain case of an effect: one and five standard deviations of what scatters."""
-
-COMMON_LEAST = 0.01
-"""Share of the added variance below which a common part is chance."""
-
 
 def effect_entry(
-    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution
+    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution, identifiable: str
 ) -> dict[str, Any]:
     """One effect that was tried."""
     pair = judge.state.pair
@@ -36,7 +30,7 @@ def effect_entry(
     in_verdict = name in selection.names
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
     if first is None:
-        return {**entry, "identifiability": _identifiable(name, judge, selection), **_nothing(gap)}
+        return {**entry, "identifiability": identifiable, **_nothing(gap)}
     link = first.link
     inside: list[Link] = []
     if in_verdict:
@@ -45,7 +39,8 @@ def effect_entry(
     features = first.held_features if first.held_features is not None else first.features
     alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside), "where": _acts(pair, link)}
-    found["identifiability"] = _identifiable(name, judge, selection)
+    found["model"] = model_of(judge.state, link)
+    found["identifiability"] = identifiable
     found |= _nothing(gap)
     found["gap_after_alone"] = measure(judge.sessions, features, judge.layout).gap.value
     found["shrink_alone"], found["shrink_alone_ci95"] = alone.value, alone.ci95
@@ -64,28 +59,14 @@ def _nothing(gap: Gap) -> dict[str, Any]:
     return shrinks
 
 
-def _identifiable(name: str, judge: Judge, selection: Selection) -> str:
-    """How well these presses can tell an effect, whether it is there or not."""
-    if name in selection.rivals or any(name in others for others in selection.rivals.values()):
-        return "confounded"
-    forms = CATALOGUE[name]
-    if not forms:  # what does not answer is seen wherever something was expected
-        return "identifiable"
-    possible = [form for form in forms if not form.unavailable(judge.state)]
-    if not possible:
-        return "unavailable"
-    seen = max(judge.visible(form) for form in possible)
-    return "not_excited" if seen < EXCITED else "weak" if seen < CLEAR else "identifiable"
-
-
 def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
     """Values, intervals from the sessions' fits (jackknife) and units; per board "name@address"."""
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
     entries: dict[str, Any] = {}
     for row, parameter in enumerate(link.effect.parameters()):
-        values = link.values[row]
-        left = np.array([one.values[row] for one in inside]) if inside else np.zeros((0, len(values)))
+        values = _shown(pair, link, row)
+        left = np.array([_shown(pair, one, row) for one in inside]) if inside else np.zeros((0, len(values)))
         for block in _shown_blocks(link):
             label = _label(pair, link, parameter.name, block)
             interval = jackknife(left[:, block], float(values[block]))
@@ -100,6 +81,15 @@ def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
     if link.effect.name == "pose_error":
         entries.update(_displacement(link))
     return entries
+
+
+def _shown(pair: Pair, link: Link, row: int) -> Array:
+    """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
+    values: Array = link.values[row]
+    if link.effect.name != "latency" or len(values) < 2:
+        return values
+    earliest = values[values < values.min() + 0.5 * pair.frame_s]
+    return np.asarray(values - earliest.mean())
 
 
 def _shown_blocks(link: Link) -> range:
@@ -134,15 +124,11 @@ def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
 
 def _noises(pair: Pair, link: Link) -> dict[str, Any]:
     """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
-    total = np.sqrt((link.values**2).sum(axis=0))
-    covariance = np.nanmean(pair.real.common, axis=0) - np.nanmean(pair.sim.common, axis=0)
-    common = min(float(np.sqrt(max(covariance[0], 0.0) + max(covariance[1], 0.0) + max(covariance[2], 0.0))), 1e6)
-    if common**2 < COMMON_LEAST * float((total**2).mean()):
-        common = 0.0  # what pairs of taxels share by chance
-    entries = {"common_counts": {"value": common, "ci95": None, "unit": "counts"}}
-    for block in range(len(total)):
-        white = float(np.sqrt(max(total[block] ** 2 - common**2, 0.0)))
-        entries[_label(pair, link, "white_counts", block)] = {"value": white, "ci95": None, "unit": "counts"}
+    white, *common = noise_parts(pair, link)
+    together = float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max())
+    entries = {"common_counts": {"value": together, "ci95": None, "unit": "counts"}}
+    for block, value in enumerate(white.tolist()):
+        entries[_label(pair, link, "white_counts", block)] = {"value": value, "ci95": None, "unit": "counts"}
     return entries
 
 
@@ -156,10 +142,13 @@ def _displacement(link: Link) -> dict[str, Any]:
 
 def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:
     dropped = effect.dropped
+    open_lines = [(int(pair.sensors.address[board]), axis, index) for board, axis, index in dropped.lines]
+    shorted = [(short.address, short.axis, short.index + step) for short in dropped.shorts for step in (0, 1)]
+    lines = [*open_lines, *(line for line in shorted if line not in open_lines)]
     return {
         "taxels": {"value": np.flatnonzero(dropped.taxels).tolist(), "ci95": None, "unit": "index"},
         "lines": {
-            "value": [[int(pair.sensors.address[board]), axis, index] for board, axis, index in dropped.lines],
+            "value": [list(line) for line in lines],
             "ci95": None,
             "unit": "address, axis, index",
         },

@@ -15,7 +15,7 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, Effect
-from taxel.gap.fit import started
+from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
 
 Array = NDArray[np.float64]
@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS: Final = 4
 SHORTLIST: Final = 5
 """Forms that are cross-validated in a round: those that gain most where they were fitted."""
+
+GLANCE: Final = 4
+"""Iterations of the fits that make the short list."""
 
 LEVEL: Final = 0.01
 """Of a corrected p-value under which a gain is believed."""
@@ -32,6 +35,10 @@ LEAST_SHARE: Final = 0.03
 
 NEXT_SHARE: Final = 0.06
 """The same for a further one: what the first one's form leaves is no effect of its own."""
+
+PLAIN_SHARE: Final = 0.4
+"""Share of the whole score that an effect explains on left-out cells, from which on counts^2 are not asked for: they
+hang on the few taxels that are pressed hardest."""
 
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
@@ -97,7 +104,8 @@ class Selection:
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that were found, in the order in which they were."""
-        return tuple(one.best.name for one in self.rounds if one.accepted and one.best is not None)
+        found = [one.best.name for one in self.rounds if one.accepted and one.best is not None]
+        return tuple(name for name in found if name in self.chain.names)
 
     @property
     def rivals(self) -> dict[str, tuple[str, ...]]:
@@ -128,9 +136,24 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         rounds.append(this)
         if not this.accepted or this.best is None or this.best.held is None or this.best.held_features is None:
             break
-        chain, features = this.best.chain, this.best.features
-        base, held = this.best.held, this.best.held_features
+        kept = _pruned(judge, this.best, start)
+        assert kept.held is not None
+        assert kept.held_features is not None
+        chain, features = kept.chain, kept.features
+        base, held = kept.held, kept.held_features
     return Selection(chain, tuple(rounds), features, held, start, base)
+
+
+def _pruned(judge: Judge, found: Trial, start: Score) -> Trial:
+    """Without the earlier effects that are not needed beside the last one: that did its work before it was there."""
+    for name in [name for name in found.chain.names if name not in (found.name, *FIXED)]:
+        without = _cross_validated(judge, _tried(judge, found.name, found.chain.without(name)))
+        assert without.held is not None
+        assert found.held is not None
+        gain, p_value = found.held.better_than(without.held)
+        if gain < NEXT_SHARE * start.value or p_value > LEVEL:
+            found = without
+    return found
 
 
 def _as_good(trial: Trial, best: Trial, base: Score) -> bool:
@@ -161,28 +184,41 @@ def _round(
             continue
         jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
     with ThreadPoolExecutor(THREADS) as pool:
-        trials = list(pool.map(lambda job: _tried(judge, job[0], chain.with_link(job[1])), jobs))
+        trials = list(pool.map(lambda job: _tried(judge, job[0], chain.with_link(job[1]), GLANCE), jobs))
         trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
         trials.sort(key=lambda trial: trial.inside.value)
         worth = [trial for trial in trials if base.value - trial.inside.value > 0.5 * LEAST_SHARE * start.value]
         chosen = worth[:SHORTLIST]
-        held = list(pool.map(lambda trial: _cross_validated(judge, trial), chosen))
+        held = list(pool.map(lambda trial: _cross_validated(judge, _tried(judge, trial.name, trial.chain)), chosen))
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
-    tried = [trial for trial in best_of.values() if trial.held is not None]
-    best = min(tried, key=_rank) if tried else None
-    if best is None or best.held is None or best.held_features is None:
-        return Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
-    gain, p_value = best.held.better_than(base)
-    p_value = min(1.0, p_value * len({trial.name for trial in held}))
+    tried = sorted((trial for trial in best_of.values() if trial.held is not None), key=_rank)
     least = LEAST_SHARE if number == 0 else NEXT_SHARE
+    names_tried = len({trial.name for trial in held})
+    found = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
+    for place, trial in enumerate(tried):
+        assert trial.held is not None
+        gain, p_value = trial.held.better_than(base)
+        p_value = min(1.0, p_value * names_tried)
+        worth_it = p_value < LEVEL and gain > least * start.value
+        accepted = worth_it and _is_material(judge, trial, held_before, features, least, gain / start.value)
+        if place == 0 or accepted:
+            found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)
+        if accepted:
+            break
+    return found
+
+
+def _is_material(judge: Judge, trial: Trial, held_before: Array, features: Array, least: float, gain: float) -> bool:
+    """Whether an effect takes counts from the gap, not only from what scatters least; or so much that it need not."""
+    if trial.name == DROPOUT or gain > PLAIN_SHARE:
+        return True
+    assert trial.held_features is not None
     # Both where it was not fitted and where it was: a model with a value for each taxel may leave much of the first to
     # another, and nothing of the second.
-    pairs = ((held_before, best.held_features), (features, best.features))
+    pairs = ((held_before, trial.held_features), (features, trial.features))
     counts2 = min(judge.excess(before) - judge.excess(after) for before, after in pairs)
-    material = best.name == DROPOUT or counts2 > least * max(judge.excess(judge.state.mean), judge.floor2)
-    accepted = p_value < LEVEL and gain > least * start.value and material
-    return Round(base, tuple(best_of.values()), best, gain, p_value, accepted)
+    return counts2 > least * max(judge.excess(judge.state.mean), judge.floor2)
 
 
 def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
@@ -202,8 +238,8 @@ def _rank(trial: Trial) -> tuple[bool, float]:
     return (trial.held is None, trial.inside.value if trial.held is None else trial.held.value)
 
 
-def _tried(judge: Judge, name: str, chain: Chain) -> Trial:
-    fitted = judge.in_sample(chain, FIXED)
+def _tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) -> Trial:
+    fitted = judge.in_sample(chain, FIXED, iterations)
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 

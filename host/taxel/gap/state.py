@@ -77,7 +77,7 @@ class State:
     """The simulator's side of a pair, as effects see it.
 
     pair, layout: what is compared. clock: the nodes. cell: [Q], the cell of each press. base: the signal without
-    effects. mean: f64[C, F, n], the simulator's features.
+    effects. mean: f64[C, F, n], the simulator's features. shift_s: seconds by which all of it is later than the file.
     """
 
     pair: Pair
@@ -86,13 +86,14 @@ class State:
     cell: NDArray[np.intp]
     base: Signal
     mean: Array
+    shift_s: float = 0.0
 
     @cached_property
     def coarse(self) -> State:
         """The same with one node a bin: enough for effects without memory, and quicker."""
         bins = self.clock.to_bins
         signal = self.base.mapped(lambda values: np.asarray(np.matmul(bins, values)))
-        return State(self.pair, self.layout, self.clock.of_bins, self.cell, signal, self.mean)
+        return State(self.pair, self.layout, self.clock.of_bins, self.cell, signal, self.mean, self.shift_s)
 
     def shifted(self, seconds: float) -> State:
         """The same with everything that the simulator did so much later."""
@@ -100,7 +101,8 @@ class State:
             return self
         delay = np.full((len(self.cell), self.pair.n), seconds)
         moved = self.base.mapped(lambda values: delayed(values, self.since, delay))
-        return State(self.pair, self.layout, self.clock, self.cell, moved, self.predicted(moved))
+        shift = self.shift_s + seconds
+        return State(self.pair, self.layout, self.clock, self.cell, moved, self.predicted(moved), shift)
 
     @property
     def model(self) -> SensorModel:

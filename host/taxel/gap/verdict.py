@@ -12,6 +12,9 @@ MARGIN_FLOORS: Final = 3.0
 """An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
 hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
 
+SIGNIFICANT: Final = 0.02
+"""P-value of an excess from which on it may be chance."""
+
 NAMED: Final = 0.5
 """Share of the score that the found effects must explain together to be believed; below it the cause is unknown."""
 
@@ -45,14 +48,18 @@ class Verdict:
     margin: float
 
 
-def judge_verdict(gap: Gap, selection: Selection, shrink: float, reducible: float | None) -> Verdict:
-    """shrink, reducible: of the gap in counts on sessions that were left out, and of what lies above its floor."""
-    margin = MARGIN_FLOORS * gap.floor**2
-    upper = gap.excess.high if gap.excess.high is not None else gap.excess.value
+def judge_verdict(
+    gap: Gap, selection: Selection, shrink: float, reducible: float | None, simulated2: float = 0.0
+) -> Verdict:
+    """shrink, reducible: of the gap in counts on sessions that were left out, and of what lies above its floor.
+    simulated2: counts^2 by which the other side's means scatter, where it has sessions as well.
+    """
+    margin = MARGIN_FLOORS * (gap.floor**2 + simulated2)
     names, explained = selection.names, max(selection.explained, reducible or 0.0)
-    within = upper <= margin
+    # Few sessions bound an excess loosely: one that is small and may well be chance is none either.
+    within = gap.most <= margin or (gap.p_value > SIGNIFICANT and gap.excess.value <= 0.5 * margin)
     local = "dropout" in names
-    if within and not local and (not names or gap.excess.value <= margin / 3.0):
+    if within and not local and (not names or explained < NAMED or gap.excess.value <= margin / 3.0):
         line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
         return Verdict("no_gap", (), line, margin)
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"

@@ -38,7 +38,11 @@ def taxels() -> TaxelTable:
 
 @dataclass
 class World:
-    """A hand and its simulator. Sizes are of what repeats and sessions scatter."""
+    """A hand and its simulator. Sizes are of what repeats and sessions scatter.
+
+    most: newtons that no taxel exceeds. scales: every cell is pressed with its force times each of these; cells of the
+    second one follow those of the first. recorded: cells that the hand has pressed; None: all.
+    """
 
     seed: int = 1
     cells: int = 6
@@ -49,10 +53,14 @@ class World:
     effect: object = None  # (force [T, n], drop of force) -> drop [T, n]
     after: object = None  # (raw [T, n], valid [T, s], rng) -> the same two
     objects: tuple[str, ...] = ("cube", "block")
+    most: float = np.inf
+    scales: tuple[float, ...] = (1.0,)
+    recorded: int | None = None
     mesh: ObjectMesh = field(default_factory=lambda: ObjectMesh(CUBE, FACES))
 
     def force(self, cell: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
         """Newtons over time, f64[T, n]: a patch that differs from cell to cell, pressed and let go."""
+        cell, ladder = cell % self.cells, self.scales[cell // self.cells]
         rng = np.random.default_rng([7, cell])
         board = cell % BOARDS
         centre = rng.uniform([0.0, 0.0], [ROWS - 1.0, COLUMNS - 1.0])
@@ -60,6 +68,7 @@ class World:
         apart = np.hypot(number // COLUMNS - centre[0], number % COLUMNS - centre[1])
         patch = np.zeros(N)
         patch[board * ROWS * COLUMNS :][: ROWS * COLUMNS] = np.maximum(rng.uniform(1.2, 3.0) - apart, 0.0)
+        patch = np.minimum(patch, self.most) * ladder
         closing = np.clip((TIME - 5.7) / 0.5, 0.0, 1.0)
         opening = np.clip((TIME - 7.7) / 0.4, 0.0, 1.0)
         return (closing - opening)[:, None] * patch * scale
@@ -91,9 +100,12 @@ class World:
     def _grasps(self, source: str):
         rng = np.random.default_rng([self.seed, source == "sim"])
         sessions, repeats = (self.sessions, self.repeats) if source == "real" else (1, 2)
+        cells = self.cells * len(self.scales)
+        if source == "real" and self.recorded is not None:
+            cells = self.recorded
         for session in range(sessions):
             mounting = np.exp(rng.normal(0.0, self.session_scatter, N))
-            for cell in range(self.cells):
+            for cell in range(cells):
                 for repeat in range(repeats):
                     scale = 1.0
                     if source == "real":

@@ -11,6 +11,7 @@ from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
+from taxel.gap.identify import seen
 from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
@@ -62,9 +63,9 @@ def test_presses_that_do_not_show_an_effect_say_so(state):
     real = SessionMeans(np.zeros(shape), np.full((cells, 3), 2), np.zeros((cells, layout.count, state.pair.n)))
     idle = replace(state, base=state.base.with_force(np.zeros_like(state.base.force)))
     judge = Judge(idle, real, layout)
-    assert judge.visible(CATALOGUE["contact_propagation"][0]) == 0.0
-    assert judge.visible(CATALOGUE["noise"][0]) > 1.0
-    assert Judge(state, real, layout).visible(CATALOGUE["contact_propagation"][0]) > 1.0
+    assert seen(judge, CATALOGUE["contact_propagation"][0]) == 0.0
+    assert seen(judge, CATALOGUE["noise"][0]) > 1.0
+    assert seen(Judge(state, real, layout), CATALOGUE["contact_propagation"][0]) > 1.0
 
 
 def test_a_mean_of_what_is_known_ignores_the_rest():

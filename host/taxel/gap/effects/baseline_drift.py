@@ -17,7 +17,7 @@ class BaselineDrift(Effect):
     def __init__(self, scope: str = "hand") -> None:
         self.scope = scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Drift over a grasp: its mean, and its standard deviation from grasp to grasp."""
         return (
             Parameter("slope", "counts", -500.0, 500.0, 0.0, 1.0),
@@ -29,7 +29,9 @@ class BaselineDrift(Effect):
         if not values[0].any():
             return signal
         slope, _ = self.spread_out(state, values)
-        share = (state.since / state.since[-1])[None, :, None]
+        # The baseline is as old as the middle of its frames.
+        age = state.pair.baseline_age_s
+        share = ((state.since + age) / (state.since[-1] + age))[None, :, None]
         return signal.with_drop(state.to_drop(signal) + slope * share)
 
     def features(self, state: State, features: Array, values: Array) -> Array:

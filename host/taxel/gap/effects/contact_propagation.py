@@ -32,7 +32,7 @@ class ContactPropagation(Effect):
     def __init__(self, variant: str = "kept", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Spread and strength."""
         return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
 

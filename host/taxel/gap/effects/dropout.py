@@ -9,13 +9,25 @@ from numpy.typing import NDArray
 
 from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
 from taxel.gap.features import COUNTS_MISSING
+from taxel.gap.pair import Pair
 from taxel.gap.state import Signal, State
+
+
+@dataclass(frozen=True)
+class Short:
+    """Two lines of a board that touch: `index` and the next, of "tx" or "rx". Either shows `share` of the sum."""
+
+    address: int
+    axis: str
+    index: int
+    share: float
 
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
     """What was found. taxels: bool[n], that answer to nothing, on no found line. lines: (sensor column, axis, index).
-    sensors: columns that frames are missing of, and the share that is: f64[s].
+    missing: share of each board's frames, f64[s]. dead: bool[n], all of these. stuck: bool[n], without even noise.
+    shorts: lines that carry the same.
     """
 
     taxels: NDArray[np.bool_]
@@ -23,11 +35,12 @@ class Dropped:
     missing: Array
     dead: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     stuck: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    shorts: tuple[Short, ...] = ()
 
     @property
     def found(self) -> bool:
         """Whether anything was."""
-        return bool(self.taxels.any() or self.lines or self.missing.any())
+        return bool(self.taxels.any() or self.lines or self.missing.any() or self.shorts)
 
 
 class Dropout(Effect):
@@ -40,7 +53,7 @@ class Dropout(Effect):
         self.dropped = dropped
         self.scope = TAXEL
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """What is left of the drop: 1 where the taxel lives."""
         return (Parameter("left", "1", 0.0, 1.0, 1.0, 1.0),)
 
@@ -52,10 +65,15 @@ class Dropout(Effect):
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
-        if (values == 1.0).all():
+        if (values == 1.0).all() and not self.dropped.shorts:
             return signal
         (left,) = self.spread_out(state, values)
-        return signal.with_drop(state.to_drop(signal) * left)
+        drop = state.to_drop(signal)
+        result = drop * left
+        for short in self.dropped.shorts:
+            first, second = crossings(state.pair, short.address, short.axis, short.index)
+            result[:, :, first] = result[:, :, second] = short.share * (drop[:, :, first] + drop[:, :, second])
+        return signal.with_drop(result)
 
     def features(self, state: State, features: Array, values: Array) -> Array:
         """See `Effect`."""
@@ -66,3 +84,13 @@ class Dropout(Effect):
         result[:, missing] += COUNTS_MISSING * self.dropped.missing[state.pair.groups.sensor]
         result[:, state.layout.noise, self.dropped.stuck] = 0.0
         return result
+
+
+def crossings(pair: Pair, address: int, axis: str, index: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Taxels of a line, and those of the next one on the same crossing lines: [m] each."""
+    along, across = (pair.taxels.tx, pair.taxels.rx) if axis == "tx" else (pair.taxels.rx, pair.taxels.tx)
+    own = pair.taxels.sensor == address
+    lines = [np.flatnonzero(own & (along == number)) for number in (index, index + 1)]
+    both = np.intersect1d(across[lines[0]], across[lines[1]])
+    first, second = (line[np.isin(across[line], both)] for line in lines)
+    return first[np.argsort(across[first])], second[np.argsort(across[second])]

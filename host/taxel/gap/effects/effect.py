@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 import numpy as np
@@ -24,7 +27,7 @@ OBJECT: Final = "object"
 class Parameter:
     """One parameter: unit, bounds, neutral value, where a search starts, and how much it is expected to be.
 
-    prior: standard deviation about the neutral value; inf: anything within the bounds is as likely.
+    prior: standard deviation about `centre` (None: the neutral value); inf: anything within the bounds is as likely.
     """
 
     name: str
@@ -34,6 +37,24 @@ class Parameter:
     neutral: float
     start: float
     prior: float = np.inf
+    centre: float | None = None
+
+    @property
+    def middle(self) -> float:
+        """What it is expected to be."""
+        return self.neutral if self.centre is None else self.centre
+
+    def expected(self, value: float, std: float) -> Parameter:
+        """The same as somebody knows it: a search starts there."""
+        return replace(self, start=value, prior=std, centre=value)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter beforehand: value and standard deviation, in its unit."""
+
+    value: float
+    std: float
 
 
 class Effect(ABC):
@@ -41,7 +62,7 @@ class Effect(ABC):
 
     name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
     from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
-    memory: whether what comes out at a time depends on other times.
+    memory: whether what comes out at a time depends on other times. priors: what is known of its parameters.
     """
 
     name: ClassVar[str]
@@ -50,10 +71,25 @@ class Effect(ABC):
     scope: str = HAND
     needs_force: ClassVar[bool] = False
     memory: ClassVar[bool] = False
+    priors: Mapping[str, Prior] = MappingProxyType({})
 
     @abstractmethod
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """The P parameters of one block."""
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The same with what is known of them."""
+        known = self.priors
+        return tuple(
+            one.expected(known[one.name].value, known[one.name].std) if one.name in known else one
+            for one in self.own_parameters()
+        )
+
+    def with_priors(self, priors: Mapping[str, Prior]) -> Effect:
+        """The same effect, of which something is known."""
+        known = copy(self)
+        known.priors = MappingProxyType(dict(priors))
+        return known
 
     @abstractmethod
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
@@ -90,11 +126,15 @@ class Effect(ABC):
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
     def typical(self, state: State) -> Array:
-        """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects."""
+        """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects; for every
+        other block only, so that blocks differ.
+        """
         values = self.neutral(state)
+        neutral = values.copy()
         for row, parameter in enumerate(self.parameters()):
             step = parameter.start - parameter.neutral
             values[row] += step if step else min(0.3 * parameter.prior, 0.3 * (parameter.high - parameter.neutral))
+        values[:, 1::2] = neutral[:, 1::2]
         return values
 
     def is_idle(self, state: State, values: Array) -> bool:

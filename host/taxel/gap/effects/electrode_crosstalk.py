@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.sparse import csr_array
+from numpy.typing import NDArray
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter, groups_of
 from taxel.gap.pair import Pair
 from taxel.gap.state import Signal, State
+
+OWN_PRIOR = 1.0
+"""Expected size of what a taxel's own drop loses, over the fractions that it passes on."""
 
 
 class ElectrodeCrosstalk(Effect):
     """Each taxel's drop gains a fraction of the mean drop of the other taxels on its TX line, and on its RX line.
 
     variant "network": besides, fractions of the drops at the same place of the neighbouring TX and RX lines, as where
-    traces run side by side.
+    traces run side by side, and the taxel's own drop, which lines with resistance weaken:
+    by `own_ratio` times the sum of those fractions' sizes, so that nothing happens to a taxel without crosstalk.
     """
 
     name = "electrode_crosstalk"
@@ -25,51 +30,57 @@ class ElectrodeCrosstalk(Effect):
     def __init__(self, variant: str = "lines", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Fractions of either axis."""
         names = ["tx_fraction", "rx_fraction"]
         if self.variant == "network":
             names += ["tx_neighbour_fraction", "rx_neighbour_fraction"]
-        return tuple(Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names)
+        fractions = [Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names]
+        own = [Parameter("own_ratio", "1", -3.0, 3.0, 0.0, 0.0, OWN_PRIOR)] if self._loses else []
+        return (*fractions, *own)
+
+    @property
+    def _loses(self) -> bool:
+        """With a value for each board it could not be told from the boards' gains."""
+        return self.variant == "network" and self.scope == HAND
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
         if not values.any():
             return signal
         drop = state.to_drop(signal)
-        tx, rx, *beside = self.spread_out(state, values)
-        sums = state.pair.groups.sums
-        result = drop + tx * others_on_line(drop, sums[0]) + rx * others_on_line(drop, sums[1])
-        for fraction, next_to in zip(beside, neighbours(state.pair), strict=False):
-            result = result + fraction * (next_to @ drop.reshape(-1, drop.shape[2]).T).T.reshape(drop.shape)
+        result = drop.copy()
+        for number, board in enumerate(lines_of(state.pair)):
+            own = values[:, number if self.scope == BOARD else 0]
+            mix = np.tensordot(own[: len(board.passed)], board.passed[: len(own)], axes=1)
+            if self._loses:
+                mix[np.diag_indices_from(mix)] += own[4] * np.abs(own[:4]).sum()
+            result[:, :, board.taxels] += drop[:, :, board.taxels] @ mix
         return signal.with_drop(result)
 
 
+@dataclass(frozen=True, eq=False)
+class BoardLines:
+    """One board's taxels, [m], and what each (row) passes to the others (column) by a fraction of 1, f64[4, m, m]: mean
+    of the others on a taxel's TX line, on its RX line, sum of those on the TX lines beside, and on the RX lines beside.
+    """
+
+    taxels: NDArray[np.intp]
+    passed: Array
+
+
 @lru_cache(maxsize=8)
-def neighbours(pair: Pair) -> tuple[csr_array, csr_array]:
-    """Which taxels lie on the next TX lines of the same RX line, and the other way round: [n, n] of ones."""
-    taxels, n = pair.taxels, pair.n
-    place = {
-        (int(board), int(tx), int(rx)): index
-        for index, (board, tx, rx) in enumerate(zip(pair.groups.sensor, taxels.tx, taxels.rx, strict=True))
-    }
+def lines_of(pair: Pair) -> tuple[BoardLines, ...]:
+    """Of every board."""
     made = []
-    for step in ((1, 0), (0, 1)):
-        pairs = [
-            (index, place[board, tx + way * step[0], rx + way * step[1]])
-            for (board, tx, rx), index in place.items()
-            for way in (-1, 1)
-            if (board, tx + way * step[0], rx + way * step[1]) in place
-        ]
-        rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
-        made.append(csr_array((np.ones(len(rows)), (rows, columns)), shape=(n, n)))
-    return made[0], made[1]
-
-
-def others_on_line(drop: Array, line: csr_array) -> Array:
-    """Mean drop of the other taxels on each taxel's line, f64[Q, K, n]; 0 where it is alone."""
-    flat = drop.reshape(-1, drop.shape[2])
-    size = np.asarray(line.sum(axis=1)).ravel()
-    total = (line.T @ (line @ flat.T)).T - flat
-    others = np.maximum((line.T @ size) - 1.0, 1.0)
-    return np.asarray((total / others).reshape(drop.shape))
+    for taxels in groups_of(pair.groups.sensor):
+        tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (pair.taxels.tx, pair.taxels.rx))
+        apart = [np.abs(line[:, None] - line) for line in (tx, rx)]
+        same = [gap == 0 for gap in apart]
+        means = []
+        for line in same:
+            others = (line & ~np.eye(len(taxels), dtype=bool)).astype(np.float64)
+            means.append(others / np.maximum(others.sum(axis=0), 1.0))
+        beside = [(apart[axis] == 1) & same[1 - axis] for axis in (0, 1)]
+        made.append(BoardLines(taxels, np.stack([*means, *beside]).astype(np.float64)))
+    return tuple(made)

@@ -18,7 +18,7 @@ class GainMismatch(Effect):
         self.scope, self.prior = scope, prior
         self.variant = "boards" if scope == BOARD else "taxels"
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Natural logarithm of the gain."""
         return (Parameter("log_gain", "1", -2.5, 1.5, 0.0, 0.0, self.prior),)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from typing import Final
@@ -24,6 +24,9 @@ PIECES: Final = 3
 
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
+
+REMEMBERED: Final = 20000
+"""Displacements whose forces are kept."""
 
 CONVEX: Final = 0.999
 """Share of its hull that a solid fills if it counts as convex."""
@@ -133,15 +136,25 @@ class Geometry:
     meshes: dict[str, Mesh]
     law: Law
     rest: tuple[Array, ...]
+    _known: dict[tuple[int, bytes], Array] = field(default_factory=dict)
 
-    def displaced(self, state: State, contact: Contact, motion: Array) -> Array:
-        """Forces on the contact's taxels, f64[m], when the board moves by `motion` f64[4, 4] in the object's view.
+    def displaced(self, state: State, number: int, motion: Array) -> Array:
+        """Forces on a contact's taxels, f64[m], when the board moves by `motion` f64[4, 4] in the object's view.
 
-        The board's approach is solved anew so that its net force stays.
+        The board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
+        effects beside: what it has asked before is remembered.
         """
-        mesh = self.meshes[state.pair.cells[contact.cell][0]]
-        depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
-        return pressed_to(self.law, depth, float(contact.force.sum()))
+        key = (number, motion.tobytes())
+        known = self._known.get(key)
+        if known is None:
+            contact = self.contacts[number]
+            mesh = self.meshes[state.pair.cells[contact.cell][0]]
+            depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
+            known = pressed_to(self.law, depth, float(contact.force.sum()))
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[key] = known
+        return known
 
 
 def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:
@@ -156,10 +169,12 @@ def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array
 def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     """Forces f64[m] of pieces f64[m, 9] when the board approaches until they add to the net force."""
     low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
+    pieces = depth.shape[1]
+    near = depth[depth + high > 0.0]
     for _ in range(22):
         middle = 0.5 * (low + high)
-        force = law.force(np.maximum(depth + middle, 0.0)).mean(axis=1)
-        low, high = (middle, high) if force.sum() < net_force else (low, middle)
+        force = float(law.force(np.maximum(near + middle, 0.0)).sum()) / pieces
+        low, high = (middle, high) if force < net_force else (low, middle)
     return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
 
 

@@ -24,7 +24,7 @@ class Hysteresis(Effect):
     def __init__(self, variant: str = "drop", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Late share and time constant."""
         return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
 

@@ -20,9 +20,9 @@ class Latency(Effect):
     def __init__(self, scope: str = BOARD) -> None:
         self.scope = scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """The delay."""
-        return (Parameter("seconds", "s", -0.3, 1.5, 0.0, 0.05),)
+        return (Parameter("seconds", "s", -0.3, 1.5, 0.0, 0.0, 0.5),)
 
     def is_idle(self, state: State, values: Array) -> bool:
         """A delay that all touched boards share, within a frame and a half, is how the frames fell."""

@@ -17,7 +17,7 @@ class Noise(Effect):
     def __init__(self, scope: str = "hand") -> None:
         self.scope = scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Standard deviations."""
         return (
             Parameter("white_counts", "counts", 0.0, 3000.0, 0.0, 5.0),

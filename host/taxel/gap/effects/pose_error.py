@@ -30,7 +30,7 @@ class PoseError(Effect):
         self.scope = scope
         self.variant = f"{scope}s" if scope == OBJECT else "brackets"
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Translation and rotation vector."""
         move = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_MM) for axis in "xyz"]
         turn = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_DEG) for axis in "xyz"]
@@ -44,11 +44,12 @@ class PoseError(Effect):
         hold = state.clock.phase == Phase.HOLD
         force = signal.force.copy()
         blocks = self.blocks(state)
-        for contact, rest in zip(geometry.contacts, geometry.rest, strict=True):
+        for number, contact in enumerate(geometry.contacts):
             own = values[:, blocks[contact.cell, contact.taxels[0]]]
             if not own.any():
                 continue
-            change = geometry.displaced(state, contact, self._motion(own, contact.object_from_board)) - rest
+            motion = self._motion(own, contact.object_from_board)
+            change = geometry.displaced(state, number, motion) - geometry.rest[number]
             rows = np.flatnonzero(state.cell == contact.cell)
             before = signal.force[np.ix_(rows, np.arange(len(hold)), contact.taxels)]
             net = before.sum(axis=2, keepdims=True)

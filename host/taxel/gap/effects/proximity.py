@@ -20,7 +20,7 @@ class Proximity(Effect):
     def __init__(self, variant: str = "exponential", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Range and size."""
         return Parameter("range_mm", "mm", 0.2, 20.0, 2.0, 2.0), Parameter(
             "counts", "counts", -800.0, 1500.0, 0.0, 30.0

@@ -17,7 +17,7 @@ class Saturation(Effect):
     def __init__(self, variant: str = "clip", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """Where it ends; the upper bound is out of reach of 16 bit."""
         return (Parameter("counts", "counts", 50.0, 1e6, 1e6, 1000.0),)
 

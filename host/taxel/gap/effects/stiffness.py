@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+import numpy as np
+
+from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
 from taxel.gap.state import Signal, State
+
+TAXEL_PRIOR = 0.35
+"""Expected scatter of single taxels about 1."""
 
 
 class Stiffness(Effect):
@@ -19,9 +24,10 @@ class Stiffness(Effect):
     def __init__(self, scope: str = "hand") -> None:
         self.scope = scope
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def own_parameters(self) -> tuple[Parameter, ...]:
         """The scale."""
-        return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0),)
+        prior = TAXEL_PRIOR if self.scope == TAXEL else np.inf
+        return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0, prior),)
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""

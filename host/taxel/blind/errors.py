@@ -1,0 +1,16 @@
+"""What can go wrong with a blind check's folder."""
+
+from __future__ import annotations
+
+from taxel.errors import TaxelError
+
+
+class BlindRunError(TaxelError):
+    """A folder that is no blind check, or one of another."""
+
+    def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:
+        super().__init__(where, expected, found, remedy)
+
+    def __str__(self) -> str:
+        where, expected, found, remedy = self.args
+        return f"{where}: expected {expected}, found {found}; {remedy}"

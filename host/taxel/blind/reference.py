@@ -1,0 +1,47 @@
+"""The parameters that best fit noise-free presses of the emulator: the truth where no definition fixes one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from taxel.gap.align import common_shift
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.chain import Chain
+from taxel.gap.diagnosis import reduced
+from taxel.gap.features import Layout
+from taxel.gap.fit import started
+from taxel.gap.judge import Judge
+from taxel.gap.pair import read_pair
+from taxel.gap.report_effects import parameters_of
+from taxel.gap.state import state_of
+
+
+def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str, float]]:
+    """Of the effect `name`, by form and scope: {"kept hand": {"spread_mm": 2.1, ...}, ...}.
+
+    Empty for one that is found, not fitted. Raises DatasetError and GapInputError of one line.
+    """
+    with threadpool_limits(limits=1):
+        pair = read_pair(real, sim)
+        layout = Layout.of(pair.clock)
+        sessions, mean, _ = reduced(pair, layout)
+        state = state_of(pair, layout, mean)
+        state = state.shifted(common_shift(Judge(state, sessions, layout)))
+        judge = Judge(state, sessions, layout)
+        found: dict[str, dict[str, float]] = {}
+        for form in CATALOGUE[name]:
+            if form.unavailable(state):
+                continue
+            link = judge.in_sample(Chain((started(state, form),))).chain.links[0]
+            found[f"{form.variant} {form.scope}"] = {
+                label: _number(entry) for label, entry in parameters_of(pair, link, []).items()
+            }
+    return found
+
+
+def _number(entry: dict[str, Any]) -> float:
+    return float(np.asarray(entry["value"], dtype=np.float64))

@@ -1,0 +1,96 @@
+"""Simulated grasps, frame by frame, as what effects act on: states whose nodes of time are a grasp's frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.clock import Clock
+from taxel.gap.errors import GapInputError
+from taxel.gap.features import Layout
+from taxel.gap.pair import Pair
+from taxel.gap.reading import Groups, Recording
+from taxel.gap.state import Signal, State
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameClock(Clock):
+    """Nodes that are frames. begin, end: f64[K], seconds since the first one; a frame stands until the next."""
+
+    @classmethod
+    def at(cls, time_s: Array, phase: NDArray[np.uint8]) -> FrameClock:
+        """time_s: f64[K], seconds. phase: u8[K]."""
+        since = time_s - time_s[0]
+        last = float(np.median(np.diff(since))) if len(since) > 1 else 0.0
+        everything = ((Phase(int(phase[-1])), slice(0, len(phase))),)
+        return cls(phase, since, np.append(since[1:], since[-1] + last), everything)
+
+    @cached_property
+    def since_start(self) -> Array:
+        """Middle of each frame's time, f64[K]: phases need not follow each other here."""
+        return 0.5 * (self.begin + self.end)
+
+
+def moving(grasp: Grasp) -> NDArray[np.intp]:
+    """The frames that effects act on, from closing on: a drop is counted from the baseline, which has none."""
+    return np.flatnonzero(grasp.phase != Phase.BASELINE)
+
+
+class FrameStates:
+    """The states of a simulation's grasps. data: with source "sim", open."""
+
+    def __init__(self, data: GraspDataset) -> None:
+        taxels, sensors = data.taxels, data.sensors
+        board = sensors.index_of(taxels)
+        tx_line = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
+        self._data, self._groups = data, Groups(board, tx_line, taxels.rx_line)
+
+    def of(self, grasp: Grasp) -> State:
+        """The state of a grasp's `moving` frames; what only features need is empty.
+
+        Raises GapInputError for a grasp without hold, and for one whose time stands still.
+        """
+        assert grasp.contact_force is not None  # a simulation has them
+        assert grasp.separation is not None
+        where = f"{self._data.path}: /grasps/{grasp.id}"
+        if not (grasp.phase == Phase.HOLD).any():
+            raise GapInputError(f"{where}/phase", "frames of hold (phase 2)", "none", "leave this grasp out")
+        own = moving(grasp)
+        clock = FrameClock.at(grasp.timestamp[own], grasp.phase[own])
+        if not clock.since_start[-1] > 0.0:
+            raise GapInputError(f"{where}/timestamp", "time that passes from closing on", "none", "correct the file")
+        base = Signal(grasp.contact_force[None, own], grasp.separation[None, own], None)
+        layout, pair = Layout.of(clock), self._pair(grasp, clock)
+        return State(pair, layout, clock, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
+
+    def _pair(self, grasp: Grasp, clock: Clock) -> Pair:
+        data = self._data
+        empty: dict[str, Any] = dict.fromkeys(Recording.__dataclass_fields__, np.zeros(0))
+        still = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)
+        nothing = Recording(**{**empty, "frames": np.array([still])})
+        return Pair(
+            cells=((grasp.object, grasp.approach),),
+            taxels=data.taxels,
+            sensors=data.sensors,
+            groups=self._groups,
+            clock=clock,
+            frame_s=float(np.median(clock.end - clock.begin)),
+            real=nothing,
+            sim=nothing,
+            sensor_model=data.sensor_model,
+            objects=dict(data.objects),
+            sensor_poses=grasp.sensor_pose[None],
+            object_poses=grasp.object_pose[None],
+            paths=(str(data.path), str(data.path)),
+            digests=("", ""),
+            losses=(),
+        )

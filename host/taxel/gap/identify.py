@@ -1,0 +1,157 @@
+"""Which effects these presses can tell apart, judged by the simulation alone: sensitivities and their angles.
+
+What an effect does to the features is a vector v, each entry over what scatters there. Another effect with free
+parameters spans a subspace about its plain case; so do the nuisances (how the frames of two recordings fell). The angle
+between v and the nearest that the other can do, and the squared length of what it cannot do, say whether anybody could
+tell the two apart on these presses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lstsq
+
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import Effect
+from taxel.gap.effects.latency import Latency
+from taxel.gap.fit import Column, Problem, fit, normal_equations, start_of, started
+from taxel.gap.judge import REFITS, Judge
+
+Array = NDArray[np.float64]
+
+EXCITED, CLEAR = 1.0, 25.0
+"""Squared length of what an effect does, or of what sets it off from another: one and five standard deviations."""
+
+NEAR_DEG: Final = 40.0
+"""Angle below which the linear answer is checked by fitting the other effect in full."""
+
+SAME_DEG: Final = 8.0
+"""Angle (cosine 0.99) below which two effects look the same, however large they are: two models of one contact differ
+by more."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How well `other` can do what `name` does. degrees: of the angle between them. left: squared length of what it
+    cannot do, in units of what scatters.
+    """
+
+    name: str
+    other: str
+    degrees: float
+    left: float
+
+    @property
+    def alike(self) -> bool:
+        """Nobody could tell them apart here."""
+        return self.left < CLEAR or self.degrees < SAME_DEG
+
+    def to_json(self) -> dict[str, Any]:
+        """For the report."""
+        return {"effect": self.name, "other": self.other, "degrees": self.degrees, "left": self.left}
+
+
+def identifiability(
+    name: str,
+    judge: Judge,
+    forms: Mapping[str, Sequence[Effect]],
+    likes: Sequence[Likeness],
+    confounded: Mapping[str, Sequence[str]],
+) -> str:
+    """How well these presses tell an effect, whether it is there or not: the report page's words.
+
+    confounded: what was found, and what cannot be told from it.
+    """
+    own = forms[name]
+    if not own:  # what does not answer is seen wherever something was expected
+        return "identifiable"
+    possible = [form for form in own if not form.unavailable(judge.state)]
+    if not possible:
+        return "unavailable"
+    most = max(seen(judge, form) for form in possible)
+    if most < EXCITED:
+        return "not_excited"
+    if name in confounded or any(name in others for others in confounded.values()):
+        return "confounded"
+    if any(one.name == name and one.alike for one in likes):
+        return "confounded"
+    return "weak" if most < CLEAR else "identifiable"
+
+
+def seen(judge: Judge, effect: Effect) -> float:
+    """Squared length of what a plain case of an effect does."""
+    return _length2(judge, _plain(judge, effect))
+
+
+def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Sequence[Link] = ()) -> list[Likeness]:
+    """Of every effect against every other.
+
+    forms: the catalogue. links: effects that were found, with their values; the others are taken in a plain case, in
+    the form that is seen best. What was found is checked with full fits of what comes near it.
+    """
+    state = judge.state
+    usable = {name: [form for form in own if not form.unavailable(state)] for name, own in forms.items()}
+    columns = {
+        name: [start_of(state, Chain((_typical_link(judge, form),))).columns for form in own]
+        for name, own in usable.items()
+    }
+    nuisance = start_of(state, Chain((started(state, Latency("hand")),))).columns
+    found = {link.effect.name: link for link in links}
+    rows = []
+    for name, own in usable.items():
+        if not own:
+            continue
+        plain = [_plain(judge, form) for form in own]
+        vector = _of_link(judge, found[name]) if name in found else max(plain, key=lambda v: _length2(judge, v))
+        whole = _length2(judge, vector)
+        if whole < EXCITED:
+            continue
+        for other, bases in columns.items():
+            if other == name or not bases:
+                continue
+            left = min(_left(judge, vector, [*nuisance, *basis]) for basis in bases)
+            if name in found and _degrees(left, whole) < NEAR_DEG:
+                left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
+            rows.append(Likeness(name, other, _degrees(left, whole), left))
+    return rows
+
+
+def _degrees(left: float, whole: float) -> float:
+    return float(np.degrees(np.arcsin(np.sqrt(np.clip(left / whole, 0.0, 1.0)))))
+
+
+def _typical_link(judge: Judge, form: Effect) -> Link:
+    return Link(form, form.typical(judge.state))
+
+
+def _plain(judge: Judge, form: Effect) -> Array:
+    return _of_link(judge, _typical_link(judge, form))
+
+
+def _of_link(judge: Judge, link: Link) -> Array:
+    return np.nan_to_num(Chain((link,)).features(judge.state) - judge.state.mean)
+
+
+def _length2(judge: Judge, vector: Array) -> float:
+    return float(np.sum(judge.weight * vector**2))
+
+
+def _left(judge: Judge, vector: Array, columns: Sequence[Column]) -> float:
+    """Squared length of what a subspace leaves of a vector. Priors do not count: what could be is asked."""
+    problem = Problem(judge.state, vector, judge.weight)
+    free = [Column(one.change, one.blocks, one.count, 0.0 * one.precision, 0.0 * one.pull) for one in columns]
+    system, gradient = normal_equations(problem, free, np.zeros_like(vector))
+    scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
+    scaled = system / np.outer(scale, scale)
+    solution = lstsq(scaled, gradient / scale, cond=1e-7, lapack_driver="gelsy", check_finite=False)[0]
+    return max(_length2(judge, vector) - float((gradient / scale) @ solution), 0.0)
+
+
+def _fitted_left(judge: Judge, vector: Array, form: Effect) -> float:
+    problem = Problem(judge.state, judge.state.mean + vector, judge.weight)
+    return fit(problem, Chain((started(judge.state, form),)), iterations=2 * REFITS).cost

@@ -1,0 +1,151 @@
+"""What a diagnosis leaves open: effects that look alike, fitted in each other's place; how well values are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect
+from taxel.gap.fit import fit, started
+from taxel.gap.judge import REFITS, Judge
+from taxel.gap.pair import Pair
+from taxel.gap.select import FIXED, Forms, Selection
+
+Array = NDArray[np.float64]
+
+MOST_RIVALS: Final = 6
+"""Pairs that presses are judged by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a diagnosis found.
+
+    chain: fitted. names: of the verdict. rivals: by found effect and the one that cannot be told from it, a chain with
+    the other in its place, fitted. links: the chain's, as fitted without each session in turn.
+    """
+
+    judge: Judge
+    chain: Chain
+    names: tuple[str, ...]
+    rivals: Mapping[tuple[str, str], Chain]
+    links: Sequence[Sequence[Link]]
+
+
+def findings_of(
+    judge: Judge,
+    selection: Selection,
+    forms: Forms,
+    named: Sequence[str],
+    confounded: Mapping[str, Sequence[str]],
+    links: Sequence[Sequence[Link]],
+) -> Findings:
+    """Of a search. forms: the catalogue. named: effects of the verdict. confounded, links: see `Findings`."""
+    tried: dict[tuple[str, str], Link] = {}
+    for one in selection.rounds:
+        if one.accepted and one.best is not None:
+            tried |= {(one.best.name, trial.name): trial.link for trial in one.trials}
+    names = tuple(name for name in named if name in selection.chain.names)
+    starts = {
+        pair: [tried[pair]] if pair in tried else _plain(judge, forms.get(pair[1], ()))
+        for pair in pairs_of(names, confounded)
+    }
+    return Findings(judge, selection.chain, names, rivals_of(judge, selection.chain, starts), links)
+
+
+def rivals_of(
+    judge: Judge, chain: Chain, starts: Mapping[tuple[str, str], Sequence[Link]]
+) -> dict[tuple[str, str], Chain]:
+    """For each pair the chain with the second effect in the first one's place, in the form that fits best."""
+    found = {}
+    for (name, other), links in list(starts.items())[:MOST_RIVALS]:
+        rest = chain.without(name)
+        if other in rest.names:
+            continue
+        fits = [fit(judge.problem(), rest.with_link(link), FIXED, 2 * REFITS) for link in links]
+        if fits:
+            found[name, other] = min(fits, key=lambda one: one.cost).chain
+    return found
+
+
+def pairs_of(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    """Each pair once, and the nearest rival of every effect before the second one of any."""
+    ranked = sorted((place, name, other) for name in names for place, other in enumerate(confounded.get(name, ())))
+    pairs: dict[frozenset[str], tuple[str, str]] = {}
+    for _, name, other in ranked:
+        pairs.setdefault(frozenset({name, other}), (name, other))
+    return list(pairs.values())
+
+
+def _plain(judge: Judge, forms: Sequence[Effect]) -> list[Link]:
+    return [started(judge.state, form) for form in forms if not form.unavailable(judge.state)]
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """V values of the named effects. place: [V], among the chain's free values. owner: [V], index of the effect in
+    `names`. error: f64[V], standard errors over sessions, NaN where these do not tell. size: f64[V], of the largest
+    value of the same parameter.
+    """
+
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    place: NDArray[np.intp]
+    owner: NDArray[np.intp]
+    error: Array
+    size: Array
+
+
+def values_of(findings: Findings) -> Values:
+    """The values that presses could tell more of."""
+    pair, first = findings.judge.state.pair, 0
+    names: list[str] = []
+    labels: list[str] = []
+    parts: list[tuple[Array, Array, Array, Array]] = []
+    for link in findings.chain.links:
+        effect = link.effect
+        if effect.name in FIXED:
+            continue
+        inside = [one.values for links in findings.links for one in links if one.effect.name == effect.name]
+        count = link.values.shape[1]
+        if effect.name in findings.names:
+            names.append(effect.name)
+        for row, parameter in enumerate(effect.parameters()):
+            if effect.name in findings.names:
+                own = link.values[row]
+                size = float(np.abs(own).max()) or abs(parameter.start) or 1.0
+                places = np.arange(first, first + count)
+                parts.append(
+                    (places, np.full(count, len(names) - 1), _errors(inside, row, count), np.full(count, size))
+                )
+                labels += [_label(pair, link, parameter.name, block) for block in range(count)]
+            first += count
+    if not parts:
+        empty = np.zeros(0)
+        return Values((), (), np.zeros(0, np.intp), np.zeros(0, np.intp), empty, empty)
+    place, owner, error, size_of = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Values(tuple(names), tuple(labels), place.astype(np.intp), owner.astype(np.intp), error, size_of)
+
+
+def _errors(inside: Sequence[Array], row: int, count: int) -> Array:
+    """Jackknife over sessions (Tukey 1958), f64[count]; NaN below three."""
+    sessions = len(inside)
+    if sessions < 3:
+        return np.full(count, np.nan)
+    values = np.array([one[row] for one in inside])
+    return np.asarray(np.sqrt((sessions - 1) / sessions * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
+
+
+def _label(pair: Pair, link: Link, parameter: str, block: int) -> str:
+    name, effect = parameter.replace("_", " "), link.effect
+    text = f"{name} of {effect.name.replace('_', ' ')}"
+    if effect.scope == BOARD:
+        return f"{text}, {pair.sensors.name[block].replace('_', ' ')}"
+    if effect.scope == OBJECT:
+        return f"{text}, {sorted({item for item, _ in pair.cells})[block]}"
+    return text if effect.scope == HAND else f"{name} of single taxels"

@@ -1,0 +1,122 @@
+"""The findings of two datasets, or of a report and the datasets that it names: then no search is made again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from taxel.gap.align import common_shift
+from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap.chain import Chain, Link
+from taxel.gap.diagnosis import Show, diagnose, quiet, reduced
+from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.dropout import Dropout
+from taxel.gap.errors import GapInputError
+from taxel.gap.features import Layout
+from taxel.gap.fit import started
+from taxel.gap.held_out import held_out
+from taxel.gap.judge import Judge
+from taxel.gap.page.fields import Value
+from taxel.gap.page.report import Report
+from taxel.gap.pair import Pair, read_pair
+from taxel.gap.press_findings import Findings, findings_of, pairs_of, rivals_of
+from taxel.gap.report_model import block_names
+from taxel.gap.report_reading import ReportedEffect, ReportedGap, read_report
+from taxel.gap.state import State, state_of
+from taxel.hand.errors import shown, shown_path
+
+AGAIN = "make the report again with taxel gap diagnose"
+
+Text = str | PathLike[str]
+
+
+def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
+    """Of a diagnosis that is made now. Raises DatasetError and GapInputError of one line."""
+    found = diagnose(real, sim, show=show)
+    verdict = found.report["verdict"]
+    links = found.held.links
+    return findings_of(found.judge, found.selection, CATALOGUE, verdict["effects"], verdict["confounded_with"], links)
+
+
+def findings_in(path: Text, show: Show = quiet) -> Findings:
+    """Of a report, with the datasets that it names by path and SHA-256. Raises DatasetError and GapInputError of one
+    line; OSError for a report that cannot be read.
+    """
+    reported = read_report(path)
+    report = Report(json.loads(Path(path).read_bytes()))
+    pair = _pair(report, reported, show)
+    layout = Layout.of(pair.clock)
+    real, mean, _ = reduced(pair, layout)
+    state = state_of(pair, layout, mean)
+    state = state.shifted(common_shift(Judge(state, real, layout)))
+    judge = Judge(state, real, layout)
+    chain = Chain.of([_link(state, one, reported) for one in reported.effects if one.name != DROPOUT])
+    if any(one.name == DROPOUT for one in reported.effects):
+        chain = chain.with_link(_dropped(judge, chain))
+    names = tuple(one.name for one in reported.effects)
+    pairs = pairs_of(names, _confounded(report, reported))
+    show("fitting", 0, 2)
+    rivals = rivals_of(judge, chain, {pair: _starts(state, report, pair[1]) for pair in pairs})
+    show("fitting", 1, 2)
+    links = held_out(judge, chain).links if names else ()
+    show("fitting", 2, 2)
+    return Findings(judge, chain, names, rivals, links)
+
+
+def _pair(report: Report, reported: ReportedGap, show: Show) -> Pair:
+    inputs = report.root.field("inputs")
+    named = [(inputs.field(side).text("path"), inputs.field(side).text("sha256")) for side in ("real", "sim")]
+    source = shown_path(reported.path)
+    for place, _ in named:
+        if not Path(place).is_file():
+            remedy = "go to the folder where it was diagnosed, or give REAL.h5 and SIM.h5 instead of the report"
+            raise GapInputError(f"{source}: inputs", f"the file {shown_path(place)}", "none", remedy)
+    pair = read_pair(named[0][0], named[1][0], lambda done, total: show("reading", done, total))
+    for (place, digest), found in zip(named, pair.digests, strict=True):
+        if digest != found:
+            expected = f"the file that {source} was made from, SHA-256 {shown(digest)}"
+            raise GapInputError(shown_path(place), expected, found, AGAIN)
+    return pair
+
+
+def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> Link:
+    pair, values = state.pair, one.values
+    own = block_names(pair, one.effect.scope)[: int(one.effect.blocks_of(pair).max()) + 1]
+    if list(one.blocks) != own:
+        where = f"{shown_path(reported.path)}: {one.name}.model.blocks"
+        raise GapInputError(where, f"the blocks of {pair.paths[0]}", shown(list(one.blocks)), AGAIN)
+    if one.name == "noise":
+        values = np.vstack([values[:1], np.sqrt((values[1:] ** 2).sum(axis=0))[None]])
+    return Link(one.effect, values)
+
+
+def _dropped(judge: Judge, chain: Chain) -> Link:
+    """What does not answer is found by looking, at no cost."""
+    features = chain.features(judge.state)
+    effect = Dropout(find_dropped(judge.state, judge.sessions, features, np.ones(len(features), bool)))
+    return Link(effect, effect.found_values(judge.state))
+
+
+def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]]:
+    found = report.verdict.maybe("confounded_with")
+    named = {} if found is None else {name: [item.as_text() for item in own.items()] for name, own in found.entries()}
+    for name in {*named, *(other for others in named.values() for other in others)}:
+        if name not in CATALOGUE:
+            where = f"{shown_path(reported.path)}: verdict.confounded_with"
+            raise GapInputError(where, "names of the catalogue", shown(name), AGAIN)
+    return named
+
+
+def _starts(state: State, report: Report, name: str) -> list[Link]:
+    """An effect in the form that the report has of it; in all forms if it has none."""
+    forms = [form for form in CATALOGUE[name] if not form.unavailable(state)]
+    entry: Value | None = next((one for one in report.effects if one.text("name") == name), None)
+    model = None if entry is None else entry.maybe("model")
+    if model is not None:
+        told = (model.maybe_text("form"), model.maybe_text("scope"))
+        forms = [form for form in forms if (form.variant, form.scope) == told] or forms
+    return [started(state, form) for form in forms]

@@ -1,0 +1,233 @@
+"""A report as others hand it over: the effects of its verdict, each with its numbers, all of it checked."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap.effects.dropout import Dropout, Dropped, Short
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
+from taxel.gap.errors import GapInputError
+from taxel.gap.page.fields import REMEDY, Value
+from taxel.gap.page.report import Report
+from taxel.gap.report_model import NOISE_PARTS
+from taxel.hand.errors import shown, shown_path
+
+Array = NDArray[np.float64]
+Block = int | str
+
+LARGEST_BYTES: Final = 2**28
+"""Of a report: a thousand taxels take about one millionth of it each."""
+
+MOST_NOISE_COUNTS: Final = 65_535.0
+LONGEST_S: Final = 1e6
+
+UNKNOWN: Final = "unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedEffect:
+    """An effect of a verdict with the values f64[P, G] of `parameters` in `blocks`, whose names are as in the report.
+
+    effect: its form in the catalogue. until_s, shift_s: see `taxel.gap.report_model`. missing: share of lost frames by
+    address of a board. stuck: indices of taxels whose count stands still. content: the report's words for all of this.
+    """
+
+    name: str
+    effect: Effect
+    order: int
+    until_s: float
+    shift_s: float
+    blocks: tuple[Block, ...]
+    parameters: tuple[str, ...]
+    values: Array
+    content: Mapping[str, Any]
+    missing: Mapping[int, float] = field(default_factory=dict)
+    stuck: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedGap:
+    """What a report says that is of use for adding its effects to a simulation.
+
+    status: of the verdict. effects: in the order in which they act; none under no_gap and unknown. remainder: whether
+    there is an unknown cause besides. sensor, tx, rx: of the n taxels. sim_sha256: of the simulation it was made from.
+    """
+
+    path: Path
+    sha256: str
+    status: str
+    effects: tuple[ReportedEffect, ...]
+    remainder: bool
+    sensor: NDArray[np.intp]
+    tx: NDArray[np.intp]
+    rx: NDArray[np.intp]
+    sim_sha256: str
+
+
+def read_report(path: str | PathLike[str]) -> ReportedGap:
+    """Read and check a report. Raises GapInputError of one line; OSError for a file that cannot be read."""
+    place = Path(path)
+    content = place.read_bytes() if _size(place) <= LARGEST_BYTES else _fail(place, "at most 256 MiB", "more")
+    try:
+        return _reported(place, _parsed(place, content), hashlib.sha256(content).hexdigest())
+    except GapInputError as error:
+        where = error.where.replace("report: ", f"{shown_path(place)}: ", 1)
+        raise GapInputError(where, error.expected, error.found, error.remedy) from None
+
+
+def _size(path: Path) -> int:
+    if not path.is_file():
+        _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "nothing")
+    return path.stat().st_size
+
+
+def _fail(path: Path, expected: str, found: str) -> NoReturn:
+    raise GapInputError(shown_path(path), expected, found, REMEDY)
+
+
+def _parsed(path: Path, content: bytes) -> dict[str, Any]:
+    def refuse(word: str) -> NoReturn:
+        raise ValueError(f"the number {word}")
+
+    try:
+        found = json.loads(content, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        _fail(path, "a report in JSON", shown(str(error)))
+    return found if isinstance(found, dict) else _fail(path, "a report in JSON", shown(found))
+
+
+def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
+    report = Report(content)
+    taxels = report.taxels
+    if taxels is None:
+        raise GapInputError("report: taxels", "sensor, tx and rx of each taxel", "none", REMEDY)
+    sensor, tx, rx = (np.array(one, dtype=np.intp) for one in taxels)
+    names = [] if report.status in ("no_gap", UNKNOWN) else report.verdict.texts("effects")
+    known = [name for name in names if name != UNKNOWN]
+    entries = {entry.text("name"): entry for entry in report.effects}
+    effects = []
+    for index, name in enumerate(known):
+        if name not in CATALOGUE or known.index(name) != index:
+            raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", shown(name), REMEDY)
+        if name not in entries:
+            raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
+        effects.append(_effect(name, entries[name].field("model"), len(sensor)))
+    return ReportedGap(
+        path,
+        digest,
+        report.status,
+        tuple(sorted(effects, key=lambda one: one.order)),
+        UNKNOWN in names,
+        sensor,
+        tx,
+        rx,
+        report.root.field("inputs").field("sim").text("sha256"),
+    )
+
+
+def _effect(name: str, model: Value, taxels: int) -> ReportedEffect:
+    form, scope = model.text("form"), model.text("scope")
+    blocks = _blocks(model, scope, taxels)
+    missing: dict[int, float] = {}
+    stuck: tuple[int, ...] = ()
+    if name == DROPOUT:
+        shorts = tuple(_short(one) for one in model.maybe_list("shorts"))
+        effect: Effect = Dropout(Dropped(np.zeros(0, bool), (), np.zeros(0), shorts=shorts))
+        missing, stuck = _missing(model.field("missing")), tuple(model.integers("stuck", 0, taxels - 1))
+    else:
+        effect = _form(name, form, scope, model)
+    if scope != effect.scope:
+        model.field("scope").fail(effect.scope)
+    parameters = effect.parameters()
+    if name == "noise":
+        parameters = tuple(Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS)
+    return ReportedEffect(
+        name,
+        effect,
+        model.field("order").as_integer(0, 1000),
+        _between(model.field("until_s"), 1e-6, LONGEST_S),
+        _between(model.field("shift_s"), -LONGEST_S, LONGEST_S),
+        blocks,
+        tuple(parameter.name for parameter in parameters),
+        _values(model.field("parameters"), parameters, len(blocks)),
+        {**model.table(), "name": name},
+        missing,
+        stuck,
+    )
+
+
+def _form(name: str, form: str, scope: str, model: Value) -> Effect:
+    forms = CATALOGUE[name]
+    found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
+    if found is None:
+        known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)
+        where, remedy = f"report: {model.path}.form", "use the release of taxel that made the report"
+        raise GapInputError(where, f"a form of {name} ({known})", f"{shown(form)} of {shown(scope)}", remedy)
+    return found
+
+
+def _blocks(model: Value, scope: str, taxels: int) -> tuple[Block, ...]:
+    found = model.field("blocks")
+    items = found.items()
+    if scope == HAND and [item.content for item in items] == [HAND]:
+        return (HAND,)
+    if scope == TAXEL and [item.content for item in items] == list(range(taxels)):
+        return tuple(range(taxels))
+    if scope == BOARD:
+        blocks: list[Block] = [item.as_integer(0, 255) for item in items]
+    elif scope == OBJECT:
+        blocks = [item.as_text() for item in items]
+    else:
+        found.fail({HAND: f"[{HAND!r}]", TAXEL: f"the indices 0 to {taxels - 1}"}.get(scope, "blocks of a known scope"))
+    if not blocks or len(set(blocks)) != len(blocks):
+        found.fail("each board or object once")
+    return tuple(blocks)
+
+
+def _values(found: Value, parameters: tuple[Parameter, ...], blocks: int) -> Array:
+    wanted = [parameter.name for parameter in parameters]
+    if sorted(found.table()) != sorted(wanted):
+        found.fail(f"{', '.join(wanted)} and nothing else")
+    rows = []
+    for parameter in parameters:
+        own = found.field(parameter.name)
+        if own.text("unit") != parameter.unit:
+            own.field("unit").fail(parameter.unit)
+        items = own.field("values").items()
+        if len(items) != blocks:
+            raise GapInputError(f"report: {own.path}.values", f"{blocks} numbers", str(len(items)), REMEDY)
+        rows.append([_between(item, parameter.low, parameter.high) for item in items])
+    return np.array(rows, dtype=np.float64).reshape(len(parameters), blocks)
+
+
+def _missing(found: Value) -> dict[int, float]:
+    boards = _blocks(found, BOARD, 0)
+    shares = [_between(item, 0.0, 1.0) for item in found.field("values").items()]
+    if len(shares) != len(boards):
+        raise GapInputError(f"report: {found.path}.values", f"{len(boards)} numbers", str(len(shares)), REMEDY)
+    return {int(board): share for board, share in zip(boards, shares, strict=True)}
+
+
+def _short(found: Value) -> Short:
+    parts = found.items()
+    if len(parts) != 4 or parts[1].content not in ("tx", "rx"):
+        found.fail('an address, "tx" or "rx", an index and a share')
+    share = _between(parts[3], 0.0, 2.0)
+    return Short(parts[0].as_integer(0, 255), parts[1].as_text(), parts[2].as_integer(0, 255), share)
+
+
+def _between(found: Value, low: float, high: float) -> float:
+    number = found.as_number()
+    if not low <= number <= high:
+        found.fail(f"a number from {low:g} to {high:g}")
+    return number

@@ -1,0 +1,66 @@
+"""The user's own simulator, run once more with the effects that a diagnosis found."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+from pathlib import Path
+from typing import Final
+
+from taxel.gap.errors import GapInputError
+from taxel.gap.report_reading import ReportedGap
+from taxel.hand.errors import shown
+
+FORMAT: Final = "taxel-gap-effects"
+VERSION: Final = 1
+
+PLACE: Final = re.compile(r"\{(effects|sim|out)\}")
+NEEDED: Final = ("{effects}", "{out}")
+
+
+def effects_text(found: ReportedGap) -> str:
+    """The diagnosed effects as JSON, in the order in which they act from contact to count.
+
+    Of each: name, form, scope, order, blocks, and of each parameter its unit and one value for each block.
+    """
+    report = {"path": str(found.path), "sha256": found.sha256}
+    effects = [dict(one.content) for one in found.effects]
+    return json.dumps({"format": FORMAT, "version": VERSION, "report": report, "effects": effects}, indent=1)
+
+
+def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
+    """Run a command that makes `out`. effects: JSON, written into a file beside it.
+
+    command: split as a shell splits words, and run without one; {effects}, {sim} and {out} become absolute paths. What
+    it prints goes to standard error. Raises GapInputError for a command that cannot run, fails or makes no file.
+    """
+    arguments = _split(command)
+    places = {"effects": out.with_name("effects.json"), "sim": sim, "out": out}
+    places["effects"].write_text(effects)
+    arguments = [PLACE.sub(lambda found: str(places[found[1]].resolve()), word) for word in arguments]
+    remedy = "correct the command; SIM.h5 and the report stay as they are"
+    try:
+        done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stdout=2, check=False)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise GapInputError("--resim", f"a program that runs ({shown(arguments[0])})", reason, remedy) from None
+    if done.returncode:
+        found = f"status {done.returncode}" if done.returncode > 0 else f"its end by signal {-done.returncode}"
+        raise GapInputError("--resim", f"a command that succeeds ({shown(arguments[0])})", found, remedy)
+    if not out.is_file():
+        raise GapInputError("--resim", "a dataset where {out} says", "no file", "have the command write it there")
+
+
+def _split(command: str) -> list[str]:
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise GapInputError("--resim", "a command", f"{shown(command)} ({error})", "close the quotes") from None
+    missing = [place for place in NEEDED if place not in command]
+    if not words or missing:
+        expected = f"a command with {' and '.join(NEEDED)} in it"
+        remedy = "say where it reads the effects and where it writes the dataset"
+        raise GapInputError("--resim", expected, shown(command), remedy)
+    return words

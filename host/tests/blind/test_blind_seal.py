@@ -1,0 +1,104 @@
+"""The seal: what is hidden is committed to before anything is made, and cannot be changed afterwards."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+
+import pytest
+
+from taxel.blind.drawing import World, drawn_worlds
+from taxel.blind.errors import BlindRunError
+from taxel.blind.run import COMMITMENTS, KEYS, opened, seal
+from taxel.blind.seal import SealBrokenError, check, commitment
+
+
+@pytest.fixture
+def out(tmp_path):
+    seal(tmp_path / "check", 4, 0, seed=1)
+    return tmp_path / "check"
+
+
+def changed_keys(out, change):
+    keys = json.loads((out / KEYS).read_text())
+    change(keys)
+    (out / KEYS).write_text(json.dumps(keys))
+
+
+def test_sealing_publishes_commitments_and_no_dataset(out):
+    assert {path.name for path in out.iterdir()} == {"commitments.json", "sealed"}
+    assert [path.name for path in (out / "sealed").iterdir()] == ["keys.json"]
+    assert (out / KEYS).stat().st_mode & 0o077 == 0
+
+
+def test_commitments_are_written_before_the_keys(tmp_path, monkeypatch):
+    def cut(*arguments, **words):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pathlib.Path.touch", cut)
+    with pytest.raises(KeyboardInterrupt):
+        seal(tmp_path / "check", 2, 0, None)
+    assert len(json.loads((tmp_path / "check" / COMMITMENTS).read_text())) == 2
+    assert not (tmp_path / "check" / KEYS).exists()
+
+
+def test_a_commitment_is_the_digest_of_the_whole_key_and_tells_nothing_of_it(out):
+    published = json.loads((out / COMMITMENTS).read_text())
+    for key in json.loads((out / KEYS).read_text()):
+        text = json.dumps(key, sort_keys=True, separators=(",", ":"))
+        assert published[str(key["number"])] == hashlib.sha256(text.encode()).hexdigest()
+        check(key["number"], key, commitment(key))
+
+
+def test_every_salt_has_256_bits_of_its_own():
+    salts = [world.salt for world in drawn_worlds(40)]
+    assert all(len(bytes.fromhex(salt)) == 32 for salt in salts)
+    assert len(set(salts)) == 40
+
+
+def test_worlds_come_back_as_they_were_sealed(out):
+    worlds = opened(out)
+    assert worlds == drawn_worlds(4, 0, 1)
+    assert [World.from_json(json.loads(json.dumps(world.to_json()))) for world in worlds] == worlds
+
+
+@pytest.mark.parametrize("change", [
+    lambda keys: keys[2].update(seed=keys[2]["seed"] + 1),
+    lambda keys: keys[2]["hidden"].update(kind="outside"),
+    lambda keys: keys[2]["hidden"]["nuisances"].reverse(),
+    lambda keys: keys[2].update(salt="00" * 32),
+    lambda keys: keys[2].update(withheld=not keys[2]["withheld"]),
+])  # fmt: skip
+def test_a_changed_key_is_refused_in_one_line(out, change):
+    changed_keys(out, change)
+    with pytest.raises(SealBrokenError) as caught:
+        opened(out)
+    assert str(caught.value).startswith("world 2: key does not fit its commitment")
+    assert "\n" not in str(caught.value)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+    with pytest.raises(SealBrokenError):  # a check that goes on looks before it makes anything
+        seal(out, 4, 0, None)
+
+
+def test_a_key_that_is_gone_or_unreadable_is_refused_in_one_line(out):
+    changed_keys(out, lambda keys: keys.pop())
+    with pytest.raises(BlindRunError, match="expected 4 keys, found 3; run the check anew") as caught:
+        opened(out)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+    (out / KEYS).write_text("[")
+    with pytest.raises(BlindRunError, match="expected readable JSON"):
+        opened(out)
+
+
+def test_a_folder_of_another_check_is_refused_in_one_line(out, tmp_path):
+    with pytest.raises(BlindRunError, match="expected 5 worlds and 0 of the full hand, found 4 worlds and 0"):
+        seal(out, 5, 0, None)
+    with pytest.raises(BlindRunError, match="expected 3 worlds and 1 of the full hand"):
+        seal(out, 3, 1, None)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").write_text("")
+    with pytest.raises(BlindRunError, match="expected an empty folder, or a blind check to go on with"):
+        seal(tmp_path / "other", 4, 0, None)
+    with pytest.raises(BlindRunError, match="expected a blind check, found none"):
+        opened(tmp_path / "other")

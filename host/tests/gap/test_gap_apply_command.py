@@ -1,0 +1,253 @@
+"""`taxel gap apply`: what it refuses with one line, and the user's own simulator run once more."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from taxel.cli import main as command
+from taxel.gap.errors import GapInputError
+from taxel.gap.pair import read_pair
+from taxel.gap.report_reading import read_report
+from taxel.recording.grasp_dataset import GraspDataset
+
+N = 60
+
+SIMULATOR = """
+import json, shutil, sys
+import h5py
+effects, sim, out = sys.argv[1:]
+found = json.load(open(effects))
+shutil.copyfile(sim, out)
+with h5py.File(out, "r+") as file:
+    for grasp in file["grasps"].values():
+        grasp["raw_counts"][...] = 29_000
+    file.attrs["mine"] = found["effects"][0]["name"]
+print(found["effects"][0]["parameters"])
+"""
+
+
+def run(monkeypatch, *arguments) -> int:
+    """Exit status."""
+    monkeypatch.setattr(sys, "argv", ["taxel", "gap", "apply", *map(str, arguments)])
+    try:
+        command.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def refused(monkeypatch, capsys, *arguments) -> str:
+    """The one line."""
+    assert run(monkeypatch, *arguments) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert lines[0].startswith("taxel: ")
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def paths(world, tmp_path_factory):
+    """Of a hand's recording and of the simulation."""
+    return world(tmp_path_factory.mktemp("apply_command"), cells=2, sessions=1, repeats=1)
+
+
+@pytest.fixture(scope="module")
+def digest(paths):
+    return read_pair(*paths).digests[1]
+
+
+@pytest.fixture
+def content(digest):
+    """A report that names a saturation and a gain of each taxel."""
+    number = list(range(N // 2)) * 2
+    shared = {"until_s": 3.5, "shift_s": 0.0}
+    clip = {"form": "clip", "scope": "hand", "order": 60, "blocks": ["hand"]}
+    gain = {"form": "taxels", "scope": "taxel", "order": 50, "blocks": list(range(N))}
+    clip["parameters"] = {"counts": {"unit": "counts", "values": [400.0]}}
+    gain["parameters"] = {"log_gain": {"unit": "1", "values": [0.1] * N}}
+    return {
+        "format": "taxel-gap-report",
+        "version": 1,
+        "inputs": {"sim": {"path": "sim.h5", "sha256": digest}},
+        "verdict": {"status": "partly_explained", "effects": ["saturation", "gain_mismatch", "unknown"]},
+        "effects": [
+            {"name": "gain_mismatch", "model": {**gain, **shared}},
+            {"name": "saturation", "model": {**clip, **shared}},
+        ],
+        "taxels": {
+            "sensor": [0x20] * (N // 2) + [0x21] * (N // 2),
+            "tx": [one // 5 for one in number],
+            "rx": [one % 5 for one in number],
+        },
+    }
+
+
+@pytest.fixture
+def report(content, tmp_path) -> Path:
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_effects_are_added_in_the_order_in_which_they_act(monkeypatch, capsys, report, paths, tmp_path):
+    out = tmp_path / "sim2.h5"
+    assert run(monkeypatch, report, paths[1], "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "gain mismatch, saturation" in said
+    assert "unknown cause" in said
+    with GraspDataset(out) as data:
+        drop = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
+    assert 400.0 <= drop < 430.0
+    assert run(monkeypatch, report, paths[1], "--out", out, "--overwrite", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
+
+
+def test_nothing_that_is_there_is_replaced_unasked_or_lost(monkeypatch, capsys, report, paths, tmp_path):
+    out = tmp_path / "sim2.h5"
+    out.write_text("mine")
+    assert "a new file" in refused(monkeypatch, capsys, report, paths[1], "--out", out)
+    assert "source" in refused(monkeypatch, capsys, report, paths[0], "--out", out, "--overwrite")
+    assert out.read_text() == "mine"
+    sim = Path(paths[1]).read_bytes()
+    assert "another file" in refused(monkeypatch, capsys, report, paths[1], "--out", paths[1], "--overwrite")
+    assert Path(paths[1]).read_bytes() == sim
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.json", "sim2.h5"]
+
+
+def test_another_hand_is_refused(monkeypatch, capsys, report, paths, tmp_path):
+    sim = tmp_path / "sim.h5"
+    sim.write_bytes(Path(paths[1]).read_bytes())
+    with h5py.File(sim, "r+") as file:
+        file["sensors/address"][0] = 0x30
+        file["taxels/sensor"][: N // 2] = 0x30
+    line = refused(monkeypatch, capsys, report, sim, "--out", tmp_path / "sim2.h5")
+    assert "sim.h5: /taxels/sensor[0]: expected 32 as in" in line
+
+
+def change(content, path, value):
+    *places, last = path
+    for place in places:
+        content = content[place]
+    content[last] = value
+
+
+SATURATION = ("effects", 1, "model")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (("format",), "another", "report.json: format"),
+        (("version",), 2, "report.json: version"),
+        (("verdict", "status"), "fine", "verdict.status"),
+        (("verdict", "effects"), ["magic"], "verdict.effects[0]"),
+        (("verdict", "effects"), ["saturation", "saturation"], "verdict.effects[1]"),
+        (("verdict", "effects"), ["noise"], "an entry for noise"),
+        (SATURATION, None, "effects[1].model"),
+        ((*SATURATION, "form"), "round", "a form of saturation (clip of the hand, soft of the hand)"),
+        ((*SATURATION, "scope"), "board", "effects[1].model.blocks"),
+        ((*SATURATION, "scope"), "finger", "effects[1].model.blocks"),
+        ((*SATURATION, "order"), 1.5, "effects[1].model.order"),
+        ((*SATURATION, "until_s"), 0, "effects[1].model.until_s"),
+        ((*SATURATION, "blocks"), ["hand", "hand"], "effects[1].model.blocks"),
+        ((*SATURATION, "parameters"), {}, "counts and nothing else"),
+        ((*SATURATION, "parameters", "counts", "unit"), "mm", "expected counts"),
+        ((*SATURATION, "parameters", "counts", "values"), [400.0, 1.0], "1 numbers, found 2"),
+        ((*SATURATION, "parameters", "counts", "values"), [-4.0], "a number from 50 to 1e+06"),
+        ((*SATURATION, "parameters", "counts", "values"), [None], "a number"),
+        ((*SATURATION, "parameters", "counts", "values"), ["many"], "a number"),
+        (("effects", 0, "model", "blocks"), list(range(N - 1)), f"the indices 0 to {N - 1}"),
+        (("taxels",), None, "taxels"),
+        (("taxels", "tx"), [0], f"{N} integers"),
+        (("inputs", "sim"), {}, "inputs.sim.sha256"),
+    ],
+)
+def test_a_broken_report_is_one_line(monkeypatch, capsys, content, paths, tmp_path, path, value, words):
+    change(content, path, value)
+    report = tmp_path / "report.json"
+    report.write_text(json.dumps(content))
+    line = refused(monkeypatch, capsys, report, paths[1], "--out", tmp_path / "sim2.h5")
+    assert "report.json: " in line
+    assert words in line
+    assert [found.name for found in tmp_path.iterdir()] == ["report.json"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"format": NaN}', "[" * 100_000, "\x89HDF"])
+def test_what_is_no_report_is_one_line(text, tmp_path):
+    path = tmp_path / "report.json"
+    path.write_text(text)
+    with pytest.raises(GapInputError, match=r"report\.json.*make the report again"):
+        read_report(path)
+    with pytest.raises(GapInputError, match="found a folder"):
+        read_report(tmp_path)
+    with pytest.raises(GapInputError, match="found nothing"):
+        read_report(tmp_path / "none.json")
+
+
+def simulator(tmp_path, text=SIMULATOR) -> str:
+    script = tmp_path / "my simulator.py"
+    script.write_text(text)
+    return shlex.join([sys.executable, str(script)]) + " {effects} {sim} {out}"
+
+
+def test_the_users_own_simulator_makes_the_dataset(monkeypatch, capfd, content, report, paths, tmp_path):
+    content["verdict"]["effects"] = ["saturation"]
+    report.write_text(json.dumps(content))
+    out = tmp_path / "sim2.h5"
+    assert run(monkeypatch, report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
+    printed = capfd.readouterr()
+    assert json.loads(printed.out)["effects"] == ["saturation"]
+    assert "400.0" in printed.err
+    with h5py.File(out) as file:
+        assert file.attrs["mine"] == "saturation"
+        assert json.loads(file.attrs["gap_applied"])["report"]["sha256"] == read_report(report).sha256
+        assert (file["grasps/0000/raw_counts"][...] == 29_000).all()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["my simulator.py", "report.json", "sim2.h5"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("raise SystemExit(3)", "status 3"),
+        ("", "no file"),
+        ("import sys; open(sys.argv[3], 'w').write('no')", "sim2.h5: /: expected an HDF5 file"),
+        (SIMULATOR + "h5py.File(out, 'r+')['taxels/rx'][:2] = [1, 0]", "sim2.h5: /taxels/rx[0]"),
+        (SIMULATOR + "h5py.File(out, 'r+')['taxels/position'][3] = 0.5", "sim2.h5: /taxels/position[3]"),
+        (SIMULATOR + "del h5py.File(out, 'r+')['grasps/0000']['phase']", "sim2.h5: /grasps/0000/phase"),
+        (SIMULATOR + "h5py.File(out, 'r+')['grasps'].clear()", "sim2.h5: /grasps"),
+    ],
+)
+def test_what_the_simulator_made_is_checked(monkeypatch, capsys, report, paths, tmp_path, text, words):
+    out = tmp_path / "sim2.h5"
+    out.write_text("mine")
+    resim = simulator(tmp_path, text)
+    assert words in refused(monkeypatch, capsys, report, paths[1], "--out", out, "--overwrite", "--resim", resim)
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("resim", "words"),
+    [
+        ("simulate {out}", "{effects} and {out}"),
+        ("simulate '{effects} {out}", "close the quotes"),
+        ("no-such-program {effects} {out}", "No such file"),
+        (" ", "{effects} and {out}"),
+    ],
+)
+def test_a_command_that_cannot_run_is_one_line(monkeypatch, capsys, report, paths, tmp_path, resim, words):
+    assert words in refused(monkeypatch, capsys, report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim)
+
+
+def test_without_an_effect_the_simulator_is_not_run(monkeypatch, capsys, content, report, paths, tmp_path):
+    content["verdict"] = {"status": "no_gap", "effects": []}
+    report.write_text(json.dumps(content))
+    out = tmp_path / "sim2.h5"
+    assert run(monkeypatch, report, paths[1], "--out", out, "--resim", simulator(tmp_path, "raise SystemExit(3)")) == 0
+    assert "there is no gap" in capsys.readouterr().out
+    assert out.read_bytes() == Path(paths[1]).read_bytes()

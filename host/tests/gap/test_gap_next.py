@@ -1,0 +1,284 @@
+"""`taxel gap next`: which press would tell most of what a diagnosis leaves open."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.cli import main as command
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.chain import Chain, Link
+from taxel.gap.diagnosis import reduced
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.latency import Latency
+from taxel.gap.effects.proximity import Proximity
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.features import Layout
+from taxel.gap.identify import likenesses
+from taxel.gap.judge import Judge
+from taxel.gap.next_press import next_presses
+from taxel.gap.page import write_page
+from taxel.gap.pair import read_pair
+from taxel.gap.press_findings import Findings, rivals_of
+from taxel.gap.press_information import Felt, Known
+from taxel.gap.press_reading import unrecorded
+from taxel.gap.press_scatter import Scatter
+from taxel.gap.presses import batches
+from taxel.gap.state import state_of
+
+GAIN, STIFF = "gain_mismatch", "stiffness"
+LITTLE_N = 0.15
+"""A tenth of the force of half the drop: drops grow with force as good as linearly."""
+
+
+def softer(force, drop):
+    return 2000.0 * force / (force + 1.5 * 0.7)
+
+
+def late(force, drop):
+    moved = drop.copy()
+    moved[3:, : drop.shape[1] // 2] = drop[:-3, : drop.shape[1] // 2]
+    return moved
+
+
+def judge_of(paths) -> Judge:
+    pair = read_pair(*paths)
+    layout = Layout.of(pair.clock)
+    real, mean, _ = reduced(pair, layout)
+    return Judge(state_of(pair, layout, mean), real, layout)
+
+
+def findings_of(judge, link, *others) -> Findings:
+    """One effect and its rivals, all fitted."""
+    chain = judge.in_sample(Chain((link,))).chain
+    starts = {(link.effect.name, other.effect.name): [other] for other in others}
+    return Findings(judge, chain, (link.effect.name,), rivals_of(judge, chain, starts), ())
+
+
+def plain(judge, effect, *values) -> Link:
+    return Link(effect, effect.neutral(judge.state) + np.reshape(values, (-1, 1)))
+
+
+def stiff_or_gain(judge) -> Findings:
+    return findings_of(judge, plain(judge, Stiffness(), 0.0), plain(judge, GainMismatch("board", 0.5), 0.0))
+
+
+@pytest.fixture(scope="module")
+def gentle(world, tmp_path_factory):
+    """A softer hand, pressed so little that its gain might be larger as well."""
+    paths = world(tmp_path_factory.mktemp("gentle"), effect=softer, most=LITTLE_N)
+    return paths, judge_of(paths)
+
+
+def angle(judge) -> float:
+    forms = {STIFF: (Stiffness(),), GAIN: (GainMismatch("board", 0.5),)}
+    link = judge.in_sample(Chain((plain(judge, Stiffness(), 0.0),))).chain.links[0]
+    return next(one.degrees for one in likenesses(judge, forms, [link]) if one.name == STIFF)
+
+
+def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_alike(gentle, world, tmp_path):
+    found = next_presses(stiff_or_gain(gentle[1]))
+    assert found.line == "Not told apart so far: stiffness from gain mismatch."
+    assert len(found.presses) == 10
+    first = found.presses[0]
+    assert (first.press.force_scale, first.separates) == (3.0, (STIFF, GAIN))
+    assert first.press.words.endswith("with 3 times the force")
+    assert "standard deviations" in first.why
+    gains = [one.gain for one in found.presses]
+    assert gains == sorted(gains, reverse=True)
+    assert {one.press.force_scale for one in found.presses} <= {2.0, 3.0}
+    laddered = judge_of(world(tmp_path, effect=softer, most=LITTLE_N, scales=(1.0, 3.0)))
+    assert angle(laddered) > 1.5 * angle(gentle[1])
+
+
+def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(gentle):
+    judge = gentle[1]
+    findings = stiff_or_gain(judge)
+    found, other = (Known.of(judge, chain) for chain in (findings.chain, findings.rivals[STIFF, GAIN]))
+    batch = list(batches(judge.state, recorded=True, memory=False, near=False))[4]
+    felt, rival = Felt.of(found, batch.state), Felt.of(other, batch.state)
+    weight = Scatter.of(judge).weight(batch.state.mean, felt.features)
+    apart, new = other.features - found.features, rival.features - felt.features
+    press = 2
+    columns = []
+    for column, own in zip(other.columns, rival.columns, strict=True):
+        for block in range(column.count):
+            rows = (column.change * (column.blocks == block)[:, None], own.change * (own.blocks == block)[:, None])
+            part = [np.sqrt(judge.weight) * rows[0], (np.sqrt(weight) * rows[1])[press : press + 1]]
+            prior = np.zeros(2)
+            prior[block] = np.sqrt(column.precision[block])
+            columns.append(np.concatenate([part[0].ravel(), part[1].ravel(), prior]))
+    target = [np.sqrt(judge.weight) * apart, (np.sqrt(weight) * new)[press : press + 1], np.zeros(2)]
+    design, target = np.transpose(columns), np.concatenate([one.ravel() for one in target])
+    residual = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
+    after = other.left(apart).after(rival.added(press, weight), new[press])
+    assert after == pytest.approx(float(residual @ residual), rel=1e-6)
+    spread = np.diag(np.linalg.inv(design.T @ design))
+    assert other.variance_after(rival.added(press, weight)) == pytest.approx(spread, rel=1e-6)
+
+
+def test_where_nothing_is_confounded_presses_are_ranked_by_intervals(world, tmp_path):
+    judge = judge_of(world(tmp_path, effect=late, cells=4))
+    found = next_presses(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
+    assert found.line.startswith("Nothing is confounded")
+    first = found.presses[0]
+    assert first.separates[0].startswith("seconds of latency, ")
+    assert "standard error" in first.why
+    assert first.press.closing_scale < 1.0
+    gains = {
+        (one.press.approach, one.press.closing_scale): one.gain for one in found.presses if not one.press.hold_scale > 1
+    }
+    quick = first.press.closing_scale
+    assert all(gains.get((f"press_{k}", 4.0), 0.0) < gains[f"press_{k}", quick] for k in range(4))
+
+
+def test_what_is_felt_before_contact_is_asked_for_with_the_object_held_off(gentle):
+    judge = gentle[1]
+    link = plain(judge, Proximity(), 0.0, 40.0)
+    found = next_presses(Findings(judge, Chain((link,)), ("proximity",), {}, ()), most=100)
+    off = [one for one in found.presses if one.press.apart_mm]
+    assert off
+    assert off[0].press.words.endswith("held 2 mm off")
+
+
+def test_without_a_named_effect_no_press_is_asked_for(gentle):
+    found = next_presses(Findings(gentle[1], Chain(), (), {}, ()))
+    assert found.presses == ()
+    assert "No effect was named" in found.line
+
+
+def test_approaches_that_were_only_simulated_are_ranked_with_the_others(gentle, world, tmp_path):
+    (tmp_path / "more").mkdir()
+    more = world(tmp_path / "more", most=LITTLE_N, cells=3, scales=(1.0, 20.0))[1]
+    judge = gentle[1]
+    state = unrecorded(judge.state, more, known=[("cube", "press_4")])
+    assert state is None  # six cells, all of them recorded
+    with h5py.File(more, "r+") as file:
+        for grasp in file["grasps"].values():
+            grasp.attrs["approach"] = "hard_" + grasp.attrs["approach"]
+    state = unrecorded(judge.state, more)
+    assert len(state.pair.cells) == 6
+    found = next_presses(stiff_or_gain(judge), [state])
+    assert not found.presses[0].press.recorded
+    assert found.presses[0].press.approach in ("hard_press_3", "hard_press_4", "hard_press_5")
+    assert "not yet recorded" in found.presses[0].press.words
+
+
+# --- the command
+
+
+def run(monkeypatch, *arguments) -> int:
+    """Exit status."""
+    monkeypatch.setattr(sys, "argv", ["taxel", "gap", *map(str, arguments)])
+    try:
+        command.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def refused(monkeypatch, capsys, *arguments) -> str:
+    """The one line."""
+    assert run(monkeypatch, "next", *arguments) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert lines[0].startswith("taxel: ")
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def diagnosed(world, tmp_path_factory):
+    """Two files, four of six simulated approaches recorded, and the report of their diagnosis."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+    paths = world(folder, effect=late, recorded=4)
+    with pytest.MonkeyPatch.context() as patch:
+        assert run(patch, "diagnose", *paths, "--out", folder) == 0
+    return paths, folder / "report.json"
+
+
+def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_path):
+    report = json.loads(diagnosed[1].read_text())
+    assert report["verdict"]["effects"][0] == "latency"
+    presses = report["next_presses"]
+    assert 0 < len(presses) <= 10
+    assert {"press", "object", "approach", "force_scale", "separates", "gain", "why"} <= set(presses[0])
+    assert any(not one["recorded"] for one in presses)
+    write_page(report, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "What to press next" in page
+    assert presses[0]["press"] in page
+
+
+def test_a_report_gives_what_the_two_files_give_without_a_search(monkeypatch, capsys, diagnosed):
+    paths, report = diagnosed
+    assert run(monkeypatch, "next", report, "--json", "--top", 3) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert run(monkeypatch, "next", *paths, "--json", "--top", 3) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert [one["press"] for one in told["next_presses"]] == [one["press"] for one in again["next_presses"]]
+    for one, other in zip(told["next_presses"], again["next_presses"], strict=True):
+        assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
+    assert run(monkeypatch, "next", report, "--candidates", paths[1]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "no approach that is not known already" in out
+    assert told["next_presses"][0]["press"].split()[-1] in out
+
+
+def test_what_does_not_answer_has_no_value_to_be_told(monkeypatch, capsys, world, tmp_path):
+    def silence(raw, valid, rng):
+        valid = valid.copy()
+        valid[:, 1] = False
+        return raw, valid
+
+    paths = world(tmp_path, after=silence, cells=4, sessions=3)
+    assert run(monkeypatch, "diagnose", *paths, "--out", tmp_path) == 0
+    capsys.readouterr()
+    assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []
+    assert run(monkeypatch, "next", tmp_path / "report.json") == 0
+    assert "no value that a press could tell more of" in capsys.readouterr().out
+
+
+def test_bad_input_is_one_line(monkeypatch, capsys, diagnosed, gentle, tmp_path):
+    paths, report = diagnosed
+    assert "SIM.h5" in refused(monkeypatch, capsys, paths[0])
+    assert "--top: expected 1 or more" in refused(monkeypatch, capsys, report, "--top", 0)
+    assert "no-such" in refused(monkeypatch, capsys, tmp_path / "no-such.json")
+    assert "/source" in refused(monkeypatch, capsys, report, "--candidates", paths[0])
+    assert "sim.h5" in refused(monkeypatch, capsys, report, "--candidates", tmp_path / "sim.h5")
+    other = tmp_path / "other.h5"
+    other.write_bytes(Path(paths[1]).read_bytes())
+    with h5py.File(other, "r+") as file:
+        file["taxels/position"][3] = 0.5
+    assert "/taxels/position[3]" in refused(monkeypatch, capsys, report, "--candidates", other)
+    other.write_bytes(Path(paths[1]).read_bytes())
+    with h5py.File(other, "r+") as file:
+        for grasp in file["grasps"].values():
+            grasp.attrs["approach"] = "new"
+            del grasp["contact_force"], grasp["separation"]
+    assert "contact_force" in refused(monkeypatch, capsys, report, "--candidates", other)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda report: report["inputs"]["real"].update(sha256="00"), "SHA-256 '00'"),
+        (lambda report: report["inputs"]["sim"].update(path="gone.h5"), "the file gone.h5"),
+        (lambda report: report["verdict"].update(confounded_with={"latency": ["magic"]}), "names of the catalogue"),
+        (lambda report: report["verdict"].update(confounded_with=["latency"]), "verdict.confounded_with"),
+        (lambda report: report["effects"][-1]["model"].update(blocks=[1, 2]), "latency.model.blocks"),
+        (lambda report: report.pop("inputs"), "inputs"),
+        (lambda report: report.update(version=2), "version"),
+    ],
+)
+def test_a_broken_report_is_one_line(monkeypatch, capsys, diagnosed, tmp_path, change, words):
+    content = json.loads(diagnosed[1].read_text())
+    assert list(CATALOGUE)[-1] == content["effects"][-1]["name"] == "latency"
+    change(content)
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps(content))
+    assert words in refused(monkeypatch, capsys, path)

@@ -1,0 +1,302 @@
+"""What the remainder is said to look like, for distortions that were put in and are in no catalogue."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.errors import GapInputError
+from taxel.gap.features import COUNTS_MISSING, Layout, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.judge import Judge
+from taxel.gap.page import page_text
+from taxel.gap.pair import read_pair
+from taxel.gap.reading import Groups
+from taxel.gap.signature import unexplained
+from taxel.gap.state import state_of
+from taxel.recording import SensorTable
+from taxel.recording.grasp_format import Phase
+
+ROWS, COLUMNS, N = 6, 5, 60
+BANK = {
+    "amplitude", "lag", "history", "radial", "shift", "common", "board", "row", "column", "taxel", "noise", "missing",
+    "wander", "session", "presses",
+}  # fmt: skip
+
+
+class Remainder:
+    """A pair, and what the bare simulator leaves of it."""
+
+    def __init__(self, paths) -> None:
+        pair = self.pair = read_pair(*paths)
+        layout = self.layout = Layout.of(pair.clock)
+        untouched = untouched_cells(pair)
+        self.real, sim = (
+            session_means(features_of(pair, own, layout, untouched), own, len(pair.cells), sessions, layout)
+            for own, sessions in ((pair.real, pair.sessions), (pair.sim, np.unique(pair.sim.session)))
+        )
+        self.model = known_mean(sim.value, 1)
+        self.fold = Judge(state_of(pair, layout, np.nan_to_num(self.model)), self.real, layout).fold
+
+    def told(self, real=None, model=None, fold=None):
+        real = self.real if real is None else real
+        model = self.model if model is None else model
+        fold = self.fold if fold is None else fold
+        found = unexplained(self.pair, self.layout, real, model, fold, 0)
+        json.dumps(found, allow_nan=False)
+        return found
+
+
+@pytest.fixture(scope="module")
+def plain(world, tmp_path_factory):
+    """A pair in which nothing is distorted."""
+    return Remainder(world(tmp_path_factory.mktemp("plain"), cells=8))
+
+
+@pytest.fixture
+def told(world, tmp_path):
+    """The report's `unexplained` of a world, without any effect of the catalogue."""
+    return lambda **changes: Remainder(world(tmp_path, **changes)).told()
+
+
+@pytest.fixture
+def of_drop(plain):
+    """The same where the mean drops [..., B, n] of every session are changed by a function."""
+
+    def change(distortion):
+        value, bins = plain.real.value.copy(), plain.layout.bins
+        value[:, :, :bins] = distortion(value[:, :, :bins])
+        return plain.told(real=replace(plain.real, value=value))
+
+    return change
+
+
+def of(found, name):
+    return next(one for one in found["bank"] if one["name"] == name)
+
+
+def first(found):
+    return found["bank"][0]["name"]
+
+
+def exchanged(drop):
+    grid = drop.reshape(*drop.shape[:-1], 2, ROWS, COLUMNS).copy()
+    grid[..., 0, [2, 4], :] = grid[..., 0, [4, 2], :]
+    return grid.reshape(drop.shape)
+
+
+def test_two_lines_that_changed_places_are_named(of_drop):
+    found = of_drop(exchanged)
+    assert first(found) == "row"
+    assert "TX line 2 of a" in found["signature"]
+    assert {(one["address"], one["axis"], one["index"]) for one in found["where"]} == {(0x20, "tx", 2), (0x20, "tx", 4)}
+    assert sum(one["share"] for one in found["where"]) > 0.7
+
+
+def test_a_weak_line_is_named_with_its_factor(of_drop):
+    found = of_drop(
+        lambda drop: drop * np.where(np.arange(N) % COLUMNS == 3, np.where(np.arange(N) >= N // 2, 0.6, 1.0), 1.0)
+    )
+    assert re.search("grows with the drop: the hand drops (39|40|41) % less, on RX line 3 of b;", found["signature"])
+    assert [(one["address"], one["axis"], one["index"]) for one in found["where"]] == [(0x21, "rx", 3)]
+
+
+def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
+    found = of_drop(lambda drop: 20.0 * np.sqrt(np.maximum(drop, 0.0)))
+    assert found["signature"].startswith(("a curve over the drop", "grows with the drop, bent"))
+    assert "too little where" in found["signature"]
+    assert "on all boards" in found["signature"]
+    assert of(found, "amplitude") == max(found["bank"], key=lambda one: one["share"])
+    assert of(found, "amplitude")["scope"] == "hand"
+
+
+def test_a_factor_is_a_straight_line(of_drop):
+    assert "the hand drops 20 % less" in of_drop(lambda drop: 0.8 * drop)["signature"]
+
+
+def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
+    def stick(raw, valid, rng):
+        raw = raw.copy()
+        raw[:, 17] = raw[:, 17].astype(np.int64) | 0x300
+        return raw, valid
+
+    found = told(after=stick, cells=8)
+    assert found["where"][0]["index"] == 17
+    assert "axis" not in found["where"][0]
+    assert "the taxel at TX 3, RX 2 of a" in found["signature"]
+
+
+def test_loss_from_press_to_press_is_told_beside_what_is_left(told):
+    presses = iter(range(10_000))
+
+    def worn(force, drop):
+        return drop * (1.0 - 0.015 * next(presses))
+
+    found = told(effect=worn, cells=4, repeat_scatter=0.005, session_scatter=0.005)
+    assert of(found, "session")["p_value"] < 0.05
+    assert "sessions differ in sensitivity by" in found["signature"]
+    assert "falling from each session to the next" in found["signature"]
+
+
+def test_loss_within_each_session_has_its_sign_and_size(told):
+    presses = iter(range(10_000))
+
+    def tired(force, drop):
+        return drop * (1.0 - 0.02 * (next(presses) % 16))
+
+    found = told(effect=tired, cells=4, sessions=4, repeats=4, repeat_scatter=0.005)
+    assert of(found, "presses")["p_value"] < 0.05
+    size = re.search(r"sensitivity falls by ([\d.]+) % from a session's first press to its last", found["signature"])
+    assert size
+    assert float(size[1]) == pytest.approx(30.0, abs=2.0)
+
+
+def test_a_late_board_is_told_with_its_seconds(told):
+    def late(force, drop):
+        result = drop.copy()
+        result[3:, N // 2 :] = drop[:-3, N // 2 :]
+        return result
+
+    found = told(effect=late, sessions=4, repeats=1)
+    assert of(found, "lag")["share"] > 0.5
+    assert "the hand answers 0.1" in found["signature"]
+    assert "s later, on b" in found["signature"]
+    assert [one["address"] for one in found["where"]] == [0x21]
+
+
+def test_what_stays_after_release_is_history(of_drop, plain):
+    later = np.isin(plain.layout.phase[: plain.layout.bins], [Phase.RELEASE, Phase.RECOVERY])
+
+    def sticky(drop):
+        hold = drop[:, :, plain.pair.clock.bins_of(Phase.HOLD)]
+        return np.where(later[:, None], np.maximum(drop, 0.15 * hold), drop)
+
+    found = of_drop(sticky)
+    assert first(found) == "history"
+    assert "stays" in found["signature"]
+    assert "15.0 % of hold's drop too much in recovery" in found["signature"]
+
+
+def test_a_print_that_is_too_wide_is_radial(of_drop):
+    def blurred(drop):
+        grid = drop.reshape(*drop.shape[:-1], 2, ROWS, COLUMNS)
+        grid = np.pad(grid, [(0, 0)] * (grid.ndim - 2) + [(1, 1), (1, 1)], mode="edge")
+        mean = (grid[..., :-2, 1:-1] + grid[..., 2:, 1:-1] + grid[..., 1:-1, :-2] + grid[..., 1:-1, 2:]) / 4.0
+        return 0.6 * drop + 0.4 * mean.reshape(drop.shape)
+
+    found = of_drop(blurred)
+    assert first(found) == "radial"
+    assert "wider" in found["signature"]
+
+
+def test_taxels_that_move_together_are_common(of_drop):
+    found = of_drop(lambda drop: drop - 0.4 * drop.mean(axis=-1, keepdims=True))
+    assert first(found) == "common"
+    assert "rise above their baseline" in found["signature"]
+
+
+def test_a_noisy_board_is_told_as_noise_there(plain):
+    value = plain.real.value.copy()
+    value[:, :, plain.layout.noise, : N // 2] += 60.0
+    found = plain.told(real=replace(plain.real, value=value))
+    assert first(found) == "noise"
+    assert re.search(r"noisier by (59\.\d|60|60\.\d) counts, on a", found["signature"])
+    assert [one["address"] for one in found["where"]] == [0x20]
+
+
+def test_lost_frames_are_told_as_missing(plain):
+    value = plain.real.value.copy()
+    value[:, :, plain.layout.missing, N // 2 :] += 0.3 * COUNTS_MISSING
+    found = plain.told(real=replace(plain.real, value=value))
+    assert first(found) == "missing"
+    assert "more frames are missing (30.0 %), on b" in found["signature"]
+
+
+def test_without_a_distortion_nothing_is_named(plain):
+    found = plain.told()
+    assert found["where"] == []
+    assert "what is left" not in found["signature"]
+    assert {one["name"] for one in found["bank"]} == BANK
+
+
+def test_scatter_alone_is_no_distortion(told):
+    found = told(seed=51, session_scatter=0.08, repeat_scatter=0.05)
+    tested = [one for one in found["bank"] if one["name"] not in ("session", "presses")]
+    assert min(one["p_value"] for one in tested) > 0.05
+
+
+def test_what_is_like_nothing_in_the_bank_is_not_given_a_name(of_drop):
+    # a pattern of its own in every cell: nothing that one press tells holds for another
+    patterns = np.random.default_rng(3).normal(0.0, 120.0, (8, 1, 1, N))
+    found = of_drop(lambda drop: drop + patterns * (drop.max(axis=-1, keepdims=True) > 300.0))
+    assert "like none of the bank" in found["signature"]
+    assert "mostly in" in found["signature"]
+    assert {one["name"] for one in found["where"]} == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    "changes", [{"sessions": 1}, {"sessions": 2}, {"cells": 1}, {"cells": 1, "sessions": 1, "repeats": 1}]
+)
+def test_few_sessions_and_cells_are_told_without_a_test(told, changes):
+    found = told(**{"cells": 3, "effect": lambda force, drop: 0.7 * drop, **changes})
+    if changes.get("sessions", 5) < 3:
+        assert all(one["p_value"] is None for one in found["bank"] if one["name"] not in ("session", "presses"))
+        assert not found["where"] or found["signature"].startswith("perhaps grows with the drop")
+    else:
+        assert re.search("the hand drops (29|30|31) % less", found["signature"])
+
+
+def test_unknown_features_and_sessions_tell_nothing(plain):
+    value = plain.real.value.copy()
+    value[:, :, : plain.layout.bins] *= 0.8
+    weak = replace(plain.real, value=value.copy())
+    value[0, 1] = np.nan  # a session without a cell
+    value[:, 2, :, : N // 2] = np.nan  # one in which a board was silent
+    value[:, :, plain.layout.onset] = np.nan
+    assert "20 % less" in plain.told(real=replace(plain.real, value=value))["signature"]
+    model = plain.model.copy()
+    model[:, plain.layout.onset] = np.nan
+    model[:, :, 4] = np.nan
+    assert "20 % less" in plain.told(real=weak, model=model)["signature"]
+    assert "20 % less" in plain.told(real=weak, fold=np.zeros(8, np.intp))["signature"]
+    for real, predicted in (
+        (weak, np.full_like(model, np.nan)),
+        (replace(weak, value=np.full_like(value, np.nan)), model),
+    ):
+        assert plain.told(real=real, model=predicted)["signature"] == ""
+    plain.told(real=weak, model=np.zeros_like(model))
+
+
+def test_without_force_and_with_one_board_it_is_told_as_well(of_drop, plain, monkeypatch):
+    pair = plain.pair
+    one = SensorTable(pair.sensors.address[:1], ("only",), ("k",), pair.sensors.rate_hz[:1])
+    groups = Groups(np.zeros(N, np.intp), pair.groups.tx, pair.groups.rx)
+    sim = replace(pair.sim, force=None, separation=None)
+    monkeypatch.setattr(plain, "pair", replace(pair, sensors=one, groups=groups, sim=sim, sensor_model=None))
+    found = of_drop(lambda drop: 0.8 * drop)
+    assert "20 % less" in found["signature"]
+
+
+def test_the_diagnosis_tells_it_and_the_page_shows_the_bank(world, tmp_path):
+    report = diagnose(*world(tmp_path, effect=lambda force, drop: exchanged(drop)), without=["dropout"]).report
+    report = json.loads(json.dumps(report, allow_nan=False))
+    left = report["unexplained"]
+    assert set(left) == {"p_value", "signature", "where", "bank"}
+    assert {one["name"] for one in left["bank"]} == BANK
+    report["unexplained"]["p_value"] = 0.001
+    page = page_text(report)
+    assert "The bank of distortions" in page
+    assert "TX lines wrong throughout" in page
+    assert "<b>It looks like this:</b>" in page
+    left["bank"] = [{"name": "<new>_kind", "scope": "hand", "share": 0.4, "p_value": None}]
+    page = page_text(report)
+    assert "&lt;new&gt; kind" in page
+    left["bank"][0]["share"] = "much"
+    with pytest.raises(GapInputError, match=r"unexplained\.bank\[0\]\.share"):
+        page_text(report)
+    del left["bank"]
+    assert "The bank of distortions" not in page_text(report)

@@ -1,0 +1,216 @@
+"""The gap in the thesis's terms: each treatment takes away what it is made for, and nothing makes it fail."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.cloud_gap import cloud_gap
+from taxel.gap.diagnosis import reduced
+from taxel.gap.features import Layout
+from taxel.gap.judge import Judge
+from taxel.gap.metric import measure
+from taxel.gap.pair import read_pair
+from taxel.gap.select import Round, Score, Selection, Trial, select
+from taxel.gap.state import state_of
+from taxel.gap.thesis_terms import GRASPS, OTHER_SOR, Sor, outliers, sor_of, thesis_terms
+from taxel.recording.grasp_format import Phase
+
+ROWS, COLUMNS, N = 6, 5, 60
+HALF = N // 2
+STEPS = ["as they are", "force filter", "SOR too", "contact propagation too"]
+NOTHING = Selection(None, (), None, None, None, None)  # nothing was tried: what is needed is fitted here
+
+
+def judged(paths, change=lambda pair: pair) -> Judge:
+    pair = change(read_pair(*paths))
+    layout = Layout.of(pair.clock)
+    real, mean = reduced(pair, layout)[:2]
+    return Judge(state_of(pair, layout, mean), real, layout)
+
+
+def told(paths, change=lambda pair: pair) -> list[dict]:
+    return thesis_terms(judged(paths, change), NOTHING)
+
+
+def mm(entries) -> list[float]:
+    return [entry["mm"] for entry in entries]
+
+
+def spread(force, drop):
+    x, y = np.arange(ROWS)[:, None], np.arange(COLUMNS)
+    places = np.stack([np.repeat(x, COLUMNS, axis=1).ravel(), np.tile(y, ROWS)], axis=1) * 5.0
+    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    kernel = np.exp(-apart / 3.0)
+    kernel /= kernel.sum(axis=1, keepdims=True)
+    moved = np.concatenate([part @ kernel for part in np.split(force, 2, axis=1)], axis=1)
+    return 2000.0 * moved / (moved + 1.5)
+
+
+def far_point(force, drop):
+    """One taxel of the pressed board answers that lies as far as can be from the patch."""
+    pressed = force.max(axis=0) > 0
+    wrong, board = drop.copy(), HALF * int(np.flatnonzero(pressed)[0] // HALF)
+    number = np.arange(HALF)
+    places = np.stack([number // COLUMNS, number % COLUMNS], axis=1)
+    inside = places[pressed[board : board + HALF]]
+    apart = np.linalg.norm(places[:, None] - inside, axis=2).min(axis=1)
+    wrong[:, board + int(apart.argmax())] = 400.0 * (force.max(axis=1) > 0)
+    return wrong
+
+
+def halo(force, drop):
+    """Every taxel of a pressed board drops by 165 counts: above the activation threshold, below the force filter."""
+    pressed = np.repeat(force.reshape(-1, 2, HALF).max(axis=2) > 0, HALF, axis=1)
+    return np.maximum(drop, 165.0 * pressed)
+
+
+def test_four_steps_in_the_order_of_the_thesis(world, tmp_path):
+    judge = judged(world(tmp_path, effect=spread))
+    entries = thesis_terms(judge, NOTHING)
+    assert [entry["step"] for entry in entries] == STEPS
+    whole = cloud_gap(judge.state.pair, judge.sessions, judge.state.mean, judge.layout, 0)["value"]
+    assert entries[0]["mm"] == entries[0]["mm_hand_only"] == pytest.approx(whole)
+    assert entries[0]["gap"] == pytest.approx(measure(judge.sessions, judge.state.mean, judge.layout).gap.value)
+    assert entries[1]["gap"] is entries[2]["gap"] is None
+    real, sim = ([entry["points"][side] for entry in entries] for side in ("real", "sim"))
+    assert real[0] > real[1] >= real[2] == real[3]
+    assert sim[0] > sim[1] >= sim[2] < sim[3]
+    json.dumps(entries, allow_nan=False)
+
+
+def test_the_force_filter_is_told_in_newtons(world, tmp_path):
+    note = told(world(tmp_path))[1]["note"]
+    assert note == "drop of 190 counts, 0.157 N by the simulator's sensor model"  # 2000 F / (F + 1.5)
+
+
+def test_contact_propagation_is_what_closes_its_own_gap(world, tmp_path):
+    entries = told(world(tmp_path, effect=spread, cells=8))
+    before, forced, cleaned, after = mm(entries)
+    assert after < 0.3 * before
+    assert before - min(forced, cleaned) < 0.5 * (cleaned - after)
+    assert entries[3]["gap"] < 0.3 * entries[0]["gap"]
+
+
+def test_an_isolated_false_point_falls_to_sor(world, tmp_path):
+    before, forced, cleaned, after = mm(told(world(tmp_path, effect=far_point, cells=2)))
+    assert forced > 0.8 * before
+    assert cleaned < 0.5 * forced
+    assert after > 0.8 * cleaned
+
+
+def test_a_weak_wide_halo_falls_to_the_force_filter(world, tmp_path):
+    entries = told(world(tmp_path, effect=halo))
+    before, forced, _, _ = mm(entries)
+    assert forced < 0.6 * before
+    assert entries[1]["points"]["real"] < 0.6 * entries[0]["points"]["real"]
+
+
+def test_filters_on_the_hand_alone_make_a_gap_where_there_is_none(world, tmp_path):
+    entries = told(world(tmp_path))
+    assert all(value < 1.2 * entries[0]["mm"] for value in mm(entries))
+    assert entries[2]["mm_hand_only"] > 2.0 * entries[0]["mm"]
+
+
+def test_without_a_gap_contact_propagation_adds_nothing(world, tmp_path):
+    entries = told(world(tmp_path))
+    assert entries[3]["mm"] == pytest.approx(entries[2]["mm"], abs=0.05)
+    assert entries[3]["points"]["sim"] == pytest.approx(entries[2]["points"]["sim"], rel=0.02)
+
+
+def test_what_the_first_round_fitted_is_taken(world, tmp_path):
+    judge = judged(world(tmp_path, effect=spread))
+    tried = select(judge, {"contact_propagation": CATALOGUE["contact_propagation"]}).rounds[0].trials[0]
+    features = judge.state.mean.copy()
+    features[:, int(judge.state.pair.clock.bins_of(Phase.HOLD)[0])] = 1000.0
+    score = Score(0.0, np.zeros(0))
+    trial = Trial(tried.name, tried.chain, features, score)
+    first = Round(score, (trial,), None, 0.0, 1.0, False)
+    entries = thesis_terms(judge, replace(NOTHING, rounds=(first,)))
+    assert entries[3]["points"]["sim"] == pytest.approx(N * len(judge.state.pair.cells))
+
+
+def test_without_force_the_last_step_says_why_it_is_missing(world, tmp_path):
+    def forceless(pair):
+        return replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
+
+    entries = told(world(tmp_path, effect=spread), forceless)
+    assert entries[3]["step"] == "contact propagation: not added, the simulation tells no contact force"
+    assert entries[3]["mm"] is entries[3]["gap"] is None
+    assert entries[1]["note"] == "drop of 190 counts; the simulator states no sensor model"
+    assert all(entry["mm"] is not None for entry in entries[:3])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sessions": 1, "repeats": 1},
+        {"cells": 1},
+        {"cells": 1, "sessions": 1, "repeats": 1},
+        {"effect": lambda force, drop: 0.0 * drop},
+        {"most": 0.0},
+        {"effect": far_point, "most": 0.0001},
+    ],
+    ids=["one session", "one cell", "one grasp", "hand feels nothing", "nobody touches", "one point"],
+)
+def test_little_data_is_no_failure(world, tmp_path, changes):
+    entries = told(world(tmp_path, **changes))
+    assert len(entries) == 4
+    assert all(np.isfinite(entry["mm"]) and entry["mm"] >= 0.0 for entry in entries)
+    json.dumps(entries, allow_nan=False)
+
+
+def test_a_hand_that_is_never_heard_has_no_millimetres(world, tmp_path):
+    def silent(raw, valid, rng):
+        return raw, np.zeros_like(valid)
+
+    entries = told(world(tmp_path, after=silent))
+    assert [entry["mm"] for entry in entries] == [None] * 4
+    json.dumps(entries, allow_nan=False)
+
+
+def grid(rows: int, columns: int) -> np.ndarray:
+    x, y = np.meshgrid(0.005 * np.arange(rows), 0.005 * np.arange(columns), indexing="ij")
+    return np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
+
+
+def test_sor_takes_the_point_that_stands_alone():
+    places = np.concatenate([grid(5, 5), [[0.06, 0.06, 0.0]]])
+    assert np.flatnonzero(outliers(places, np.ones(26), OTHER_SOR)).tolist() == [25]
+
+
+def test_sor_agrees_with_a_cloud_that_is_counted_point_by_point():
+    seed = 4
+    places = np.random.default_rng(seed).uniform(0.0, 0.1, (80, 3))
+    cloud = np.repeat(places, int(GRASPS), axis=0)  # a taxel that is always active, in every grasp
+    apart = np.sort(np.linalg.norm(cloud[:, None] - cloud, axis=2), axis=1)[:, 1:]
+    for wanted in (20, 700):
+        mean = apart[:, :wanted].mean(axis=1)
+        expected = (mean > mean.mean() + mean.std())[:: int(GRASPS)]
+        found = outliers(places, np.ones(80), Sor(wanted, 1.0))
+        assert expected.any(), f"seed {seed}"
+        assert (found == expected).all(), f"seed {seed}"
+
+
+def test_points_with_too_few_neighbours_stay():
+    places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    assert not outliers(places, np.ones(2), Sor(20.0, 0.5)).any()
+    assert not outliers(places, np.array([1.0, 0.0]), OTHER_SOR).any()
+    assert not outliers(places[:0], np.zeros(0), OTHER_SOR).any()
+
+
+def test_equal_distances_hold_no_outlier():
+    ring = 2.0 * np.pi * np.arange(40) / 40
+    places = np.stack([np.cos(ring), np.sin(ring), 0.0 * ring], axis=1)
+    assert not outliers(places, np.ones(40), Sor(20.0, 0.0)).any()
+
+
+def test_shapes_have_the_filters_of_the_thesis():
+    assert sor_of("rectangular_prism") == Sor(20.0, 1.0)
+    assert sor_of("cylinder") == Sor(20.0, 2.0)
+    assert sor_of("Triangular prism") == Sor(None, 2.0)
+    assert sor_of("mug") == OTHER_SOR
