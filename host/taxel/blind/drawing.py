@@ -10,10 +10,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from taxel.blind.hidden import Cause, Hidden
-from taxel.blind.kinds import INSIDE, NAMES, OUTSIDE, Form, forms_of, nuisances
+from taxel.blind.kinds import INSIDE, LOOKALIKES, NAMES, OUTSIDE, Form, forms_of, nuisances
 from taxel.hand import Hand, load_hand
 
-MIX: Final = {"none": 150, "single": 20 * len(NAMES), "several": 60, "outside": 60}
+MIX: Final = {"none": 150, "single": 20 * len(NAMES), "several": 60, "outside": 60, "lookalike": 12}
 """Worlds of each kind in the full score; fewer worlds keep these shares."""
 
 WITHHELD_EACH: Final = 8
@@ -121,9 +121,9 @@ def _plans(rng: np.random.Generator, count: int) -> list[Plan]:
     plans = [Plan("none", (), 0.0)] * (count - sum(share.values()))
     plans += _singles(rng, share["single"], count / total)
     plans += [Plan("several", _together(rng), strength) for strength in _strengths(rng, share["several"])]
-    outside = cycle(rng.permutation(len(OUTSIDE)).tolist())
-    strengths = _strengths(rng, share["outside"])
-    plans += [Plan("outside", (OUTSIDE[next(outside)],), strength) for strength in strengths]
+    for kind, forms in (("outside", OUTSIDE), ("lookalike", LOOKALIKES)):
+        place = cycle(rng.permutation(len(forms)).tolist())
+        plans += [Plan(kind, (forms[next(place)],), strength) for strength in _strengths(rng, share[kind])]
     return [plans[place] for place in rng.permutation(len(plans)).tolist()]
 
 

@@ -40,8 +40,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class Hidden:
-    """All that a world hides. kind: "none", "single", "several", "outside". nuisances: lines of the world file, small,
-    and the same in every world but for their numbers: that one is missing would tell what hides it.
+    """All that a world hides. kind: "none", "single", "several", "outside", "lookalike".
+
+    nuisances: lines of the world file, small, and the same in every world but for their numbers: that one is missing
+    would tell what hides it.
     """
 
     kind: str

@@ -11,7 +11,7 @@ import numpy as np
 
 from taxel.blind.answers import Answer, Named
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.kinds import NAMES
+from taxel.blind.kinds import ACTS_LIKE, NAMES
 from taxel.blind.rivals import NO_GAP
 
 RATIOS: Final = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, np.inf)
@@ -65,6 +65,7 @@ def _of(answers: Sequence[Answer]) -> dict[str, Any]:
         "several_f1": _micro_f1(clear["several"]),
         "false_alarms": share(one.named.status != NO_GAP for one in kinds["none"]),
         **_strangers(clear["outside"], single),
+        "lookalike": share(_says_what_it_is_like(one) for one in clear["lookalike"]),
         "places": share(one.found_places for one in answers if one.found_places is not None),
         "parameters": _parameters(answers),
         "shrink": _shrink(answers),
@@ -117,11 +118,16 @@ def _strangers(outside: Sequence[Answer], single: Sequence[Answer]) -> dict[str,
     }
 
 
+def _says_what_it_is_like(answer: Answer) -> bool:
+    """Unknown, or the effect of the catalogue that the cause acts like."""
+    return answer.named.says_unknown or answer.named.effects[:1] in [(name,) for name in ACTS_LIKE[_form(answer)]]
+
+
 def _same(one: Named, other: Named) -> bool:
     return (one.status, one.effects) == (other.status, other.effects)
 
 
-_KINDS: Final = ("none", "single", "several", "outside")
+_KINDS: Final = ("none", "single", "several", "outside", "lookalike")
 
 
 def _form(answer: Answer) -> str:

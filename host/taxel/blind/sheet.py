@@ -81,9 +81,12 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
 
 def _told(part: Mapping[str, Any]) -> list[str]:
     """Figures of which nothing is asked."""
-    decoy, time = part["decoy_first"], part["runtime_s"]
-    title = "single effect named first with another one deleted"
-    lines = [_row(title, "", _percent(decoy["share"]), decoy["of"], None, _interval(decoy))]
+    shares = {
+        "single effect named first with another one deleted": part["decoy_first"],
+        "outside, but acts like an effect of the catalogue: unknown, or that effect": part["lookalike"],
+    }
+    lines = [_row(title, "", _percent(own["share"]), own["of"], None, _interval(own)) for title, own in shares.items()]
+    time = part["runtime_s"]
     if time["median"] is not None:
         found = ", ".join(f"{time[key]:.1f}" for key in ("median", "p90", "max"))
         lines.append(_row("seconds a diagnosis: median, 90 %, most", "", found, "", None))

@@ -44,6 +44,14 @@ class Attribution:
         whole = sum(worth.values())
         return {name: value / whole if whole != 0 else 0.0 for name, value in worth.items()}
 
+    @property
+    def strongest_first(self) -> tuple[str, ...]:
+        """Names by their shares of what all of them take from the gap; those that differ by less than a tenth of it as
+        they were found.
+        """
+        shares = self.shapley()
+        return tuple(sorted(self.names, key=lambda name: -round(10 * shares[name])))
+
     def waterfall(self) -> list[dict[str, object]]:
         """The gap after each effect, one after another, counts."""
         steps: list[dict[str, object]] = []

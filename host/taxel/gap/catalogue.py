@@ -31,9 +31,9 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         ),
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
-        "stiffness": (Stiffness(HAND), Stiffness(BOARD), Stiffness(TAXEL)),
+        "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
-        "hysteresis": (Hysteresis("drop"), Hysteresis("force"), Hysteresis("more")),
+        "hysteresis": tuple(Hysteresis(variant) for variant in ("drop", "force", "depth", "more", "sticks")),
         "saturation": (Saturation("clip"), Saturation("soft")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by looking, see `taxel.gap.dropped`
@@ -42,6 +42,10 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     }
 )
 """Forms of every effect."""
+
+LIKE: Mapping[str, tuple[Effect, ...]] = MappingProxyType({"stiffness": (Stiffness(TAXEL),)})
+"""Further forms that are not searched, since no press of a usual campaign tells them from one that is: a taxel's
+stiffness from its gain. Whether these presses would is asked when something was found."""
 
 
 def chosen(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from taxel.gap.align import common_shift
+from taxel.gap.attribution import attribute
 from taxel.gap.catalogue import chosen
 from taxel.gap.cloud_gap import cloud_gap
 from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
@@ -79,8 +80,9 @@ def diagnose(
         show("searching", MOST_EFFECTS, MOST_EFFECTS)
         show("holding out", 0, 1)
         held = held_out(judge, selection.chain)
-        verdict = judge_verdict(gap, selection, held.shrink.value, held.reducible, simulated2)
-        report = report_of(judge, gap, selection, held, verdict, forms, seed)
+        told = attribute(judge, selection.names, held)
+        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2)
+        report = report_of(judge, gap, selection, held, told, verdict, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [f"frames of the hand were taken {1e3 * shift:.0f} ms later than those of the simulator"]

@@ -28,29 +28,38 @@ MISSING: Final = 0.02
 ALIKE: Final = 0.03
 """Share of the expected squared difference of two lines below which they show the same."""
 
+ELSEWHERE: Final = 0.3
+"""Share of a line's expected drops, squared, by which another line may miss them and still be taken for it."""
+
 STUCK: Final = 0.1
 """Noise below this share of the board's usual noise: the taxel does not even read noise."""
 
 
-def find_dropped(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> Dropped:
-    """Look in some cells, bool[C]. features: f64[C, F, n], what is expected."""
+def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArray[np.bool_] | None = None) -> Dropped:
+    """Look at some taxels of some cells, bool[C, n]; None: at all. features: f64[C, F, n], what is expected."""
     n, sensor = state.pair.n, state.pair.groups.sensor
+    if part is not None:
+        real = real.where(part)
+        features = np.where(part[:, None], features, 0.0)
+    cells = np.ones(len(features), bool)
     dead, loaded = _dead(state, real, features, cells)
     noise = known_mean(real.value[cells][:, :, state.layout.noise].reshape(-1, n), 0)
     usual = _median_of_board(noise, sensor)
     stuck = np.nan_to_num(noise, nan=np.inf) < STUCK * usual
     missing = np.zeros(int(sensor.max()) + 1)
-    gone = known_mean(real.value[cells][:, :, state.layout.missing].reshape(-1, n), 0) / COUNTS_MISSING
+    gone = np.nan_to_num(known_mean(real.value[cells][:, :, state.layout.missing].reshape(-1, n), 0)) / COUNTS_MISSING
     simulated = features[cells][:, state.layout.missing].mean(axis=0) / COUNTS_MISSING
     for board in range(len(missing)):
         extra = float(np.mean((gone - simulated)[sensor == board]))
         missing[board] = extra if extra > MISSING else 0.0
     dead = (dead | stuck) & (missing[sensor] < 0.9)
     lines = _lines(state, dead, loaded | stuck)
+    for line in [one for one in lines if _answers_elsewhere(state, real, features, one)]:
+        lines.remove(line)
+        dead &= ~_on_line(state, line) | stuck
     on_line = np.zeros(n, bool)
-    for board, axis, index in lines:
-        number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
-        on_line |= (sensor == board) & (number == index)
+    for line in lines:
+        on_line |= _on_line(state, line)
     shorts = _shorts(state, real, features, cells)
     return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts)
 
@@ -96,6 +105,33 @@ def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> l
                 if own.sum() >= 2 and dead[own].all() and not dead[whole].all():
                     found.append((board, axis, index))
     return found
+
+
+def _on_line(state: State, line: tuple[int, str, int]) -> NDArray[np.bool_]:
+    """Its taxels, bool[n]."""
+    board, axis, index = line
+    number = state.pair.taxels.tx if axis == "tx" else state.pair.taxels.rx
+    return np.asarray((state.pair.groups.sensor == board) & (number == index))
+
+
+def _answers_elsewhere(state: State, real: SessionMeans, features: Array, line: tuple[int, str, int]) -> bool:
+    """Whether another line of the board shows what was expected here: then it is not dead, but somewhere else."""
+    board, axis, index = line
+    bins, taxels = state.layout.bins, state.pair.taxels
+    along, across = (taxels.tx, taxels.rx) if axis == "tx" else (taxels.rx, taxels.tx)
+    seen = np.nan_to_num(known_mean(real.value, 1)[:, :bins])
+    own = np.flatnonzero(_on_line(state, line))
+    for other in np.unique(along[state.pair.groups.sensor == board]).tolist():
+        theirs = np.flatnonzero(_on_line(state, (board, axis, other)))
+        _, here, there = np.intersect1d(across[own], across[theirs], return_indices=True)
+        if other == index or len(here) < 2:
+            continue
+        wanted, found = features[:, :bins, own[here]], seen[:, :, theirs[there]]
+        meant = features[:, :bins, theirs[there]]
+        apart, usual = float(np.sum((found - wanted) ** 2)), float(np.sum((found - meant) ** 2))
+        if apart < ELSEWHERE * min(float(np.sum(wanted**2)), usual):
+            return True
+    return False
 
 
 def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> tuple[Short, ...]:

@@ -75,6 +75,12 @@ class Layout:
         """F."""
         return self.bins + 5
 
+    @property
+    def families(self) -> tuple[slice, ...]:
+        """Drops, noise, missing frames, onset, wander: what different effects disturb."""
+        single = (self.missing, self.onset, self.wander)
+        return (slice(0, self.bins), self.noise, *(slice(one, one + 1) for one in single))
+
     def scale(self, cells: int, taxels: int) -> Array:
         """What a squared difference in a cell, feature and taxel adds to the squared gap, f64[F, 1]."""
         return self.weight[:, None] / (cells * taxels)
@@ -125,6 +131,10 @@ class SessionMeans:
     def residual(self, features: Array) -> Array:
         """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""
         return np.where(self.known, self.value - features[:, None], 0.0)
+
+    def where(self, part: NDArray[np.bool_]) -> SessionMeans:
+        """Only some taxels of some cells, bool[C, n]; the others are unknown."""
+        return SessionMeans(np.where(part[:, None, None], self.value, np.nan), self.count, self.spread)
 
     def only(self, sessions: NDArray[np.bool_]) -> SessionMeans:
         """Some of the sessions, bool[S]."""

@@ -23,6 +23,12 @@ Array = NDArray[np.float64]
 STEP: Final = 2e-3
 """Of a parameter, relative to its scale, for the numeric derivative."""
 
+DAMPING: Final = 0.1
+"""At first: along what is hardly determined, such as a slide along a face, a full step would go astray."""
+
+KNOWN_DAMPING: Final = 1e-3
+"""The same of a fit that begins near its end."""
+
 ITERATIONS: Final = 12
 ENOUGH: Final = 1e-3
 """Relative gain at which the search ends."""
@@ -96,7 +102,7 @@ def fit(
     free = _free(chain, fixed)
     features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
-    damping = 1e-3
+    damping = KNOWN_DAMPING if start else DAMPING
     for number in range(iterations if free else 0):
         columns = start.columns if start and number == 0 else _columns(problem.state, chain, free, features)
         system, gradient = normal_equations(problem, columns, features)
@@ -130,7 +136,8 @@ def started(state: State, effect: Effect) -> Link:
 
 def _scale(parameter: Parameter, values: Array) -> Array:
     """A typical size of each value."""
-    span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02))
+    expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
+    span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))
     return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
 
 

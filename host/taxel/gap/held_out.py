@@ -51,6 +51,11 @@ class HeldOut:
         return jackknife(self._left(lambda _, after: float(np.sqrt(after))), self.after)
 
     @property
+    def left2(self) -> float:
+        """Counts^2 that lie above the floor still."""
+        return float(self.after2.mean() - self.floor2)
+
+    @property
     def reducible(self) -> float | None:
         """Share of what lies above the floor; None unless that is surely there."""
         room = self.before2.mean() - self.floor2

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
+from taxel.gap.catalogue import LIKE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
@@ -95,7 +96,10 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
     the form that is seen best. What was found is checked with full fits of what comes near it.
     """
     state = judge.state
-    usable = {name: [form for form in own if not form.unavailable(state)] for name, own in forms.items()}
+    usable = {
+        name: [form for form in (*own, *LIKE.get(name, ())) if not form.unavailable(state)]
+        for name, own in forms.items()
+    }
     columns = {
         name: [start_of(state, Chain((_typical_link(judge, form),))).columns for form in own]
         for name, own in usable.items()

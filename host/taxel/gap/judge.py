@@ -31,16 +31,28 @@ MODEL_SHARE: Final = 0.04
 TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "wander": 2.0}
 """And its absolute error."""
 
+LEAST_FAMILY: Final = 1e-3
+"""Share of the score below which a family of features says nothing."""
+
 REFITS: Final = 3
 """Iterations of a fit that begins near its end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """value: of all sessions. left: f64[S], without each."""
+    """value: of all sessions. left: f64[S], without each. families: f64[5], of each family of features alone."""
 
     value: float
     left: Array
+    families: Array
+
+    def share_of(self, start: Score, base: Score) -> float:
+        """The greatest share of what a family was at the start that has gone since `base`: noise must not hide what
+        else is there by being so clear.
+        """
+        there = start.families > LEAST_FAMILY * max(start.value, 0.0)
+        gone = base.families - self.families
+        return float(np.max(gone[there] / start.families[there], initial=0.0))
 
     def better_than(self, other: Score) -> tuple[float, float]:
         """By how much this score is lower, and the p-value of that being chance."""
@@ -90,9 +102,16 @@ class Judge:
         weight = self.weight if weight is None else weight
         residual = self.sessions.residual(features)
         # Per session pair: sum over s != t of w D_s D_t, over their number.
-        gram = np.einsum("csfn,ctfn->st", residual * weight[:, None], residual, optimize=True)
+        weighted = residual * weight[:, None]
+        grams = np.stack(
+            [
+                np.tensordot(weighted[:, :, own], residual[:, :, own], axes=((0, 2, 3), (0, 2, 3)))
+                for own in self.layout.families
+            ]
+        )
+        gram = grams.sum(axis=0)
         left = [off_diagonal(gram[np.ix_(stay, stay)]) for stay in leave_one_out(len(gram))]
-        return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64))
+        return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64), off_diagonal(grams))
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""

@@ -97,7 +97,7 @@ def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> Link:
 def _dropped(judge: Judge, chain: Chain) -> Link:
     """What does not answer is found by looking, at no cost."""
     features = chain.features(judge.state)
-    effect = Dropout(find_dropped(judge.state, judge.sessions, features, np.ones(len(features), bool)))
+    effect = Dropout(find_dropped(judge.state, judge.sessions, features))
     return Link(effect, effect.found_values(judge.state))
 
 

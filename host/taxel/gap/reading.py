@@ -26,6 +26,9 @@ LEAST_BASELINE = 10
 ONSET_LEAST_COUNTS = 300.0
 """Sum of a board's drops in hold under which it was not touched."""
 
+ONSET_NOISES = 8.0
+"""Standard deviations of that sum at rest under which nobody can say when it rises."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -246,12 +249,25 @@ def _onsets(
     time = np.where(closing, since[part], since[part] + lasted)
     touched = np.where(np.nan_to_num(hold) > 0, 1.0, 0.0)
     level = np.bincount(sensor, np.nan_to_num(hold) * touched, sensors)
+    still = np.flatnonzero(phase == Phase.BASELINE)
     for board in np.flatnonzero(level > ONSET_LEAST_COUNTS):
         own, rows = np.flatnonzero((sensor == board) & (touched > 0)), part[np.asarray(valid[part, board])]
+        rest: Array = drop[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
+        if level[board] < ONSET_NOISES * float(np.std(rest)):
+            continue
         sums: Array = drop[np.ix_(rows, own)].sum(axis=1)
-        passed: NDArray[np.intp] = np.flatnonzero(sums >= 0.5 * level[board])
-        if len(passed) and passed[0] > 0:
-            k, times = int(passed[0]), time[np.asarray(valid[part, board])]
-            share = (0.5 * level[board] - sums[k - 1]) / (sums[k] - sums[k - 1])
-            onset[board] = times[k - 1] + share * (times[k] - times[k - 1])
+        onset[board] = _crossing(time[np.asarray(valid[part, board])], sums, 0.5 * float(level[board]))
     return onset
+
+
+def _crossing(time: Array, values: Array, level: float) -> float:
+    """When values f64[T] rise over a level: halfway between the first time and the last, since noise makes the one
+    early and the other late. NaN if they begin above it or never pass it.
+    """
+    above = values >= level
+    ups = np.flatnonzero(above[1:] & ~above[:-1])
+    if above[0] or not len(ups):
+        return np.nan
+    share = (level - values[ups]) / (values[ups + 1] - values[ups])
+    times = time[ups] + share * (time[ups + 1] - time[ups])
+    return 0.5 * float(times[0] + times[-1])

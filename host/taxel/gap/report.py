@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.attribution import attribute
+from taxel.gap.attribution import Attribution
 from taxel.gap.catalogue import CATALOGUE, DROPOUT
 from taxel.gap.confounding import classes, confounded_with
 from taxel.gap.held_out import HeldOut
@@ -28,13 +28,19 @@ Array = NDArray[np.float64]
 
 
 def report_of(
-    judge: Judge, gap: Gap, selection: Selection, held: HeldOut, verdict: Verdict, tried: Forms, seed: int
+    judge: Judge,
+    gap: Gap,
+    selection: Selection,
+    held: HeldOut,
+    told: Attribution,
+    verdict: Verdict,
+    tried: Forms,
+    seed: int,
 ) -> dict[str, Any]:
     """All but run time and millimetres. tried: what of the catalogue."""
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
-    told = attribute(judge, selection.names, held)
     fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
     likes = likenesses(judge, tried, fitted)
     confounded = confounded_with(selection.names, selection.rivals, likes)

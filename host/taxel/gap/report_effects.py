@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from taxel.gap.attribution import Attribution
-from taxel.gap.chain import Link
+from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
+from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, jackknife, measure, shrink_by
@@ -39,6 +41,8 @@ def effect_entry(
     features = first.held_features if first.held_features is not None else first.features
     alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside), "where": _acts(pair, link)}
+    if name == "gain_mismatch" and link.effect.scope == TAXEL:
+        found["parameters"]["log_std"]["value"] = _spread_of_gains(judge, link)
     found["model"] = model_of(judge.state, link)
     found["identifiability"] = identifiable
     found |= _nothing(gap)
@@ -120,6 +124,28 @@ def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
         scales[f"scale@{address}"] = {"value": float(np.exp(middle)), "ci95": None, "unit": "1"}
     spread = float(np.std(residual[touched])) if touched.any() else 0.0
     return {"log_std": {"value": spread, "ci95": None, "unit": "1"}, **scales}
+
+
+def _spread_of_gains(judge: Judge, link: Link) -> float:
+    """Standard deviation of the taxels' gains about their boards' by maximum likelihood: a fitted gain is drawn towards
+    1 the more, the less is known of its taxel.
+    """
+    (column,) = start_of(judge.state, Chain((link,))).columns
+    known = np.sum(judge.weight * column.change**2, axis=(0, 1))
+    precision = float(column.precision[0])
+    told = known > precision
+    if told.sum() < 3:
+        return 0.0
+    logs = link.values[0, told] * (1.0 + precision / known[told])
+    sensor = judge.state.pair.groups.sensor[told]
+    for board in np.unique(sensor):
+        logs[sensor == board] -= np.average(logs[sensor == board], weights=known[told][sensor == board])
+    variance = 1.0 / known[told]
+
+    def unlikely(spread: float) -> float:
+        return float(np.sum(np.log(spread**2 + variance) + logs**2 / (spread**2 + variance)))
+
+    return float(minimize_scalar(unlikely, bounds=(0.0, 2.0), method="bounded").x)
 
 
 def _noises(pair: Pair, link: Link) -> dict[str, Any]:

@@ -36,9 +36,15 @@ LEAST_SHARE: Final = 0.03
 NEXT_SHARE: Final = 0.06
 """The same for a further one: what the first one's form leaves is no effect of its own."""
 
+MOST_OF_LEFT: Final = 0.55
+"""Share of what the effects before have left, from which on a further one counts however small it is beside them."""
+
 PLAIN_SHARE: Final = 0.4
 """Share of the whole score that an effect explains on left-out cells, from which on counts^2 are not asked for: they
 hang on the few taxels that are pressed hardest."""
+
+PLAIN_FLOORS: Final = 2.0
+"""Squared floors that an effect takes from the gap, from which on it is material however large the gap is."""
 
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
@@ -108,6 +114,12 @@ class Selection:
         return tuple(name for name in found if name in self.chain.names)
 
     @property
+    def is_local(self) -> bool:
+        """Whether something surely does not answer: it is told however little of the gap it makes."""
+        effects = [link.effect for link in self.chain.links]
+        return any(isinstance(effect, Dropout) and effect.dropped.certain for effect in effects)
+
+    @property
     def rivals(self) -> dict[str, tuple[str, ...]]:
         """For each found effect those that explain the left-out cells as well: these presses cannot tell them apart."""
         found: dict[str, tuple[str, ...]] = {}
@@ -150,8 +162,8 @@ def _pruned(judge: Judge, found: Trial, start: Score) -> Trial:
         without = _cross_validated(judge, _tried(judge, found.name, found.chain.without(name)))
         assert without.held is not None
         assert found.held is not None
-        gain, p_value = found.held.better_than(without.held)
-        if gain < NEXT_SHARE * start.value or p_value > LEVEL:
+        _, p_value = found.held.better_than(without.held)
+        if found.held.share_of(start, without.held) < NEXT_SHARE or p_value > LEVEL:
             found = without
     return found
 
@@ -177,17 +189,17 @@ def _round(
     jobs: list[tuple[str, Link]] = []
     for name in names:
         if name == DROPOUT:
-            dropped = find_dropped(judge.state, judge.sessions, features, np.ones(len(features), bool))
+            dropped = find_dropped(judge.state, judge.sessions, features)
             if dropped.found:
                 effect = Dropout(dropped)
                 jobs.append((name, Link(effect, effect.found_values(judge.state))))
             continue
         jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
     with ThreadPoolExecutor(THREADS) as pool:
-        trials = list(pool.map(lambda job: _tried(judge, job[0], chain.with_link(job[1]), GLANCE), jobs))
+        trials = list(pool.map(lambda job: _glanced(judge, job[0], chain, job[1]), jobs))
         trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
         trials.sort(key=lambda trial: trial.inside.value)
-        worth = [trial for trial in trials if base.value - trial.inside.value > 0.5 * LEAST_SHARE * start.value]
+        worth = [trial for trial in trials if trial.inside.share_of(start, base) > 0.5 * LEAST_SHARE]
         chosen = worth[:SHORTLIST]
         held = list(pool.map(lambda trial: _cross_validated(judge, _tried(judge, trial.name, trial.chain)), chosen))
     every = held + [trial for trial in trials if trial not in chosen]
@@ -200,7 +212,9 @@ def _round(
         assert trial.held is not None
         gain, p_value = trial.held.better_than(base)
         p_value = min(1.0, p_value * names_tried)
-        worth_it = p_value < LEVEL and gain > least * start.value
+        share = trial.held.share_of(start, base)
+        left = gain / base.value if base.value > 0 else 0.0
+        worth_it = p_value < LEVEL and (share > least or left > MOST_OF_LEFT)
         accepted = worth_it and _is_material(judge, trial, held_before, features, least, gain / start.value)
         if place == 0 or accepted:
             found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)
@@ -218,7 +232,8 @@ def _is_material(judge: Judge, trial: Trial, held_before: Array, features: Array
     # another, and nothing of the second.
     pairs = ((held_before, trial.held_features), (features, trial.features))
     counts2 = min(judge.excess(before) - judge.excess(after) for before, after in pairs)
-    return counts2 > least * max(judge.excess(judge.state.mean), judge.floor2)
+    whole = max(judge.excess(judge.state.mean), judge.floor2)
+    return counts2 > min(least * whole, PLAIN_FLOORS * judge.floor2)
 
 
 def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
@@ -243,6 +258,29 @@ def _tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) 
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 
+def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
+    """One more effect, while those that were found before keep their values."""
+    fitted = judge.in_sample(chain.with_link(link), (*FIXED, *chain.names), GLANCE)
+    return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
+
+
 def _cross_validated(judge: Judge, trial: Trial) -> Trial:
     held = judge.cross_validated(trial.chain, FIXED)
+    if trial.name == DROPOUT and len(trial.chain.links) > 1:
+        held = _found_elsewhere(judge, trial.chain, held)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held)
+
+
+def _found_elsewhere(judge: Judge, chain: Chain, held: Array) -> Array:
+    """Each part with what does not answer in the others: beside another effect, what does not answer in one press alone
+    may be what that effect leaves. held: f64[C, F, n], as `Judge.cross_validated` gives it.
+    """
+    result = held.copy()
+    others = chain.without(DROPOUT)
+    expected = others.features(judge.state)
+    for number in range(int(judge.parts.max()) + 1):
+        left_out = judge.parts == number
+        effect = Dropout(find_dropped(judge.state, judge.sessions, expected, ~left_out))
+        features = others.with_link(Link(effect, effect.found_values(judge.state))).features(judge.state)
+        result = np.where(left_out[:, None], features, result)
+    return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from taxel.gap.held_out import HeldOut
 from taxel.gap.metric import Gap
 from taxel.gap.select import Selection
 
@@ -18,8 +19,14 @@ SIGNIFICANT: Final = 0.02
 NAMED: Final = 0.5
 """Share of the score that the found effects must explain together to be believed; below it the cause is unknown."""
 
-EXPLAINED: Final = 0.72
-"""And to leave nothing worth a name."""
+EXPLAINED: Final = 0.7
+"""And to leave nothing worth a name: this share at least, and what is left no gap of its own, by the same margin."""
+
+NEARLY_ALL: Final = 0.96
+"""Or this: no model of a large effect is better."""
+
+PLAINLY: Final = 0.85
+"""Or so much that what scatters least need not be explained by half as well."""
 
 WORDS: Final = {
     "contact_propagation": "pressure spreads sideways before it is measured",
@@ -49,24 +56,34 @@ class Verdict:
 
 
 def judge_verdict(
-    gap: Gap, selection: Selection, shrink: float, reducible: float | None, simulated2: float = 0.0
+    gap: Gap, selection: Selection, names: tuple[str, ...], held: HeldOut, simulated2: float = 0.0
 ) -> Verdict:
-    """shrink, reducible: of the gap in counts on sessions that were left out, and of what lies above its floor.
-    simulated2: counts^2 by which the other side's means scatter, where it has sessions as well.
+    """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
+    which the other side's means scatter, where it has sessions as well.
     """
     margin = MARGIN_FLOORS * (gap.floor**2 + simulated2)
-    names, explained = selection.names, max(selection.explained, reducible or 0.0)
     # Few sessions bound an excess loosely: one that is small and may well be chance is none either.
     within = gap.most <= margin or (gap.p_value > SIGNIFICANT and gap.excess.value <= 0.5 * margin)
-    local = "dropout" in names
-    if within and not local and (not names or explained < NAMED or gap.excess.value <= margin / 3.0):
+    named = max(selection.explained, held.reducible or 0.0)
+    local = selection.is_local
+    if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
         line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
         return Verdict("no_gap", (), line, margin)
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
-    if not names or (explained < NAMED and not local):
+    if not names or (named < NAMED and not local):
         return Verdict("unknown", ("unknown",), f"Unknown: {size} that no effect of the catalogue explains.", margin)
     said = "; ".join(f"{name.replace('_', ' ')} ({WORDS[name]})" for name in names)
-    if explained < EXPLAINED and not within:
-        line = f"Partly explained: {size}, {100 * shrink:.0f} % less with {said}; the rest is unknown."
-        return Verdict("partly_explained", (*names, "unknown"), line, margin)
-    return Verdict("explained", names, f"Explained: {size}, {100 * shrink:.0f} % less with {said}.", margin)
+    less = f"{100 * held.shrink.value:.0f} % less with {said}"
+    if within or _is_enough(selection, held, margin):
+        return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
+    line = f"Partly explained: {size}, {less}; the rest is unknown."
+    return Verdict("partly_explained", (*names, "unknown"), line, margin)
+
+
+def _is_enough(selection: Selection, held: HeldOut, margin: float) -> bool:
+    """Whether what the found effects leave is none itself, or next to nothing of what was there."""
+    if held.reducible is None:
+        return selection.explained >= EXPLAINED
+    if held.reducible < EXPLAINED or (held.reducible < PLAINLY and selection.explained < NAMED):
+        return False
+    return held.left2 <= margin or held.reducible >= NEARLY_ALL

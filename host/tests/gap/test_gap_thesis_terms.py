@@ -15,7 +15,7 @@ from taxel.gap.features import Layout
 from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
-from taxel.gap.select import Round, Score, Selection, Trial, select
+from taxel.gap.select import Round, Selection, Trial, select
 from taxel.gap.state import state_of
 from taxel.gap.thesis_terms import GRASPS, OTHER_SOR, Sor, outliers, sor_of, thesis_terms
 from taxel.recording.grasp_format import Phase
@@ -127,9 +127,8 @@ def test_what_the_first_round_fitted_is_taken(world, tmp_path):
     tried = select(judge, {"contact_propagation": CATALOGUE["contact_propagation"]}).rounds[0].trials[0]
     features = judge.state.mean.copy()
     features[:, int(judge.state.pair.clock.bins_of(Phase.HOLD)[0])] = 1000.0
-    score = Score(0.0, np.zeros(0))
-    trial = Trial(tried.name, tried.chain, features, score)
-    first = Round(score, (trial,), None, 0.0, 1.0, False)
+    trial = Trial(tried.name, tried.chain, features, tried.inside)
+    first = Round(tried.inside, (trial,), None, 0.0, 1.0, False)
     entries = thesis_terms(judge, replace(NOTHING, rounds=(first,)))
     assert entries[3]["points"]["sim"] == pytest.approx(N * len(judge.state.pair.cells))
 

@@ -38,6 +38,12 @@ class Dropped:
     shorts: tuple[Short, ...] = ()
 
     @property
+    def certain(self) -> bool:
+        """More than a single taxel whose drops are small: that may be chance."""
+        several = self.taxels.sum() > 1 or self.stuck.any()
+        return bool(several or self.lines or self.missing.any() or self.shorts)
+
+    @property
     def found(self) -> bool:
         """Whether anything was."""
         return bool(self.taxels.any() or self.lines or self.missing.any() or self.shorts)

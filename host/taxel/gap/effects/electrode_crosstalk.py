@@ -36,7 +36,7 @@ class ElectrodeCrosstalk(Effect):
         if self.variant == "network":
             names += ["tx_neighbour_fraction", "rx_neighbour_fraction"]
         fractions = [Parameter(name, "1", -1.0, 1.5, 0.0, 0.02) for name in names]
-        own = [Parameter("own_ratio", "1", -3.0, 3.0, 0.0, 0.0, OWN_PRIOR)] if self._loses else []
+        own = [Parameter("own_ratio", "1", -1.0, 1.0, 0.0, 0.0, OWN_PRIOR)] if self._loses else []
         return (*fractions, *own)
 
     @property

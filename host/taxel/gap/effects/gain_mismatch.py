@@ -19,8 +19,8 @@ class GainMismatch(Effect):
         self.variant = "boards" if scope == BOARD else "taxels"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Natural logarithm of the gain."""
-        return (Parameter("log_gain", "1", -2.5, 1.5, 0.0, 0.0, self.prior),)
+        """Natural logarithm of the gain; what is three times less sensitive is broken."""
+        return (Parameter("log_gain", "1", -1.2, 1.0, 0.0, 0.0, self.prior),)
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""

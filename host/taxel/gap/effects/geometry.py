@@ -25,6 +25,10 @@ PIECES: Final = 3
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
 
+MOST_STEPS: Final = 40
+CLOSE: Final = 1e-11
+"""Relative error of a board's net force."""
+
 REMEMBERED: Final = 20000
 """Displacements whose forces are kept."""
 
@@ -106,6 +110,14 @@ class Law:
             np.where(depth > self.depth_m[-1], self.force_n[-1] + slope * (depth - self.depth_m[-1]), inside)
         )
 
+    def depth(self, force: Array) -> Array:
+        """Metres; the same read the other way."""
+        inside = np.interp(force, self.force_n, self.depth_m)
+        slope = (self.depth_m[-1] - self.depth_m[-2]) / (self.force_n[-1] - self.force_n[-2])
+        return np.asarray(
+            np.where(force > self.force_n[-1], self.depth_m[-1] + slope * (force - self.force_n[-1]), inside)
+        )
+
 
 def law_of(state: State) -> Law:
     """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed."""
@@ -169,13 +181,28 @@ def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array
 def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     """Forces f64[m] of pieces f64[m, 9] when the board approaches until they add to the net force."""
     low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
-    pieces = depth.shape[1]
-    near = depth[depth + high > 0.0]
-    for _ in range(22):
-        middle = 0.5 * (low + high)
-        force = float(law.force(np.maximum(near + middle, 0.0)).sum()) / pieces
-        low, high = (middle, high) if force < net_force else (low, middle)
-    return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
+    near, wanted = depth[depth + high > 0.0], net_force * depth.shape[1]
+
+    def beyond(shift: float) -> float:
+        return float(np.sum(law.force(np.maximum(near + shift, 0.0))) - wanted)
+
+    # The force rises with the shift: a false position that halves the end which stays (the Illinois rule).
+    below, above = -wanted, beyond(high)
+    stays = 0
+    for _ in range(MOST_STEPS):
+        middle = high - above * (high - low) / (above - below) if above > 0 else high
+        value = beyond(middle)
+        if abs(value) <= CLOSE * wanted or above <= 0:
+            break
+        if value < 0:
+            low, below = middle, value
+            above *= 0.5 if stays > 0 else 1.0
+            stays = 1
+        else:
+            high, above = middle, value
+            below *= 0.5 if stays < 0 else 1.0
+            stays = -1
+    return np.asarray(law.force(np.maximum(depth + middle, 0.0)).mean(axis=1))
 
 
 @lru_cache(maxsize=8)

@@ -7,14 +7,20 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.state import Signal, State
+
+CREEP_PRIOR = 0.3
+"""Expected share that acts late where the layer sticks."""
 
 
 class Hysteresis(Effect):
     """A share `fraction` acts late, with a time constant `seconds` (a standard linear solid).
 
-    variant "force": of the force. "drop": of the drop, as where the layer's compression creeps. "more": of the force,
-    and on top of it, as where a press goes on to give way.
+    variant "force": of the force. "drop": of the drop. "depth": of the depth to which the force presses the layer, by
+    the simulator's own law. "more": of the force, and on top of it, as where a press goes on to give way. "sticks": the
+    drop falls behind by `fraction` while it grows and is let go only when the load has fallen below it, at any speed;
+    and of that a share `creep` acts late.
     """
 
     name = "hysteresis"
@@ -26,24 +32,47 @@ class Hysteresis(Effect):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Late share and time constant."""
-        return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
+        late = Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
+        return (*late, Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)) if self.variant == "sticks" else late
 
     def unavailable(self, state: State) -> str:
         """See `Effect`."""
-        return "" if self.variant == "drop" or state.has_force else "the simulation tells no contact force"
+        on_drop = self.variant in ("drop", "sticks")
+        return "" if on_drop or state.has_force else "the simulation tells no contact force"
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
         if not values[0].any():
             return signal
-        fraction, seconds = self.spread_out(state, values)
-        if self.variant == "drop":
+        fraction, seconds, *creep = self.spread_out(state, values)
+        if self.variant in ("drop", "sticks"):
             drop = state.to_drop(signal)
-            return signal.with_drop((1.0 - fraction) * drop + fraction * low_pass(drop, state.since, seconds[:, 0]))
+            if self.variant == "sticks":
+                drop, fraction = stuck(drop, fraction[:, 0]), creep[0]
+            return signal.with_drop(drop + fraction * (low_pass(drop, state.since, seconds[:, 0]) - drop))
         assert signal.force is not None
+        if self.variant == "depth":
+            law = geometry_of(state).law
+            depth = law.depth(signal.force)
+            depth = depth + fraction * (low_pass(depth, state.since, seconds[:, 0]) - depth)
+            return signal.with_force(law.force(depth))
         late = low_pass(signal.force, state.since, seconds[:, 0])
         keep = 1.0 if self.variant == "more" else 1.0 - fraction
         return signal.with_force(keep * signal.force + fraction * late)
+
+
+def stuck(values: Array, fraction: Array) -> Array:
+    """What follows values f64[Q, K, n] along K: (1 - fraction) of them while they grow, up to all of them while they
+    fall. fraction: f64[Q, n].
+    """
+    result = np.empty_like(values)
+    keep = 1.0 - np.minimum(fraction, 1.0)
+    state = np.zeros_like(values[:, 0])
+    for node in range(values.shape[1]):
+        now = values[:, node]
+        state = np.clip(state, np.minimum(keep * now, now), np.maximum(keep * now, now))
+        result[:, node] = state
+    return result
 
 
 def low_pass(values: Array, time_s: Array, seconds: Array) -> Array:

@@ -40,22 +40,27 @@ class PoseError(Effect):
         """See `Effect`."""
         if not values.any() or signal.force is None:
             return signal
-        geometry = geometry_of(state)
+        change = self._change(state, values)
         hold = state.clock.phase == Phase.HOLD
-        force = signal.force.copy()
+        # Each taxel changes as its board's net force does: nothing before contact, all of it in hold.
+        board = state.pair.groups.sums[2]
+        net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
+        share = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
+        return signal.with_force(
+            np.maximum(signal.force + share[:, :, state.pair.groups.sensor] * change[state.cell][:, None], 0.0)
+        )
+
+    def _change(self, state: State, values: Array) -> Array:
+        """What the displacement adds to the force in hold, newtons, f64[C, n]."""
+        geometry = geometry_of(state)
         blocks = self.blocks(state)
+        change = np.zeros((len(state.pair.cells), state.pair.n))
         for number, contact in enumerate(geometry.contacts):
             own = values[:, blocks[contact.cell, contact.taxels[0]]]
-            if not own.any():
-                continue
-            motion = self._motion(own, contact.object_from_board)
-            change = geometry.displaced(state, number, motion) - geometry.rest[number]
-            rows = np.flatnonzero(state.cell == contact.cell)
-            before = signal.force[np.ix_(rows, np.arange(len(hold)), contact.taxels)]
-            net = before.sum(axis=2, keepdims=True)
-            share = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
-            force[np.ix_(rows, np.arange(len(hold)), contact.taxels)] = np.maximum(before + share * change, 0.0)
-        return signal.with_force(force)
+            if own.any():
+                motion = self._motion(own, contact.object_from_board)
+                change[contact.cell, contact.taxels] = geometry.displaced(state, number, motion) - geometry.rest[number]
+        return change
 
     def _motion(self, own: Array, object_from_board: Array) -> Array:
         """Of the board as the object sees it, f64[4, 4]."""
