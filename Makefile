@@ -27,7 +27,7 @@ $(STAMP): $(BIN)/python $(SOURCES)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[test]'
 	@touch $@
 
-demo: $(STAMP)  ## boot the emulated skin, press on it, show what it feels
+demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small campaign, the diagnosis, the seal opened
 	@$(BIN)/taxel demo --out out/demo
 
 test: lint test-c test-python  ## everything that must pass: style, types, layers, C and Python tests

@@ -63,8 +63,8 @@ def small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp
     real = tuple(planned for planned in own if once[planned.object, planned.approach, planned.session] is planned)
     first = {(planned.object, planned.approach): planned for planned in real}
     sim = tuple(
-        replace(planned, id=f"{planned.object}_{planned.approach}_{number}", iteration=number, session=0)
-        for planned in first.values()
+        replace(planned, id=f"{place:02d}_{planned.object}_{planned.approach}_{number}", iteration=number, session=0)
+        for place, planned in enumerate(first.values())
         for number in range(REPEATS)
     )
     return real, sim

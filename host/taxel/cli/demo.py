@@ -1,108 +1,98 @@
-"""`taxel demo`: the main job on the emulated skin, end to end."""
+"""`taxel demo`: the main job. A hand departs from its simulator in a way that nobody chose; the diagnosis names it."""
 
-import tempfile
+from __future__ import annotations
+
+import json
 import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from taxel.demonstration import DEMO_PRESSES, PressOutcome, press_the_skin
-from taxel.hand import load_hand
-from taxel.hand.heat_map import save_heat_map
-from taxel.recording import load_recording, recordings
-from taxel.recording.replay import replay_touches
+from taxel.blind.grasp_world import GraspWorld, drawn_grasp_world, make_grasps, small_plans
+from taxel.blind.lane import Lane
+from taxel.blind.seal import check, commitment
+from taxel.cli.gap_summary import print_summary
+from taxel.errors import TaxelError
+from taxel.gap.page import unrolled_png, write_page
+
+FILES = ("real.h5", "sim.h5", "report.json", "report.html", "hand.png")
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("out/demo"),
-    seed: Annotated[int, typer.Option(help="Seed of the emulated world.")] = 1,
-    seconds: Annotated[float, typer.Option(help="Seconds of each measured recording to send through the skin.")] = 60.0,
+    out: Annotated[
+        Path, typer.Option(help="Folder for datasets, report and pictures; an older demo is replaced.")
+    ] = Path("out/demo"),
+    seed: Annotated[int | None, typer.Option(help="Repeat a demo; default: the system's random numbers.")] = None,
+    jobs: Annotated[int, typer.Option(help="Processes; 0: one a core.")] = 0,
 ) -> None:
-    """Boot the emulated 17-board skin, press on it, show the activated taxels; then send measured touches the same way.
+    """Hide an effect in the emulated hand, grasp with it and in the simulator, diagnose the gap, then open the seal.
 
-    Example: taxel demo --seconds 10 --out out/demo
+    Example: taxel demo --out out/demo
     """
-    console = Console()
+    if (seed is not None and seed < 0) or jobs < 0:
+        raise TaxelError("--seed and --jobs: expected 0 or more; correct the number")
+    console, began = Console(), time.monotonic()
+    real, sim, report, page, picture = (out / name for name in FILES)
     out.mkdir(parents=True, exist_ok=True)
-    began = time.monotonic()
-    _presses(console, out, seed)
-    _measured(console, out, seconds)
+    for path in (real, sim, report, page, picture):
+        path.unlink(missing_ok=True)
+    world = drawn_grasp_world(seed)
+    sealed = commitment(world.to_json())
+    console.print("[bold]1. A cause is hidden in the emulated hand[/bold]; its SHA-256 with a salt of 256 bit:")
+    console.print(sealed, highlight=False)
+    _grasp(console, world, real, sim, jobs or None)
+    console.print("[bold]3. Another process, which sees the two datasets alone, diagnoses the gap[/bold]")
+    _diagnose(console, out, real, sim, report)
+    found = json.loads(report.read_text())
+    if "error" in found:
+        raise TaxelError(found["error"])
+    write_page(found, page)
+    unrolled_png(found, picture)
+    print_summary(console, found)
+    check(0, world.to_json(), sealed)
+    _open(console, world, found["verdict"]["effects"])
     console.print(
-        f"[bold]done in {time.monotonic() - began:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png"
+        f"[bold]done in {time.monotonic() - began:.0f} s[/bold]; the page: {page}, the hand before and after: {picture}"
     )
 
 
-def _presses(console: Console, out: Path, seed: int) -> None:
-    hand = load_hand("allegro")
-    console.print(
-        f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
-        f"{len(DEMO_PRESSES)} presses"
-    )
-    columns = (
-        TextColumn("{task.description:<22}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
+def _grasp(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
+    counts = [len(plan) for plan in small_plans(world.seed)]
+    console.print(f"[bold]2. {counts[0]} grasps by that hand, {counts[1]} in the simulator[/bold]")
+    columns = (TextColumn("{task.description:<14}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
-        tasks: dict[str, int] = {}
+        tasks = [
+            progress.add_task(name, total=count, start=False)
+            for name, count in zip(("emulated hand", "simulator"), counts, strict=True)
+        ]
 
-        def advance(step: str, fraction: float) -> None:
-            if step not in tasks:
-                tasks[step] = progress.add_task(step, total=1.0)
-            progress.update(tasks[step], completed=fraction)  # type: ignore[arg-type]
+        def show(number: int, done: int, total: int) -> None:
+            progress.start_task(tasks[number])
+            progress.update(tasks[number], completed=done, total=total)
 
-        result = press_the_skin(hand, seed, advance)
-    console.print(
-        f"hub firmware {result.firmware}, protocol version {result.protocol_version}; "
-        f"{result.boards_found} boards found, {result.boards_missing} missing; "
-        f"{result.rate_hz:.2f} scans a second at 400 kHz I2C"
-    )
-    console.print(
-        f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
-        f"{result.disturbed} taxels disturbed"
-    )
-    console.print(_press_table(result.presses))
-    losses = result.losses
-    console.print(
-        f"frames: {losses.frames_sent} sent = {losses.received} received + {losses.lost_on_wire} lost; "
-        f"active outside every press: {result.false_activations}"
-    )
-    save_heat_map(
-        hand,
-        result.largest_drop,
-        result.ever_active,
-        out / "skin.png",
-        "Emulated skin: largest drop during the presses",
-    )
+        shows = (lambda done, total: show(0, done, total), lambda done, total: show(1, done, total))
+        make_grasps(world, real, sim, shows, jobs)
 
 
-def _press_table(presses: list[PressOutcome]) -> Table:
-    table = Table(title="presses")
-    for heading in ("board", "probe", "felt after", "active", "drop"):
-        table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
-    for outcome in presses:
-        press = outcome.press
-        felt = "not felt" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
-        table.add_row(
-            press.board, f"{press.force_n:g} N, {1e3 * press.diameter_m:g} mm", felt,
-            str(len(outcome.active_taxels)), f"{outcome.largest_drop:.0f} counts",
-        )  # fmt: skip
-    return table
+def _diagnose(console: Console, out: Path, real: Path, sim: Path, report: Path) -> None:
+    columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        progress.add_task("diagnosing", total=None)
+        lane = Lane(out)
+        try:
+            lane.diagnose(real, sim, report)
+        finally:
+            lane.close()
 
 
-def _measured(console: Console, out: Path, seconds: float) -> None:
-    hand = load_hand("allegro")
-    console.print(
-        f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "
-        "through the same path"
-    )
-    for name in recordings():
-        with tempfile.TemporaryDirectory(prefix="taxel-") as folder, console.status(f"replaying {name}"):
-            score = replay_touches(load_recording(name), hand, seconds=seconds, folder=Path(folder))
-        console.print(f"{name}: {score}")
-    save_heat_map(hand, score.map_drop, score.map_active, out / "measured.png", f"Measured touch on the skin ({name})")
+def _open(console: Console, world: GraspWorld, said: list[str]) -> None:
+    (cause,) = world.hidden.causes
+    console.print("\n[bold]4. The seal is opened[/bold], and fits what was published above:")
+    console.print(f"hidden: {cause.name}, in the emulator's words: {'; '.join(cause.lines)}", highlight=False)
+    if said[:1] == [cause.name]:
+        console.print("the diagnosis named it" + ("." if len(said) == 1 else f", and besides: {', '.join(said[1:])}."))
+    else:
+        console.print(f"the diagnosis said: {', '.join(said) or 'no gap'}.", highlight=False)

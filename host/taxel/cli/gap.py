@@ -9,13 +9,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from taxel.cli.gap_apply import apply
 from taxel.cli.gap_blind import blind
 from taxel.cli.gap_next import next_press
+from taxel.cli.gap_summary import print_summary
 from taxel.errors import TaxelError
-from taxel.gap.diagnosis import Diagnosis
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.page import write_page
 from taxel.gap.priors import read_priors
@@ -60,47 +59,11 @@ def diagnose(
     if as_json:
         print(text)
     else:
-        _summary(console, diagnosis, page)
+        print_summary(console, diagnosis.report)
+        console.print(f"report: {page}", highlight=False)
 
 
 gap_app.command()(apply)
-
-
-def _summary(console: Console, diagnosis: Diagnosis, page: Path) -> None:
-    report = diagnosis.report
-    console.print(f"\n[bold]{report['verdict']['one_line']}[/bold]\n", highlight=False)
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "counts", "mm"):
-        table.add_column(heading, justify="left" if not heading else "right")
-    gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
-    table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), _with_interval(mm["value"], mm["ci95"], 2))
-    table.add_row("floor", f"{gap['floor']:.1f}", f"{mm['floor']:.2f}")
-    table.add_row("left-out sessions before", f"{after['before']:.1f}", "")
-    table.add_row("left-out sessions after", _with_interval(after["value"], after["ci95"]), "")
-    console.print(table)
-    if report["verdict"]["effects"]:
-        said = f"shrink {100 * after['shrink']:.0f} %, predicted {100 * after['predicted_shrink']:.0f} %"
-        if after["reducible_shrink"] is not None:
-            said += f"; {100 * after['reducible_shrink']:.0f} % of what lies above the floor"
-        console.print(said, highlight=False)
-    for entry in report["effects"]:
-        if entry["in_verdict"]:
-            values = ", ".join(_parameter(name, one) for name, one in list(entry["parameters"].items())[:6])
-            console.print(f"{entry['name']}: {values}", highlight=False)
-    for loss in report["losses"]:
-        console.print(f"note: {loss}", highlight=False)
-    console.print(f"report: {page}", highlight=False)
-
-
-def _with_interval(value: float, interval: list[float] | None, digits: int = 1) -> str:
-    text = f"{value:.{digits}f}"
-    return text if interval is None else f"{text} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
-
-
-def _parameter(name: str, entry: dict[str, object]) -> str:
-    value, unit = entry["value"], entry["unit"]
-    shown = f"{value:.3g}" if isinstance(value, float) else str(value)
-    return f"{name} {shown}" + (f" {unit}" if unit not in ("1", "index", "address") else "")
 
 
 class _Bars:

@@ -8,6 +8,7 @@ import typer
 
 from taxel.cli.demo import demo
 from taxel.cli.emulate import emulate
+from taxel.cli.feel import feel
 from taxel.cli.gap import gap_app
 from taxel.cli.grasp import grasp
 from taxel.cli.import_data import import_app
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, emulate, grasp, record, replay, show):
+for command in (demo, emulate, feel, grasp, record, replay, show):
     app.command()(command)
 app.add_typer(gap_app, name="gap")
 app.add_typer(import_app, name="import")

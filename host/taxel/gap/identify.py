@@ -118,7 +118,7 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
         for other, bases in columns.items():
             if other == name or not bases:
                 continue
-            left = min(_left(judge, vector, [*nuisance, *basis]) for basis in bases)
+            left = min(linear_left(judge, vector, [*nuisance, *basis]) for basis in bases)
             if name in found and _degrees(left, whole) < NEAR_DEG:
                 left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
             rows.append(Likeness(name, other, _degrees(left, whole), left))
@@ -145,7 +145,7 @@ def _length2(judge: Judge, vector: Array) -> float:
     return float(np.sum(judge.weight * vector**2))
 
 
-def _left(judge: Judge, vector: Array, columns: Sequence[Column]) -> float:
+def linear_left(judge: Judge, vector: Array, columns: Sequence[Column]) -> float:
     """Squared length of what a subspace leaves of a vector. Priors do not count: what could be is asked."""
     problem = Problem(judge.state, vector, judge.weight)
     free = [Column(one.change, one.blocks, one.count, 0.0 * one.precision, 0.0 * one.pull) for one in columns]

@@ -21,7 +21,7 @@ from taxel.gap.report_effects import effect_entry
 from taxel.gap.report_page_fields import page_fields
 from taxel.gap.select import Forms, Round, Selection
 from taxel.gap.signature import unexplained
-from taxel.gap.verdict import Verdict
+from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
 
 Array = NDArray[np.float64]
@@ -42,6 +42,7 @@ def report_of(
     after = selection.features
     found = products(real, before, layout)
     fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
+    left = unexplained(pair, layout, real, after, judge.fold, seed)
     likes = likenesses(judge, tried, fitted)
     confounded = confounded_with(selection.names, selection.rivals, likes)
     return {
@@ -66,7 +67,7 @@ def report_of(
             "status": verdict.status,
             "effects": list(verdict.effects),
             "confounded_with": confounded,
-            "one_line": verdict.one_line,
+            "one_line": _one_line(verdict, left["signature"]),
         },
         "effects": [
             effect_entry(
@@ -84,7 +85,7 @@ def report_of(
             "shrink": held.shrink.value,
             "reducible_shrink": held.reducible,
         },
-        "unexplained": unexplained(pair, layout, real, after, judge.fold, seed),
+        "unexplained": left,
         "classes": classes(confounded),
         "likeness": [one.to_json() for one in likes],
         "search": [_round(one) for one in selection.rounds],
@@ -95,6 +96,13 @@ def report_of(
             findings_of(judge, selection, tried, verdict.effects, confounded, held.links), left_out(judge.state)
         ).to_json(),
     }
+
+
+def _one_line(verdict: Verdict, signature: str) -> str:
+    """The verdict's, and what an unknown cause looks like."""
+    if UNKNOWN not in verdict.effects or not signature:
+        return verdict.one_line
+    return f"{verdict.one_line} What is left: {signature}."
 
 
 def _round(one: Round) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.page.fields import REMEDY, Value
 from taxel.gap.page.report import Report
 from taxel.gap.report_model import NOISE_PARTS
+from taxel.gap.verdict import UNKNOWN
 from taxel.hand.errors import shown, shown_path
 
 Array = NDArray[np.float64]
@@ -30,8 +31,6 @@ LARGEST_BYTES: Final = 2**28
 
 MOST_NOISE_COUNTS: Final = 65_535.0
 LONGEST_S: Final = 1e6
-
-UNKNOWN: Final = "unknown"
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, Effect
 from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
+from taxel.gap.screen import screened
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,14 @@ SIMPLER: Final = 0.01
 
 ALIKE: Final = 0.1
 """Share of the best effect's gain by which another may fall behind and still not be told from it."""
+
+SCREENED_SHARE: Final = 0.12
+"""Share of the drops' score that may be left before pairs and triples are screened."""
+
+SCREENED_BETTER: Final = 0.8
+"""Of what the found effects leave by linear reckoning, below which another set is worth a fit."""
+
+SCREENED_MOST: Final = 2
 
 THREADS: Final = 2
 
@@ -111,7 +120,7 @@ class Selection:
     def names(self) -> tuple[str, ...]:
         """The effects that were found, in the order in which they were."""
         found = [one.best.name for one in self.rounds if one.accepted and one.best is not None]
-        return tuple(name for name in found if name in self.chain.names)
+        return tuple(dict.fromkeys(name for name in (*found, *self.chain.names) if name in self.chain.names))
 
     @property
     def is_local(self) -> bool:
@@ -153,7 +162,33 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         assert kept.held_features is not None
         chain, features = kept.chain, kept.features
         base, held = kept.held, kept.held_features
+    other = _better_set(judge, forms, chain, base, start)
+    if other is not None and other.held is not None and other.held_features is not None:
+        gain, p_value = other.held.better_than(base)
+        rounds.append(Round(base, (other,), other, gain, p_value, True))
+        chain, features, base, held = other.chain, other.features, other.held, other.held_features
     return Selection(chain, tuple(rounds), features, held, start, base)
+
+
+def _better_set(judge: Judge, forms: Forms, chain: Chain, base: Score, start: Score) -> Trial | None:
+    """A pair or triple that leaves less than what was found one after another, if the linear screen shows one that is
+    worth the fit; None otherwise.
+    """
+    fixed = [link for link in chain.links if link.effect.name in FIXED]
+    names = frozenset(chain.names) - set(FIXED)
+    if not names or base.families[0] < SCREENED_SHARE * start.families[0]:
+        return None
+    sets = screened(judge, {name: own for name, own in forms.items() if name not in FIXED})
+    own = min((one.left for one in sets if one.names == names), default=1.0)
+    for one in [one for one in sets if one.names != names and one.left < SCREENED_BETTER * own][:SCREENED_MOST]:
+        links = [*fixed, *(started(judge.state, form) for form in one.forms)]
+        name = one.forms[0].name
+        trial = _cross_validated(judge, _tried(judge, name, Chain.of(links)))
+        assert trial.held is not None
+        gain, p_value = trial.held.better_than(base)
+        if p_value < LEVEL / SCREENED_MOST and gain > MOST_OF_LEFT * base.value:
+            return _pruned(judge, trial, start)
+    return None
 
 
 def _pruned(judge: Judge, found: Trial, start: Score) -> Trial:

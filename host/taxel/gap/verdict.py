@@ -9,6 +9,8 @@ from taxel.gap.held_out import HeldOut
 from taxel.gap.metric import Gap
 from taxel.gap.select import Selection
 
+UNKNOWN: Final = "unknown"
+
 MARGIN_FLOORS: Final = 3.0
 """An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
 hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
@@ -71,13 +73,13 @@ def judge_verdict(
         return Verdict("no_gap", (), line, margin)
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
     if not names or (named < NAMED and not local):
-        return Verdict("unknown", ("unknown",), f"Unknown: {size} that no effect of the catalogue explains.", margin)
+        return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
     said = "; ".join(f"{name.replace('_', ' ')} ({WORDS[name]})" for name in names)
     less = f"{100 * held.shrink.value:.0f} % less with {said}"
     if within or _is_enough(selection, held, margin):
         return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
     line = f"Partly explained: {size}, {less}; the rest is unknown."
-    return Verdict("partly_explained", (*names, "unknown"), line, margin)
+    return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
 
 
 def _is_enough(selection: Selection, held: HeldOut, margin: float) -> bool:

@@ -9,7 +9,9 @@ from taxel.gap.state import Signal, State
 
 
 class Noise(Effect):
-    """Adds variance to every taxel's counts: white, and common to lines or to the board."""
+    """Adds variance to every taxel's counts: white, and common to lines or to the board. The mean of a few frames after
+    release has its part of it.
+    """
 
     name = "noise"
     order = 95
@@ -36,4 +38,15 @@ class Noise(Effect):
         result = features.copy()
         noise = state.layout.noise
         result[:, noise] = np.sqrt(features[:, noise] ** 2 + added[:, None])
+        wander = state.layout.wander
+        mean2 = added * _share_of_mean(state)
+        result[:, wander] = np.where(features[:, wander] > 0, np.sqrt(features[:, wander] ** 2 + mean2), 0.0)
         return result
+
+
+def _share_of_mean(state: State) -> float:
+    """Variance of the mean drop after release over that of a frame: of so many frames, and of the baseline's."""
+    clock, pair = state.clock, state.pair
+    last = clock.phase == clock.phase[-1]
+    after = float(np.sum((clock.end - clock.begin)[last])) / pair.frame_s
+    return 1.0 / max(after, 1.0) + 1.0 / max(float(pair.real.frames.mean()), 1.0)

@@ -101,18 +101,30 @@ def _row(report: Report, base: str, board: str, parameter: Value) -> tuple[str, 
     if board:
         where = f", {report.board(int(board)) if board.isascii() and board.isdigit() else escaped(board)}"
     bounds = parameter.maybe_interval("ci95")
-    return f"{words(label)}{where}", _amount(parameter, unit), interval(bounds) if bounds else ""
+    return f"{words(label)}{where}", _amount(report, parameter, unit), interval(bounds) if bounds else ""
 
 
-def _amount(parameter: Value, unit: str) -> str:
+def _amount(report: Report, parameter: Value, unit: str) -> str:
     """A number and its unit, or the taxels, lines or boards that a parameter lists."""
     value = parameter.field("value")
     if isinstance(value.content, str):
         return escaped(value.content)
     if isinstance(value.content, list):
-        items = [escaped(i.content) if isinstance(i.content, str) else number(i.as_number()) for i in value.items()]
-        return listed(items) or "none"
+        return listed([_item(report, item, unit) for item in value.items()]) or "none"
     return with_unit(None if value.content is None else value.as_number(), unit)
+
+
+def _item(report: Report, item: Value, unit: str) -> str:
+    """An index, a board by its address, or a line: [address, axis, index]."""
+    if isinstance(item.content, list):
+        parts = item.items()
+        if len(parts) != 3:
+            item.fail("an address, an axis and an index")
+        board = report.board(parts[0].as_integer(0, 255))
+        return f"{escaped(parts[1].as_text().upper())} {parts[2].as_integer(0, 255)} of {board}"
+    if isinstance(item.content, str):
+        return escaped(item.content)
+    return report.board(item.as_integer(0, 255)) if unit == "address" else number(item.as_number())
 
 
 def _range_words(base: str, own: list[tuple[str, Value]]) -> str:
