@@ -22,7 +22,7 @@ from taxel.gap.screen import screened
 Array = NDArray[np.float64]
 
 MOST_EFFECTS: Final = 4
-SHORTLIST: Final = 5
+SHORTLIST: Final = 4
 """Forms that are cross-validated in a round: those that gain most where they were fitted."""
 
 GLANCE: Final = 4
@@ -56,10 +56,10 @@ ALIKE: Final = 0.1
 SCREENED_SHARE: Final = 0.12
 """Share of the drops' score that may be left before pairs and triples are screened."""
 
-SCREENED_BETTER: Final = 0.8
+SCREENED_BETTER: Final = 0.6
 """Of what the found effects leave by linear reckoning, below which another set is worth a fit."""
 
-SCREENED_MOST: Final = 2
+SCREENED_MOST: Final = 1
 
 THREADS: Final = 2
 
@@ -220,6 +220,7 @@ def _round(
     start: Score,
     number: int,
 ) -> Round:
+    least = LEAST_SHARE if number == 0 else NEXT_SHARE
     names = [name for name in forms if name not in chain.names]
     jobs: list[tuple[str, Link]] = []
     for name in names:
@@ -234,13 +235,12 @@ def _round(
         trials = list(pool.map(lambda job: _glanced(judge, job[0], chain, job[1]), jobs))
         trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
         trials.sort(key=lambda trial: trial.inside.value)
-        worth = [trial for trial in trials if trial.inside.share_of(start, base) > 0.5 * LEAST_SHARE]
+        worth = [trial for trial in trials if trial.inside.share_of(start, base) > 0.5 * least]
         chosen = worth[:SHORTLIST]
         held = list(pool.map(lambda trial: _cross_validated(judge, _tried(judge, trial.name, trial.chain)), chosen))
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
     tried = sorted((trial for trial in best_of.values() if trial.held is not None), key=_rank)
-    least = LEAST_SHARE if number == 0 else NEXT_SHARE
     names_tried = len({trial.name for trial in held})
     found = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
     for place, trial in enumerate(tried):
