@@ -53,10 +53,10 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
         extra = float(np.mean((gone - simulated)[sensor == board]))
         missing[board] = extra if extra > MISSING else 0.0
     dead = (dead | stuck) & (missing[sensor] < 0.9)
+    for line in _touched_lines(state, dead & ~stuck):
+        if _answers_elsewhere(state, real, features, line):
+            dead &= ~_on_line(state, line) | stuck
     lines = _lines(state, dead, loaded | stuck)
-    for line in [one for one in lines if _answers_elsewhere(state, real, features, one)]:
-        lines.remove(line)
-        dead &= ~_on_line(state, line) | stuck
     on_line = np.zeros(n, bool)
     for line in lines:
         on_line |= _on_line(state, line)
@@ -105,6 +105,13 @@ def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> l
                 if own.sum() >= 2 and dead[own].all() and not dead[whole].all():
                     found.append((board, axis, index))
     return found
+
+
+def _touched_lines(state: State, taxels: NDArray[np.bool_]) -> list[tuple[int, str, int]]:
+    """Lines with one of some taxels, bool[n], at least."""
+    sensor, own = state.pair.groups.sensor, np.flatnonzero(taxels)
+    axes = (("tx", state.pair.taxels.tx), ("rx", state.pair.taxels.rx))
+    return sorted({(int(sensor[one]), axis, int(number[one])) for axis, number in axes for one in own})
 
 
 def _on_line(state: State, line: tuple[int, str, int]) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from taxel.gap.catalogue import DROPOUT
 from taxel.gap.held_out import HeldOut
 from taxel.gap.metric import Gap
 from taxel.gap.select import Selection
@@ -71,6 +72,8 @@ def judge_verdict(
     if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
         line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
         return Verdict("no_gap", (), line, margin)
+    if within and local and gap.excess.value <= margin / 3.0:
+        names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
     if not names or (named < NAMED and not local):
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)

@@ -1,0 +1,56 @@
+"""What does not answer, and what only seems not to: shorted lines, lines that were exchanged, values that stick."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.hysteresis import stuck
+
+ROWS, COLUMNS = 6, 5
+BOARD = 0x20
+
+
+def on_rows(drop, change):
+    """`change` of the first board's drops, [T, rows, columns]."""
+    result = drop.copy()
+    grid = result[:, : ROWS * COLUMNS].reshape(-1, ROWS, COLUMNS)
+    change(grid)
+    return result
+
+
+def shorted(force, drop):
+    def join(grid):
+        grid[:, 2] = grid[:, 3] = 0.5 * (grid[:, 2] + grid[:, 3])
+
+    return on_rows(drop, join)
+
+
+def exchanged(force, drop):
+    def swap(grid):
+        grid[:, [1, 4]] = grid[:, [4, 1]]
+
+    return on_rows(drop, swap)
+
+
+def dropout_of(report):
+    return next(one for one in report["effects"] if one["name"] == "dropout")
+
+
+def test_lines_that_touch_are_found_by_place(world, tmp_path):
+    report = diagnose(*world(tmp_path, effect=shorted, cells=8)).report
+    assert report["verdict"]["effects"][:1] == ["dropout"]
+    assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2], [BOARD, "tx", 3]]
+
+
+def test_exchanged_lines_are_not_called_dead(world, tmp_path):
+    report = diagnose(*world(tmp_path, effect=exchanged, cells=8)).report
+    assert "unknown" in report["verdict"]["effects"]
+    assert "dropout" not in report["verdict"]["effects"]
+
+
+def test_what_sticks_follows_late_and_lets_go_late():
+    values = np.array([0.0, 10.0, 20.0, 20.0, 19.0, 12.0, 0.0])[None, :, None]
+    out = stuck(values, np.full((1, 1), 0.2))[0, :, 0]
+    assert out == pytest.approx([0.0, 8.0, 16.0, 16.0, 16.0, 12.0, 0.0])

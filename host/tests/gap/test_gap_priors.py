@@ -1,0 +1,52 @@
+"""What is known of effects beforehand: a file, and what it does to a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.catalogue import CATALOGUE, chosen
+from taxel.gap.effects.effect import Prior
+from taxel.gap.errors import GapInputError
+from taxel.gap.priors import read_priors
+
+
+def written(tmp_path, text):
+    path = tmp_path / "priors.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_names_effects_and_their_parameters(tmp_path):
+    path = written(tmp_path, "[contact_propagation]\nspread_mm = { value = 2.5, std = 0.5 }\n[noise]\n")
+    assert read_priors(path) == {"contact_propagation": {"spread_mm": Prior(2.5, 0.5)}, "noise": {}}
+
+
+@pytest.mark.parametrize(("text", "where"), [
+    ("[gravity]\n", "[gravity]"),
+    ("[dropout]\n", "[dropout]"),
+    ("contact_propagation = 3\n", "contact_propagation"),
+    ("[saturation]\nvolts = { value = 1.0, std = 1.0 }\n", "saturation.volts"),
+    ("[saturation]\ncounts = 600\n", "saturation.counts"),
+    ("[saturation]\ncounts = { value = 600 }\n", "saturation.counts"),
+    ("[saturation]\ncounts = { value = true, std = 1.0 }\n", "saturation.counts"),
+    ("[saturation]\ncounts = { value = nan, std = 1.0 }\n", "saturation.counts"),
+    ("[saturation]\ncounts = { value = 600, std = 0 }\n", "saturation.counts"),
+    ("[saturation]\ncounts = { value = -5, std = 10 }\n", "saturation.counts"),
+    ("[saturation\n", "priors.toml"),
+])  # fmt: skip
+def test_a_mistake_is_one_line_that_names_the_place(tmp_path, text, where):
+    with pytest.raises(GapInputError) as raised:
+        read_priors(written(tmp_path, text))
+    assert where in str(raised.value)
+    assert len(str(raised.value).splitlines()) == 1
+
+
+def test_a_search_starts_at_what_is_known_and_the_catalogue_stays_as_it_was():
+    forms = chosen(priors={"contact_propagation": {"spread_mm": Prior(2.5, 0.5)}})
+    for form in forms["contact_propagation"]:
+        spread, strength = form.parameters()
+        assert (spread.start, spread.prior, spread.middle) == (2.5, 0.5, 2.5)
+        assert strength == form.own_parameters()[1]
+    for form in CATALOGUE["contact_propagation"]:
+        assert np.isinf(form.parameters()[0].prior)
