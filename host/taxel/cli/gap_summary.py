@@ -17,7 +17,7 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
         table.add_column(heading, justify="left" if not heading else "right")
     gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
     table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), _with_interval(mm["value"], mm["ci95"], 2))
-    table.add_row("floor", f"{gap['floor']:.1f}", f"{mm['floor']:.2f}")
+    table.add_row("floor", f"{gap['floor']:.1f}", "" if mm["floor"] is None else f"{mm['floor']:.2f}")
     table.add_row("left-out sessions before", f"{after['before']:.1f}", "")
     table.add_row("left-out sessions after", _with_interval(after["value"], after["ci95"]), "")
     console.print(table)

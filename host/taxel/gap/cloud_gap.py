@@ -33,7 +33,7 @@ LIKELY: Final = 0.02
 
 
 def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed: int) -> dict[str, Any]:
-    """The report's `gap.mm`. model: features f64[C, F, n] of the simulator."""
+    """The report's `gap.mm`; its floor is None with one session. model: features f64[C, F, n] of the simulator."""
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     sessions = real.value.shape[1]
     rng = np.random.default_rng(seed)
@@ -47,8 +47,9 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed
         row = [chamfer_mm(places, one, simulated) if there else np.nan for one, there in zip(active, made, strict=True)]
         distance.append(row)
         mean = active[made].mean(axis=0)
-        others = [(active[made].sum(axis=0) - one) / max(made.sum() - 1, 1) for one in active[made]]
-        floor.append([chamfer_mm(places, one, other) for one, other in zip(active[made], others, strict=True)])
+        if made.sum() > 1:
+            others = [(active[made].sum(axis=0) - one) / (made.sum() - 1) for one in active[made]]
+            floor.append([chamfer_mm(places, one, other) for one, other in zip(active[made], others, strict=True)])
         for _ in range(PLACEBO_DRAWS):
             placebo.append(chamfer_mm(places, mean, _denser(simulated, mean, pair.groups.sensor, rng)))
     per_session = known_mean(np.array(distance), 0)
@@ -57,7 +58,7 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed
     return {
         "value": whole,
         "ci95": jackknife(left, whole).ci95,
-        "floor": float(np.mean([value for row in floor for value in row])),
+        "floor": float(np.mean([value for row in floor for value in row])) if floor else None,
         "placebo": float(np.mean(placebo)),
     }
 

@@ -209,8 +209,10 @@ def _further_losses(real: Recording, sim: Recording) -> list[str]:
     confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
     if len(sessions) > 1 and len(confounded) == len(sessions):
         losses.append("no session has every approach: differences of sessions and of approaches mix")
-    single = np.bincount(real.cell).min()
-    if single < 2:
+    made = np.bincount(real.cell)
+    if made.max() < 2:
+        losses.append("no approach was made twice: nobody knows what scatters, and no gap can be told from it")
+    elif made.min() < 2:
         losses.append("an approach was made once: its repeatability is taken from the others")
     least = int(min(real.frames.min(), sim.frames.min()))
     if least < 100:

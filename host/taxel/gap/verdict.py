@@ -16,8 +16,14 @@ MARGIN_FLOORS: Final = 3.0
 """An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
 hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
 
+LEAST_MARGIN_COUNTS: Final = 3.0
+"""A gap of fewer counts is none, however small the floor is or if nobody knows it: no simulator is nearer."""
+
 SIGNIFICANT: Final = 0.02
 """P-value of an excess from which on it may be chance."""
+
+CHANCE: Final = 0.1
+"""And from which on it is not told from chance."""
 
 NAMED: Final = 0.5
 """Share of the score that the found effects must explain together to be believed; below it the cause is unknown."""
@@ -64,9 +70,10 @@ def judge_verdict(
     """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
     which the other side's means scatter, where it has sessions as well.
     """
-    margin = MARGIN_FLOORS * (gap.floor**2 + simulated2)
+    margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
     # Few sessions bound an excess loosely: one that is small and may well be chance is none either.
-    within = gap.most <= margin or (gap.p_value > SIGNIFICANT and gap.excess.value <= 0.5 * margin)
+    small = gap.excess.value <= (margin if gap.p_value > CHANCE else 0.5 * margin)
+    within = gap.most <= margin or (small and gap.p_value > SIGNIFICANT)
     named = max(selection.explained, held.reducible or 0.0)
     local = selection.is_local
     if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
