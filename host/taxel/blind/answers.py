@@ -24,6 +24,9 @@ LOADED_COUNTS: Final = 150.0
 LEAST_TRUE: Final = 1e-6
 """A parameter below it is nothing that a relative error could be told of."""
 
+SMALL: Final = 0.3
+"""Share of the greatest board's value below which a relative error of another board's says nothing."""
+
 
 @dataclass(frozen=True)
 class Named:
@@ -180,11 +183,19 @@ def _compared(
         truth = still if by_fit else world.hidden.truth(cause)
         for name, one in entry["parameters"].items():
             true = truth.get(name, 0.0)
-            if isinstance(one["value"], list) or abs(true) < LEAST_TRUE:
+            if isinstance(one["value"], list) or abs(true) < max(LEAST_TRUE, SMALL * _greatest(truth, name)):
                 continue
+            if cause.name == "pose_error" and name not in ("translation_mm", "rotation_deg"):
+                continue  # where about its origin an object has turned, a press along its face does not tell
             low, high = one["ci95"] or (None, None)
             rows.append(Compared(cause.name, cause.form, name, one["unit"], one["value"], true, low, high, by_fit))
     return tuple(rows)
+
+
+def _greatest(truth: Mapping[str, float], name: str) -> float:
+    """Size of the largest of a parameter's values: boards that have next to nothing of it are not asked."""
+    own = [abs(value) for key, value in truth.items() if key.partition("@")[0] == name.partition("@")[0]]
+    return max(own, default=0.0)
 
 
 def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path) -> bool | None:

@@ -31,6 +31,11 @@ GLANCE: Final = 4
 LEVEL: Final = 0.01
 """Of a corrected p-value under which a gain is believed."""
 
+NEARLY_ALL: Final = 0.8
+PLAIN_LEVEL: Final = 0.05
+"""Share of what is left that an effect explains where it was not fitted, from which on this level will do: with four
+sessions even what is plain hardly comes below the other."""
+
 LEAST_SHARE: Final = 0.03
 """Of the whole score, and of the excess in counts^2, that the first effect must explain to be named."""
 
@@ -249,7 +254,8 @@ def _round(
         p_value = min(1.0, p_value * names_tried)
         share = trial.held.share_of(start, base)
         left = gain / base.value if base.value > 0 else 0.0
-        worth_it = p_value < LEVEL and (share > least or left > MOST_OF_LEFT)
+        level = PLAIN_LEVEL if left > NEARLY_ALL else LEVEL
+        worth_it = p_value < level and (share > least or left > MOST_OF_LEFT)
         accepted = worth_it and _is_material(judge, trial, held_before, features, least, gain / start.value)
         if place == 0 or accepted:
             found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)

@@ -22,9 +22,6 @@ LEAST_MARGIN_COUNTS: Final = 3.0
 SIGNIFICANT: Final = 0.02
 """P-value of an excess from which on it may be chance."""
 
-CHANCE: Final = 0.1
-"""And from which on it is not told from chance."""
-
 NAMED: Final = 0.5
 """Share of the score that the found effects must explain together to be believed; below it the cause is unknown."""
 
@@ -71,9 +68,8 @@ def judge_verdict(
     which the other side's means scatter, where it has sessions as well.
     """
     margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
-    # Few sessions bound an excess loosely: one that is small and may well be chance is none either.
-    small = gap.excess.value <= (margin if gap.p_value > CHANCE else 0.5 * margin)
-    within = gap.most <= margin or (small and gap.p_value > SIGNIFICANT)
+    # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
+    within = gap.most <= margin or (gap.excess.value <= margin and gap.p_value > SIGNIFICANT)
     named = max(selection.explained, held.reducible or 0.0)
     local = selection.is_local
     if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
