@@ -38,7 +38,7 @@ def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str
                 continue
             link = judge.in_sample(Chain((started(state, form),))).chain.links[0]
             found[f"{form.variant} {form.scope}"] = {
-                label: _number(entry) for label, entry in parameters_of(pair, link, []).items()
+                label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()
             }
     return found
 

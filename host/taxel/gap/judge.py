@@ -122,15 +122,17 @@ class Judge:
         """Fitted to all cells."""
         return fit(self.problem(), chain, fixed, iterations)
 
-    def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> Array:
-        """Each part as predicted by a fit to the others, f64[C, F, n]. chain: fitted to all of them."""
+    def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> tuple[Array, tuple[Chain, ...]]:
+        """Each part as predicted by a fit to the others, f64[C, F, n], and these fits. chain: fitted to all of them."""
         result = self.state.mean.copy()
         start = start_of(self.state, chain, fixed)
+        chains = []
         for number in range(int(self.parts.max()) + 1):
             held = self.parts == number
-            fitted = fit(self.problem(~held), chain, fixed, REFITS, start).features
-            result = np.where(held[:, None], fitted, result)
-        return result
+            fitted = fit(self.problem(~held), chain, fixed, REFITS, start)
+            result = np.where(held[:, None], fitted.features, result)
+            chains.append(fitted.chain)
+        return result, tuple(chains)
 
 
 def _folds(cells: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:

@@ -88,6 +88,14 @@ def jackknife(values: Array, whole: float) -> Interval:
     return Interval(whole, whole - half, whole + half, error)
 
 
+def together(first: Interval, other: Interval) -> Interval:
+    """The interval of a value whose error has two independent parts; the first's alone where the other is not known."""
+    if first.high is None or other.high is None:
+        return first
+    half = float(np.hypot(first.high - first.value, other.high - other.value))
+    return Interval(first.value, first.value - half, first.value + half, None)
+
+
 def root(interval: Interval) -> Interval:
     """The interval of a square as that of its root; what is below 0 becomes 0."""
     low, high = (None if end is None else float(np.sqrt(max(end, 0.0))) for end in (interval.low, interval.high))

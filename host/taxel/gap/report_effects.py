@@ -15,7 +15,7 @@ from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, jackknife, measure, shrink_by
+from taxel.gap.metric import Gap, jackknife, measure, shrink_by, together
 from taxel.gap.pair import Pair
 from taxel.gap.report_model import model_of, noise_parts
 from taxel.gap.select import Selection
@@ -35,12 +35,14 @@ def effect_entry(
         return {**entry, "identifiability": identifiable, **_nothing(gap)}
     link = first.link
     inside: list[Link] = []
+    parts: list[Link] = []
     if in_verdict:
         link = next(one for one in selection.chain.links if one.effect.name == name)
         inside = [one for links in held.links for one in links if one.effect.name == name]
+        parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
     features = first.held_features if first.held_features is not None else first.features
     alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
-    found = {**entry, "parameters": parameters_of(pair, link, inside), "where": _acts(pair, link)}
+    found = {**entry, "parameters": parameters_of(pair, link, inside, parts), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         found["parameters"]["log_std"]["value"] = _spread_of_gains(judge, link)
     found["model"] = model_of(judge.state, link)
@@ -63,17 +65,24 @@ def _nothing(gap: Gap) -> dict[str, Any]:
     return shrinks
 
 
-def parameters_of(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
-    """Values, intervals from the sessions' fits (jackknife) and units; per board "name@address"."""
+def parameters_of(pair: Pair, link: Link, inside: list[Link], parts: list[Link]) -> dict[str, Any]:
+    """Values, intervals and units; per board "name@address".
+
+    inside: fits without each session; parts: without each part of presses and taxels. Jackknife variances of both add:
+    sessions tell what scatters, presses how far the model of the effect is right.
+    """
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
     entries: dict[str, Any] = {}
     for row, parameter in enumerate(link.effect.parameters()):
         values = _shown(pair, link, row)
-        left = np.array([_shown(pair, one, row) for one in inside]) if inside else np.zeros((0, len(values)))
+        left, without = (
+            np.array([_shown(pair, one, row) for one in fits]) if fits else np.zeros((0, len(values)))
+            for fits in (inside, parts)
+        )
         for block in _shown_blocks(link):
             label = _label(pair, link, parameter.name, block)
-            interval = jackknife(left[:, block], float(values[block]))
+            interval = together(*(jackknife(own[:, block], float(values[block])) for own in (left, without)))
             entries[label] = {"value": float(values[block]), "ci95": interval.ci95, "unit": parameter.unit}
     if link.effect.name == "gain_mismatch":
         entries = {**_gains(pair, link, inside), **({} if link.effect.scope == TAXEL else entries)}

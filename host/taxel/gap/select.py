@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -77,7 +77,7 @@ Forms = Mapping[str, tuple[Effect, ...]]
 @dataclass(frozen=True, eq=False)
 class Trial:
     """An effect that was tried in a round. link: with fitted values; chain: in which. inside: score where it was
-    fitted; held: score on left-out cells, None where it was not worth it.
+    fitted; held: score on what was left out, None where it was not worth it; parts: the fits without each part.
     """
 
     name: str
@@ -86,6 +86,7 @@ class Trial:
     inside: Score
     held: Score | None = None
     held_features: Array | None = None
+    parts: tuple[Chain, ...] = ()
 
     @property
     def link(self) -> Link:
@@ -110,7 +111,7 @@ class Round:
 @dataclass(frozen=True, eq=False)
 class Selection:
     """chain: what explains the gap. rounds: how it was found. features: in sample; held: on left-out cells,
-    f64[C, F, n]. start, end: scores without and with it, on left-out cells.
+    f64[C, F, n]. start, end: scores without and with it, on what was left out; parts: the fits without each part.
     """
 
     chain: Chain
@@ -119,7 +120,7 @@ class Selection:
     held: Array
     start: Score
     end: Score
-    notes: tuple[str, ...] = field(default=())
+    parts: tuple[Chain, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -156,6 +157,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
     start = judge.score(judge.state.mean)
     chain, base, features, held = Chain(), start, judge.state.mean, judge.state.mean
     rounds: list[Round] = []
+    parts: tuple[Chain, ...] = ()
     for number in range(MOST_EFFECTS):
         progress(number, MOST_EFFECTS)
         this = _round(judge, forms, chain, features, held, base, start, number)
@@ -165,14 +167,15 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         kept = _pruned(judge, this.best, start)
         assert kept.held is not None
         assert kept.held_features is not None
-        chain, features = kept.chain, kept.features
+        chain, features, parts = kept.chain, kept.features, kept.parts
         base, held = kept.held, kept.held_features
     other = _better_set(judge, forms, chain, base, start)
     if other is not None and other.held is not None and other.held_features is not None:
         gain, p_value = other.held.better_than(base)
         rounds.append(Round(base, (other,), other, gain, p_value, True))
         chain, features, base, held = other.chain, other.features, other.held, other.held_features
-    return Selection(chain, tuple(rounds), features, held, start, base)
+        parts = other.parts
+    return Selection(chain, tuple(rounds), features, held, start, base, parts)
 
 
 def _better_set(judge: Judge, forms: Forms, chain: Chain, base: Score, start: Score) -> Trial | None:
@@ -306,10 +309,10 @@ def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
 
 
 def _cross_validated(judge: Judge, trial: Trial) -> Trial:
-    held = judge.cross_validated(trial.chain, FIXED)
+    held, parts = judge.cross_validated(trial.chain, FIXED)
     if trial.name == DROPOUT and len(trial.chain.links) > 1:
         held = _found_elsewhere(judge, trial.chain, held)
-    return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held)
+    return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
 
 
 def _found_elsewhere(judge: Judge, chain: Chain, held: Array) -> Array:
