@@ -7,11 +7,13 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BUILD := build/c
 JOBS := $(shell nproc)
+WORLDS ?= 522
+FULL_HAND ?= 10
 SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-c test-python lint bench firmware generate format clean
+.PHONY: help install demo blind test test-c test-python lint bench firmware generate format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -29,6 +31,9 @@ $(STAMP): $(BIN)/python $(SOURCES)
 
 demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small campaign, the diagnosis, the seal opened
 	@$(BIN)/taxel demo --out out/demo
+
+blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
+	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
 test: lint test-c test-python  ## everything that must pass: style, types, layers, C and Python tests
 

@@ -107,7 +107,7 @@ def _dead(form: str) -> Form:
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
         (board,) = _some(rng, hand)
         taxels = _taxels(hand, board)
-        count = max(2, round(_between(2, 0.3 * len(taxels), strength)))
+        count = max(2, round(_between(3, 0.4 * len(taxels), strength)))
         first = int(rng.choice(len(taxels)))  # neighbours, as where a corner of the layer is off
         places = np.array([hand.position[taxel] for taxel in taxels])
         near = np.argsort(np.linalg.norm(places - places[first], axis=1))[:count].tolist()
@@ -171,7 +171,7 @@ def _late(form: str) -> Form:
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
         lines, truth = [], {}
         for board in _some(rng, hand, 2):
-            seconds = _between(0.05, 0.4, strength)
+            seconds = _between(0.08, 0.5, strength)
             lines.append(f"late {form} seconds={seconds} {_address(board)}")
             truth[f"seconds@{board.address}"] = seconds
         return Cause("latency", f"late {form}", tuple(lines), (), truth if form == "delay" else {})
@@ -184,7 +184,7 @@ def _noise_line(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 def _play(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    width, creep, seconds = _around(rng, 5e-5, 3e-4), _around(rng, 0.05, 0.25), _around(rng, 0.4, 3.0)
+    width, creep, seconds = _around(rng, 1e-4, 4e-4), _around(rng, 0.05, 0.25), _around(rng, 0.4, 3.0)
     return f"fraction={fraction} width_m={width} creep={creep} seconds={seconds}", {}
 
 
@@ -211,17 +211,17 @@ INSIDE: Final = (
     _simple("contact_propagation", "spread pillars", 0.1, 1.5, lambda slope, rng: (f"slope={slope}", {})),
     _simple("electrode_crosstalk", "coupling resistive", 600, 6000, _resistive),
     _simple("electrode_crosstalk", "coupling traces", 4.0, 30.0, _traces),
-    _simple("noise", "noise white", 12, 90, _counts("white_counts")),
-    _simple("noise", "noise line", 8, 60, _noise_line),
-    _simple("noise", "noise pink", 10, 80, lambda size, rng: (f"counts={size} shared={int(rng.integers(2))}", {})),
+    _simple("noise", "noise white", 18, 120, _counts("white_counts")),
+    _simple("noise", "noise line", 15, 90, _noise_line),
+    _simple("noise", "noise pink", 20, 120, lambda size, rng: (f"counts={size} shared={int(rng.integers(2))}", {})),
     _simple("gain_mismatch", "gain electrode", 0.05, 0.35, lambda std, rng: (f"log_std={std}", {"log_std": std})),
     _board_factor("gain_mismatch", "gain idac"),
     _board_factor("stiffness", "modulus board"),
     _simple("stiffness", "modulus taxels", 0.1, 0.7, lambda std, rng: (f"log_std={std}", {})),
-    _simple("baseline_drift", "drift warm_up", 100, 1000, _drifting(60, 400)),
-    _simple("baseline_drift", "drift wander", 15, 150, _drifting(20, 120)),
+    _simple("baseline_drift", "drift warm_up", 200, 1200, _drifting(60, 400)),
+    _simple("baseline_drift", "drift wander", 60, 400, _drifting(20, 120)),
     _simple("hysteresis", "rheology solid", 0.08, 0.7, _solid),
-    _simple("hysteresis", "rheology play", 0.25, 0.9, _play),
+    _simple("hysteresis", "rheology play", 0.4, 0.9, _play),
     _simple("saturation", "saturation clip", 1100, 350, _counts("counts")),
     _simple("saturation", "saturation soft", 6000, 600, _counts("counts")),
     _simple("proximity", "proximity image", 0.03, 0.3, _proximity),
