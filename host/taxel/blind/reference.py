@@ -8,16 +8,12 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.align import common_shift
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain
-from taxel.gap.diagnosis import reduced
-from taxel.gap.features import Layout
 from taxel.gap.fit import started
-from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
 from taxel.gap.report_effects import parameters_of
-from taxel.gap.state import state_of
 
 
 def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str, float]]:
@@ -27,16 +23,12 @@ def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str
     """
     with threadpool_limits(limits=1):
         pair = read_pair(real, sim)
-        layout = Layout.of(pair.clock)
-        sessions, mean, _ = reduced(pair, layout)
-        state = state_of(pair, layout, mean)
-        state = state.shifted(common_shift(Judge(state, sessions, layout)))
-        judge = Judge(state, sessions, layout)
+        judge = prepared(pair).judge
         found: dict[str, dict[str, float]] = {}
         for form in CATALOGUE[name]:
-            if form.unavailable(state):
+            if form.unavailable(judge.state):
                 continue
-            link = judge.in_sample(Chain((started(state, form),))).chain.links[0]
+            link = judge.in_sample(Chain((started(judge.state, form),))).chain.links[0]
             found[f"{form.variant} {form.scope}"] = {
                 label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()
             }

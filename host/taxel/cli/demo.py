@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from taxel.blind.grasp_world import GraspWorld, drawn_grasp_world, make_grasps, small_plans
 from taxel.blind.lane import Lane
 from taxel.blind.seal import check, commitment
 from taxel.cli.gap_summary import print_summary
+from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.page import unrolled_png, write_page
 
@@ -62,18 +64,8 @@ def demo(
 def _grasp(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
     counts = [len(plan) for plan in small_plans(world.seed)]
     console.print(f"[bold]2. {counts[0]} grasps by that hand, {counts[1]} in the simulator[/bold]")
-    columns = (TextColumn("{task.description:<14}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
-        tasks = [
-            progress.add_task(name, total=count, start=False)
-            for name, count in zip(("emulated hand", "simulator"), counts, strict=True)
-        ]
-
-        def show(number: int, done: int, total: int) -> None:
-            progress.start_task(tasks[number])
-            progress.update(tasks[number], completed=done, total=total)
-
-        shows = (lambda done, total: show(0, done, total), lambda done, total: show(1, done, total))
+    with stage_bars(console) as show:
+        shows = (partial(show, "emulated hand"), partial(show, "simulator"))
         make_grasps(world, real, sim, shows, jobs)
 
 

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from taxel.cli.gap_apply import apply
 from taxel.cli.gap_blind import blind
 from taxel.cli.gap_next import next_press
 from taxel.cli.gap_summary import print_summary
+from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.page import write_page
@@ -24,6 +24,7 @@ gap_app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+gap_app.command()(apply)
 gap_app.command()(blind)
 gap_app.command(name="next")(next_press)
 
@@ -50,8 +51,8 @@ def diagnose(
         if path.exists() and not overwrite:
             raise TaxelError(f"{path}: exists already; choose another --out or --overwrite it")
     console = Console(stderr=as_json)
-    with _Bars(console) as bars:
-        diagnosis = run(real, sim, without or (), seed, bars.show, read_priors(priors) if priors else {})
+    with stage_bars(console) as show:
+        diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {})
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
     report.write_text(text)
@@ -61,30 +62,3 @@ def diagnose(
     else:
         print_summary(console, diagnosis.report)
         console.print(f"report: {page}", highlight=False)
-
-
-gap_app.command()(apply)
-
-
-class _Bars:
-    """A progress bar a stage."""
-
-    def __init__(self, console: Console) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
-        )
-        self._stage = ""
-
-    def show(self, stage: str, done: int, total: int) -> None:
-        """How far a stage is."""
-        if stage != self._stage:
-            self._stage = stage
-            self._task = self._progress.add_task(stage, total=total)
-        self._progress.update(self._task, completed=done, total=total)
-
-    def __enter__(self) -> _Bars:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()

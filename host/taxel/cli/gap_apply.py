@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.apply import Applied, apply_report, resimulate
-from taxel.gap.diagnosis import Show, quiet
 
 
 def apply(
@@ -38,7 +34,7 @@ def apply(
     if resim:
         done = resimulate(report, sim, out, resim, overwrite=overwrite)
     else:
-        with _bars(as_json) as show:
+        with stage_bars(hidden=as_json) as show:
             done = apply_report(report, sim, out, seed=seed, overwrite=overwrite, show=show)
     _say(done, as_json)
 
@@ -51,16 +47,3 @@ def _say(done: Applied, as_json: bool) -> None:
         print(f"{done.path}: with {', '.join(name.replace('_', ' ') for name in done.effects)}")
     for note in done.notes:
         print(f"note: {note}")
-
-
-@contextmanager
-def _bars(silent: bool) -> Iterator[Show]:
-    """A progress bar a stage."""
-    console = Console(stderr=True)
-    if silent or not console.is_terminal:
-        yield quiet
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("")
-        yield lambda stage, done, total: progress.update(task, description=stage, completed=done, total=total)

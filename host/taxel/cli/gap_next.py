@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from threadpoolctl import threadpool_limits
 
+from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
-from taxel.gap.diagnosis import Show, quiet
+from taxel.gap.diagnosis import Show
 from taxel.gap.next_press import MOST_PRESSES, NextPresses, next_presses
 from taxel.gap.press_reading import unrecorded
 from taxel.gap.press_report import findings_in, findings_of_pair
@@ -43,7 +41,7 @@ def next_press(
         raise TaxelError(f"--top: expected 1 or more, found {top}")
     if sim is None and real.suffix in (".h5", ".hdf5"):
         raise TaxelError(f"SIM.h5: expected the simulation beside {real}, found none; give both, or a report.json")
-    with _bars(as_json) as show, threadpool_limits(limits=1):
+    with stage_bars(hidden=as_json) as show, threadpool_limits(limits=1):
         findings = findings_in(real, show) if sim is None else findings_of_pair(real, sim, show)
         more, notes = _more(findings.judge.state, candidates or [], show)
         show("ranking", 0, 1)
@@ -77,16 +75,3 @@ def _say(found: NextPresses, notes: Sequence[str]) -> None:
         print(f"     {one.why}")
     for note in notes:
         print(f"note: {note}")
-
-
-@contextmanager
-def _bars(silent: bool) -> Iterator[Show]:
-    """A progress bar a stage."""
-    console = Console(stderr=True)
-    if silent or not console.is_terminal:
-        yield quiet
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("")
-        yield lambda stage, done, total: progress.update(task, description=stage, completed=done, total=total)

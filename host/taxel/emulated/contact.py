@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.resources
 import os
 import re
 import sys
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
+from taxel.native_library import load_library
 
 LOAD_VALUES = 42
 """Of a board: force and moment (6), stiffness (6 x 6)."""
@@ -42,13 +42,7 @@ class ContactLoad(NamedTuple):
 @cache
 def contact_library() -> ctypes.CDLL:
     """The loaded library. Raises `ContactLibraryError` if it was not built."""
-    path = importlib.resources.files("taxel") / "native" / "libtaxel_contact.so"
-    try:
-        library = ctypes.CDLL(str(path))
-    except OSError as error:
-        raise ContactLibraryError(
-            "the compiled contact library is missing from the package; install taxel again (pip install .)"
-        ) from error
+    library = load_library("taxel_contact", "the compiled contact library", ContactLibraryError)
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     library.taxel_contact_open.argtypes, library.taxel_contact_open.restype = [ctypes.c_char_p], pointer
     library.taxel_contact_close.argtypes, library.taxel_contact_close.restype = [pointer], None

@@ -9,27 +9,23 @@ from os import PathLike
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.align import common_shift
 from taxel.gap.attribution import attribute
 from taxel.gap.catalogue import chosen
 from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.held_out import HeldOut, held_out
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, measure, terms, total
+from taxel.gap.metric import Gap, measure
 from taxel.gap.pair import Pair, read_pair
+from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
 from taxel.gap.report import report_of
 from taxel.gap.select import MOST_EFFECTS, Selection, select
-from taxel.gap.state import state_of
 from taxel.gap.thesis_terms import thesis_terms
 from taxel.gap.verdict import Verdict, judge_verdict
 
-Array = NDArray[np.float64]
 Show = Callable[[str, int, int], None]
 
 
@@ -69,12 +65,8 @@ def diagnose(
     forms = chosen(without, priors)
     with threadpool_limits(limits=1):  # small products: threads would only wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
-        layout = Layout.of(pair.clock)
-        real, mean, simulated2 = reduced(pair, layout)
-        state = state_of(pair, layout, mean)
-        shift = common_shift(Judge(state, real, layout))
-        state = state.shifted(shift)
-        judge = Judge(state, real, layout)
+        judge, simulated2 = prepared(pair)
+        state, real, layout = judge.state, judge.sessions, judge.layout
         selection = select(judge, forms, lambda number, total: show("searching", number, total))
         gap = measure(real, state.mean, layout)
         show("searching", MOST_EFFECTS, MOST_EFFECTS)
@@ -85,22 +77,9 @@ def diagnose(
         report = report_of(judge, gap, selection, held, told, verdict, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
-        report["notes"] = [f"frames of the hand were taken {1e3 * shift:.0f} ms later than those of the simulator"]
+        report["notes"] = [
+            f"frames of the hand were taken {1e3 * state.shift_s:.0f} ms later than those of the simulator"
+        ]
         report["runtime_s"] = time.perf_counter() - began
         show("holding out", 1, 1)
     return Diagnosis(pair, layout, real, judge, gap, selection, held, verdict, report)
-
-
-def reduced(pair: Pair, layout: Layout) -> tuple[SessionMeans, Array, float]:
-    """The real sessions' means, and the simulator's features, f64[C, F, n]; by how much its means scatter from session
-    to session, counts^2: 0 for a simulator, which has one.
-    """
-    untouched = untouched_cells(pair)
-    cells = len(pair.cells)
-    real = session_means(features_of(pair, pair.real, layout, untouched), pair.real, cells, pair.sessions, layout)
-    simulated = features_of(pair, pair.sim, layout, untouched)
-    sessions = np.unique(pair.sim.session)
-    means = session_means(simulated, pair.sim, cells, sessions, layout)
-    mean = np.nan_to_num(known_mean(means.value, 1))
-    scatter2 = total(terms(means, mean, layout).floor2) if len(sessions) > 2 else 0.0
-    return real, mean, scatter2

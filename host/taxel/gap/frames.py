@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
 from taxel.gap.features import Layout
-from taxel.gap.pair import Pair
-from taxel.gap.reading import Groups, Recording
+from taxel.gap.pair import Pair, grouped
+from taxel.gap.reading import Recording, require_hold
 from taxel.gap.state import Signal, State
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
@@ -49,10 +49,7 @@ class FrameStates:
     """The states of a simulation's grasps. data: with source "sim", open."""
 
     def __init__(self, data: GraspDataset) -> None:
-        taxels, sensors = data.taxels, data.sensors
-        board = sensors.index_of(taxels)
-        tx_line = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
-        self._data, self._groups = data, Groups(board, tx_line, taxels.rx_line)
+        self._data, self._groups = data, grouped(data.taxels, data.sensors)
 
     def of(self, grasp: Grasp) -> State:
         """The state of a grasp's `moving` frames; what only features need is empty.
@@ -61,13 +58,12 @@ class FrameStates:
         """
         assert grasp.contact_force is not None  # a simulation has them
         assert grasp.separation is not None
-        where = f"{self._data.path}: /grasps/{grasp.id}"
-        if not (grasp.phase == Phase.HOLD).any():
-            raise GapInputError(f"{where}/phase", "frames of hold (phase 2)", "none", "leave this grasp out")
+        require_hold(grasp, str(self._data.path))
         own = moving(grasp)
         clock = FrameClock.at(grasp.timestamp[own], grasp.phase[own])
         if not clock.since_start[-1] > 0.0:
-            raise GapInputError(f"{where}/timestamp", "time that passes from closing on", "none", "correct the file")
+            where = f"{self._data.path}: /grasps/{grasp.id}/timestamp"
+            raise GapInputError(where, "time that passes from closing on", "none", "correct the file")
         base = Signal(grasp.contact_force[None, own], grasp.separation[None, own], None)
         layout, pair = Layout.of(clock), self._pair(grasp, clock)
         return State(pair, layout, clock, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))

@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from taxel.gap.chain import Chain
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.fit import ITERATIONS, Fit, Problem, fit, start_of
-from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
+from taxel.gap.metric import jackknife_error, leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.state import State
 
@@ -27,6 +27,9 @@ FOLDS: Final = 16
 
 MODEL_SHARE: Final = 0.04
 """Relative error of a good simulator's drop: two solvers of one contact differ by as much at least."""
+
+NOISE_SHARE: Final = 0.05
+"""The same of its noise."""
 
 TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "wander": 2.0}
 """And its absolute error."""
@@ -61,7 +64,7 @@ class Score:
         count = len(steps)
         if count < 3:
             return gain, 0.5 if gain > 0 else 1.0
-        error = float(np.sqrt((count - 1) / count * np.sum((steps - steps.mean()) ** 2)))
+        error = float(jackknife_error(steps))
         if error <= 0:
             return gain, 0.0 if gain > 0 else 1.0
         return gain, float(student.sf(gain / error, count - 1))
@@ -82,14 +85,7 @@ class Judge:
         model, layout = self.state.mean, self.layout
         between = np.nan_to_num(real.variance) / np.maximum(real.known.sum(axis=1), 1)
         pooled = 0.5 * between + 0.5 * between.mean(axis=0)
-        tolerance = np.full(model.shape, TOLERANCE_COUNTS["drop"])
-        expected = np.maximum(np.abs(model[:, : layout.bins]), np.abs(self.target[:, : layout.bins]))
-        tolerance[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["drop"], MODEL_SHARE * expected)
-        tolerance[:, layout.noise] = np.hypot(TOLERANCE_COUNTS["noise"], 0.05 * model[:, layout.noise])
-        tolerance[:, layout.missing] = TOLERANCE_COUNTS["missing"]
-        tolerance[:, layout.onset] = TOLERANCE_COUNTS["onset"]
-        tolerance[:, layout.wander] = TOLERANCE_COUNTS["wander"]
-        weight = layout.weight[:, None] / (pooled + tolerance**2)
+        weight = layout.weight[:, None] / (pooled + tolerance2(layout, model, self.target))
         return np.where(real.known.any(axis=1), weight, 0.0)
 
     def problem(self, part: NDArray[np.bool_] | None = None) -> Problem:
@@ -133,6 +129,19 @@ class Judge:
             result = np.where(held[:, None], fitted.features, result)
             chains.append(fitted.chain)
         return result, tuple(chains)
+
+
+def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:
+    """Squared error of an imperfect solver, counts^2, f64[C, F, n]. model, expected: features, of the simulator and of
+    what it should be.
+    """
+    error = np.full(model.shape, TOLERANCE_COUNTS["drop"])
+    drop = np.maximum(np.abs(model), np.abs(expected))[:, : layout.bins]
+    error[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["drop"], MODEL_SHARE * drop)
+    error[:, layout.noise] = np.hypot(TOLERANCE_COUNTS["noise"], NOISE_SHARE * model[:, layout.noise])
+    for name in ("missing", "onset", "wander"):
+        error[:, getattr(layout, name)] = TOLERANCE_COUNTS[name]
+    return np.asarray(error**2)
 
 
 def _folds(cells: tuple[tuple[str, str], ...]) -> NDArray[np.intp]:

@@ -78,12 +78,18 @@ def total(term: Array) -> float:
     return float(term.sum(axis=1).mean())
 
 
+def jackknife_error(values: Array) -> Array:
+    """Standard error of what was worked out without one of its S parts each (Tukey 1958). values: f64[S, ...]."""
+    count = len(values)
+    return np.asarray(np.sqrt((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
+
+
 def jackknife(values: Array, whole: float) -> Interval:
     """T interval on the jackknife over sessions (Tukey 1958). values: f64[S], each without one session."""
     count = len(values)
     if count < 3:
         return Interval(whole, None, None, None)
-    error = float(np.sqrt((count - 1) / count * np.sum((values - values.mean()) ** 2)))
+    error = float(jackknife_error(values))
     half = float(student.ppf(0.975, count - 1)) * error
     return Interval(whole, whole - half, whole + half, error)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
-from taxel.gap.reading import Groups, Progress, Recording, read_recording
+from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
@@ -86,10 +86,10 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         columns = check_tables(real, sim)
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
         clock, rate = _clock(((real, made), (sim, simulated)))
-        groups = _groups(real.taxels, real.sensors)
+        groups = grouped(real.taxels, real.sensors)
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
-        firsts = [_first(simulated, key) for key in cells]
+        poses = first_poses(simulated, cells, columns)
         first = read_recording(
             real, made, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
         )
@@ -107,8 +107,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             second,
             sim.sensor_model,
             dict(real.objects),
-            np.stack([sensor_pose[columns] for sensor_pose, _ in firsts]),
-            np.stack([object_pose for _, object_pose in firsts]),
+            *poses,
             (str(real_path), str(sim_path)),
             (_digest(real.path), _digest(sim.path)),
             tuple(losses + _further_losses(first, second)),
@@ -142,10 +141,13 @@ def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
     return np.array([own.index(address) for address in real.sensors.address.tolist()], dtype=np.intp)
 
 
-def _first(grasps: Sequence[Grasp], key: Key) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Poses of a cell's first grasp: brackets f64[s, 4, 4], object f64[4, 4]."""
-    grasp = next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key)
-    return grasp.sensor_pose, grasp.object_pose
+def first_poses(
+    grasps: Sequence[Grasp], cells: Sequence[Key], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Poses of each cell's first grasp: brackets f64[C, s, 4, 4] in the order of `columns`, objects f64[C, 4, 4]."""
+    firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in cells]
+    brackets = np.stack([grasp.sensor_pose[columns] for grasp in firsts])
+    return brackets, np.stack([grasp.object_pose for grasp in firsts])
 
 
 def _common_cells(
@@ -175,6 +177,7 @@ def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock
     rate = np.inf
     for data, grasps in sides:
         for grasp in grasps:
+            require_hold(grasp, str(data.path))
             time, phase = grasp.timestamp, grasp.phase
             step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
             if step > 0:
@@ -184,14 +187,15 @@ def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock
                 lasts = float(own[-1] - own[0] + step) if len(own) else 0.0
                 durations[wanted] = min(durations.get(wanted, np.inf), lasts)
             if durations[Phase.HOLD] <= 0:
-                where = f"{data.path}: /grasps/{grasp.id}/phase"
-                raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
+                where = f"{data.path}: /grasps/{grasp.id}/timestamp"
+                raise GapInputError(where, "time that passes in hold", "none", "correct the file")
     usable = {phase: lasts for phase, lasts in durations.items() if lasts > 0}
     rate = rate if np.isfinite(rate) else 1.0
     return Clock.of(usable, rate), rate
 
 
-def _groups(taxels: TaxelTable, sensors: SensorTable) -> Groups:
+def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:
+    """Which taxels of a hand belong together."""
     board = sensors.index_of(taxels)
     tx = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
     rx = np.unique(board * 256 + taxels.rx, return_inverse=True)[1]

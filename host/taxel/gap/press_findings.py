@@ -13,6 +13,7 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect
 from taxel.gap.fit import fit, started
 from taxel.gap.judge import REFITS, Judge
+from taxel.gap.metric import jackknife_error
 from taxel.gap.pair import Pair
 from taxel.gap.select import FIXED, Forms, Selection
 
@@ -134,11 +135,7 @@ def values_of(findings: Findings) -> Values:
 
 def _errors(inside: Sequence[Array], row: int, count: int) -> Array:
     """Jackknife over sessions (Tukey 1958), f64[count]; NaN below three."""
-    sessions = len(inside)
-    if sessions < 3:
-        return np.full(count, np.nan)
-    values = np.array([one[row] for one in inside])
-    return np.asarray(np.sqrt((sessions - 1) / sessions * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
+    return jackknife_error(np.array([one[row] for one in inside])) if len(inside) > 2 else np.full(count, np.nan)
 
 
 def _label(pair: Pair, link: Link, parameter: str, block: int) -> str:

@@ -6,18 +6,15 @@ from collections.abc import Collection
 from dataclasses import replace
 from os import PathLike
 
-import numpy as np
-
 from taxel.errors import TaxelError
 from taxel.gap.errors import GapInputError
-from taxel.gap.features import features_of, known_mean, session_means, untouched_cells
-from taxel.gap.pair import Key, check_tables, silent
-from taxel.gap.reading import Progress, read_recording
-from taxel.gap.state import State, state_of
+from taxel.gap.pair import Key, check_tables, first_poses, silent
+from taxel.gap.prepare import means_of, simulated_state
+from taxel.gap.reading import Progress, read_recording, require_hold
+from taxel.gap.state import State
 from taxel.hand.errors import shown_path
-from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import SIM, Phase
+from taxel.recording.grasp_format import SIM
 
 
 def unrecorded(
@@ -39,23 +36,15 @@ def unrecorded(
         if not grasps:
             return None
         for grasp in grasps:
-            _check(grasp, name)
+            require_hold(grasp, name)
         cells = tuple(sorted({(grasp.object, grasp.approach) for grasp in grasps}))
-        firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in cells]
-        new = replace(
-            pair,
-            cells=cells,
-            objects={**pair.objects, **more.objects},
-            sensor_poses=np.stack([grasp.sensor_pose[columns] for grasp in firsts]),
-            object_poses=np.stack([grasp.object_pose for grasp in firsts]),
-        )
+        brackets, objects = first_poses(grasps, cells, columns)
+        meshes = {**pair.objects, **more.objects}
+        new = replace(pair, cells=cells, objects=meshes, sensor_poses=brackets, object_poses=objects)
         numbers = {key: index for index, key in enumerate(cells)}
         recording = read_recording(more, grasps, numbers, pair.clock, pair.groups, columns, progress)
     new = replace(new, real=recording, sim=recording)
-    sessions, layout = np.unique(recording.session), state.layout
-    features = features_of(new, recording, layout, untouched_cells(new))
-    mean = known_mean(session_means(features, recording, len(cells), sessions, layout).value, 1)
-    return state_of(new, layout, np.nan_to_num(mean)).shifted(state.shift_s)
+    return simulated_state(new, means_of(new, recording, state.layout), state.layout).shifted(state.shift_s)
 
 
 def left_out(state: State) -> list[State]:
@@ -67,9 +56,3 @@ def left_out(state: State) -> list[State]:
     except TaxelError:
         return []
     return [] if more is None else [more]
-
-
-def _check(grasp: Grasp, name: str) -> None:
-    if not (grasp.phase == Phase.HOLD).any():
-        where = f"{name}: /grasps/{grasp.id}/phase"
-        raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")

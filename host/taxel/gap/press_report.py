@@ -9,24 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.gap.align import common_shift
 from taxel.gap.catalogue import CATALOGUE, DROPOUT
 from taxel.gap.chain import Chain, Link
-from taxel.gap.diagnosis import Show, diagnose, quiet, reduced
+from taxel.gap.diagnosis import Show, diagnose, quiet
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.errors import GapInputError
-from taxel.gap.features import Layout
 from taxel.gap.fit import started
 from taxel.gap.held_out import held_out
 from taxel.gap.judge import Judge
 from taxel.gap.page.fields import Value
 from taxel.gap.page.report import Report
 from taxel.gap.pair import Pair, read_pair
+from taxel.gap.prepare import prepared
 from taxel.gap.press_findings import Findings, findings_of, pairs_of, rivals_of
 from taxel.gap.report_model import block_names
 from taxel.gap.report_reading import ReportedEffect, ReportedGap, read_report
-from taxel.gap.state import State, state_of
+from taxel.gap.state import State
 from taxel.hand.errors import shown, shown_path
 
 AGAIN = "make the report again with taxel gap diagnose"
@@ -49,11 +48,8 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
     reported = read_report(path)
     report = Report(json.loads(Path(path).read_bytes()))
     pair = _pair(report, reported, show)
-    layout = Layout.of(pair.clock)
-    real, mean, _ = reduced(pair, layout)
-    state = state_of(pair, layout, mean)
-    state = state.shifted(common_shift(Judge(state, real, layout)))
-    judge = Judge(state, real, layout)
+    judge = prepared(pair).judge
+    state = judge.state
     chain = Chain.of([_link(state, one, reported) for one in reported.effects if one.name != DROPOUT])
     if any(one.name == DROPOUT for one in reported.effects):
         chain = chain.with_link(_dropped(judge, chain))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.features import Layout
-from taxel.gap.judge import MODEL_SHARE, TOLERANCE_COUNTS, Judge
+from taxel.gap.judge import Judge, tolerance2
 from taxel.gap.state import TOUCHED_COUNTS
 
 Array = NDArray[np.float64]
@@ -53,14 +53,3 @@ class Scatter:
             variance = np.maximum(self.layout.weight[:, None] / judge.weight - error2, 0.0)
         twice = self.layout.weight[:, None] / (0.5 * variance + error2)
         return np.where(judge.weight > 0.0, np.maximum(twice - judge.weight, 0.0), 0.0)
-
-
-def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:
-    """Squared error of an imperfect solver, counts^2, as `taxel.gap.judge` has it; f64[C, F, n]."""
-    error = np.full(model.shape, TOLERANCE_COUNTS["drop"])
-    drop = np.maximum(np.abs(model), np.abs(expected))[:, : layout.bins]
-    error[:, : layout.bins] = np.hypot(TOLERANCE_COUNTS["drop"], MODEL_SHARE * drop)
-    error[:, layout.noise] = np.hypot(TOLERANCE_COUNTS["noise"], 0.05 * model[:, layout.noise])
-    for name in ("missing", "onset", "wander"):
-        error[:, getattr(layout, name)] = TOLERANCE_COUNTS[name]
-    return np.asarray(error**2)

@@ -169,6 +169,13 @@ def since_phase_began(time_s: Array, phase: NDArray[np.uint8]) -> Array:
     return since
 
 
+def require_hold(grasp: Grasp, path: str) -> None:
+    """Raises GapInputError for a grasp without frames of hold: nothing of it could be compared."""
+    if not (grasp.phase == Phase.HOLD).any():
+        where = f"{path}: /grasps/{grasp.id}/phase"
+        raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
+
+
 def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> int:
     """How many baseline frames every sensor that is not missing has, 100 at most. Raises GapInputError below 10."""
     counts = (valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)

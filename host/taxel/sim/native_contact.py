@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.resources
 from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import sheet_of
 from taxel.hand.transforms import FloatArray
+from taxel.native_library import load_library
 from taxel.sim.soft_contact import DEEPEST_M, PARTS, LayerLaw, SoftLoad
 
 NEAR_M = 0.001
@@ -65,13 +65,7 @@ class _Layer(ctypes.Structure):
 @cache
 def sim_library() -> ctypes.CDLL:
     """The loaded library. Raises `SimLibraryError` if it was not built."""
-    path = importlib.resources.files("taxel") / "native" / "libtaxel_sim.so"
-    try:
-        library = ctypes.CDLL(str(path))
-    except OSError as error:
-        raise SimLibraryError(
-            "the simulator's compiled library is missing from the package; install taxel again (pip install .)"
-        ) from error
+    library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
     library.sim_layer_struct_size.restype = ctypes.c_size_t
     library.sim_layer_load.argtypes = [ctypes.c_void_p] * 6
     library.sim_layer_load.restype = None

@@ -1,10 +1,10 @@
 """The C codec library inside the installed package, called through ctypes."""
 
 import ctypes
-import importlib.resources
 from functools import cache
 
 from taxel.errors import TaxelError
+from taxel.native_library import load_library
 
 
 class NativeLibraryError(TaxelError):
@@ -36,13 +36,7 @@ class BatchOutput(ctypes.Structure):
 @cache
 def codec_library() -> ctypes.CDLL:
     """The loaded library. Raises `NativeLibraryError` if it was not built."""
-    path = importlib.resources.files("taxel") / "native" / "libtaxel_codec.so"
-    try:
-        library = ctypes.CDLL(str(path))
-    except OSError as error:
-        raise NativeLibraryError(
-            "the compiled codec is missing from the package; install taxel again (pip install .)"
-        ) from error
+    library = load_library("taxel_codec", "the compiled codec", NativeLibraryError)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     library.taxel_batch_struct_size.restype = size
     library.taxel_batch_row_size.restype = size

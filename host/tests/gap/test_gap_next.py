@@ -13,23 +13,21 @@ import pytest
 from taxel.cli import main as command
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
-from taxel.gap.diagnosis import reduced
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.features import Layout
 from taxel.gap.identify import likenesses
 from taxel.gap.judge import Judge
 from taxel.gap.next_press import next_presses
 from taxel.gap.page import write_page
 from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
 from taxel.gap.press_findings import Findings, rivals_of
 from taxel.gap.press_information import Felt, Known
 from taxel.gap.press_reading import unrecorded
 from taxel.gap.press_scatter import Scatter
 from taxel.gap.presses import batches
-from taxel.gap.state import state_of
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
 LITTLE_N = 0.15
@@ -48,9 +46,7 @@ def late(force, drop):
 
 def judge_of(paths) -> Judge:
     pair = read_pair(*paths)
-    layout = Layout.of(pair.clock)
-    real, mean, _ = reduced(pair, layout)
-    return Judge(state_of(pair, layout, mean), real, layout)
+    return prepared(pair).judge
 
 
 def findings_of(judge, link, *others) -> Findings:

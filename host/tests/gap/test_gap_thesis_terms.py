@@ -10,13 +10,11 @@ import pytest
 
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.diagnosis import reduced
-from taxel.gap.features import Layout
 from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
 from taxel.gap.select import Round, Selection, Trial, select
-from taxel.gap.state import state_of
 from taxel.gap.thesis_terms import GRASPS, OTHER_SOR, Sor, outliers, sor_of, thesis_terms
 from taxel.recording.grasp_format import Phase
 
@@ -28,9 +26,7 @@ NOTHING = Selection(None, (), None, None, None, None)  # nothing was tried: what
 
 def judged(paths, change=lambda pair: pair) -> Judge:
     pair = change(read_pair(*paths))
-    layout = Layout.of(pair.clock)
-    real, mean = reduced(pair, layout)[:2]
-    return Judge(state_of(pair, layout, mean), real, layout)
+    return prepared(pair).judge
 
 
 def told(paths, change=lambda pair: pair) -> list[dict]:
