@@ -86,7 +86,7 @@ class Answer:
     floor: float = 1.0
     runtime_s: float = 0.0
     shrink: tuple[float, float] | None = None
-    rivals: Mapping[str, str] = field(default_factory=dict)
+    simpler: Mapping[str, str] = field(default_factory=dict)
     parameters: tuple[Compared, ...] = ()
     found_places: bool | None = None
     without: Named | None = None
@@ -146,7 +146,7 @@ def _answer(world: World, folder: Path, reference: dict[str, dict[str, float]]) 
         floor=float(report["gap"]["floor"]),
         runtime_s=float(report["runtime_s"]),
         shrink=(float(after["predicted_shrink"]), float(after["shrink"])) if promises else None,
-        rivals=report["rivals"],
+        simpler=report["simpler"],
         parameters=_compared(world, report["effects"], reference),
         blindfold=report["blindfold"],
     )

@@ -26,7 +26,7 @@ FORBIDDEN: Final = (
 )
 """Modules that know how worlds are made; of `taxel.blind` all but `ALLOWED_HERE`."""
 
-ALLOWED_HERE: Final = ("blindfold", "diagnosing", "landlock", "rivals")
+ALLOWED_HERE: Final = ("blindfold", "diagnosing", "landlock", "simpler")
 
 SYSTEM: Final = (
     "/dev/null",

@@ -23,12 +23,12 @@ def main(folder: str, *sealed: str) -> int:
 
 
 def _answer(job: dict[str, Any], seen_by: str) -> dict[str, str]:
-    from taxel.blind.rivals import rival_answers
+    from taxel.blind.simpler import simpler_answers
     from taxel.gap.diagnosis import diagnose
 
     try:
         done = diagnose(job["real"], job["sim"], job["without"], job["seed"])
-        report = {**done.report, "rivals": rival_answers(done), "blindfold": seen_by}
+        report = {**done.report, "simpler": simpler_answers(done), "blindfold": seen_by}
         Path(job["out"]).write_text(json.dumps(report, allow_nan=False))
     except Exception as error:  # a world that breaks the diagnosis is a wrong answer, and the check goes on
         return {"error": f"{type(error).__name__}: {error}"}

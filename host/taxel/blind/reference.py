@@ -13,7 +13,7 @@ from taxel.gap.chain import Chain
 from taxel.gap.fit import started
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.report_effects import parameters_of
+from taxel.gap.report.effects import parameters_of
 
 
 def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str, float]]:

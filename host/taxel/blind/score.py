@@ -12,7 +12,7 @@ import numpy as np
 from taxel.blind.answers import Answer, Named
 from taxel.blind.hidden import UNKNOWN
 from taxel.blind.kinds import ACTS_LIKE, NAMES
-from taxel.blind.rivals import NO_GAP
+from taxel.blind.simpler import NO_GAP
 
 RATIOS: Final = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, np.inf)
 """Bounds of gap over floor between which accuracy is told."""
@@ -78,7 +78,7 @@ def _of(answers: Sequence[Answer]) -> dict[str, Any]:
         "seeds": share(not one.error and _same(other, one.named) for one in answers for other in one.seeds),
         "runtime_s": _spread([one.runtime_s for one in answers if not one.error]),
         "confusion": _confusion(answers),
-        "rivals": _rivals(answers, single),
+        "simpler": _simpler(answers, single),
     }
 
 
@@ -207,11 +207,11 @@ def _said(named: Named) -> str:
     return named.effects[0] if named.effects else named.status
 
 
-def _rivals(answers: Sequence[Answer], single: Sequence[Answer]) -> dict[str, Any]:
+def _simpler(answers: Sequence[Answer], single: Sequence[Answer]) -> dict[str, Any]:
     """Simpler diagnosers on the single worlds, and what becomes of a diagnosis whose simulation is the wrong one."""
     shuffled = [one.shuffled for one in answers if one.shuffled is not None]
     named = {
-        name: share(one.rivals.get(name) == one.world.hidden.names[0] for one in single)
+        name: share(one.simpler.get(name) == one.world.hidden.names[0] for one in single)
         for name in ("rules", "effect_blind")
     }
     return {

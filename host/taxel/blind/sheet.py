@@ -46,7 +46,7 @@ def _part(part: Mapping[str, Any]) -> list[str]:
         "Deleted from the catalogue: reported unknown": _table(part["unknown_withheld_each"], "effect"),
         "Parameters": _parameters(part["parameters"]["each"]),
         "Truth against what was named first": _confusion(part["confusion"]),
-        "Simpler diagnosers": _rivals(part),
+        "Simpler diagnosers": _simpler(part),
         "Worlds that gave no report": [f"- {text}" for text in part["errors"]],
     }
     for heading, own in sections.items():
@@ -141,7 +141,7 @@ def _count(number: int) -> str:
     return str(number) if number else ""
 
 
-_RIVALS: Sequence[tuple[str, str]] = (
+_SIMPLER: Sequence[tuple[str, str]] = (
     ("rules", "a check list (largest disagreement first): single effects named"),
     ("effect_blind", "one that knows only that there is a gap: single effects named"),
     (
@@ -151,9 +151,9 @@ _RIVALS: Sequence[tuple[str, str]] = (
 )
 
 
-def _rivals(part: Mapping[str, Any]) -> list[str]:
+def _simpler(part: Mapping[str, Any]) -> list[str]:
     return [
-        f"- {title}: {_percent(part['rivals'][key]['share'])} of {part['rivals'][key]['of']}."
-        for key, title in _RIVALS
-        if part["rivals"][key]["of"]
+        f"- {title}: {_percent(part['simpler'][key]['share'])} of {part['simpler'][key]['of']}."
+        for key, title in _SIMPLER
+        if part["simpler"][key]["of"]
     ]

@@ -10,7 +10,7 @@ import typer
 
 from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
-from taxel.gap.apply import Applied, apply_report, resimulate
+from taxel.gap.adding.apply import Applied, apply_report, resimulate
 
 
 def apply(

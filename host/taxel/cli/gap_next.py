@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import Show
-from taxel.gap.next_press import MOST_PRESSES, NextPresses, next_presses
-from taxel.gap.press_reading import unrecorded
-from taxel.gap.press_report import findings_in, findings_of_pair
+from taxel.gap.presses.from_report import findings_in, findings_of_pair
+from taxel.gap.presses.ranking import MOST_PRESSES, NextPresses, next_presses
+from taxel.gap.presses.unrecorded import unrecorded
 from taxel.gap.state import State
 
 

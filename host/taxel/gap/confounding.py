@@ -18,31 +18,31 @@ WIDE_NARROW: Final = "the same force with a narrow and with a wide object"
 
 
 @dataclass(frozen=True)
-class Pair:
+class Alike:
     """What two effects that look alike still tell together, and the press that would separate them."""
 
     combination: str
     press: str
 
 
-PAIRS: Final[Mapping[frozenset[str], Pair]] = {
-    frozenset({"gain_mismatch", "stiffness"}): Pair("the slope of drop over force: gain / half_force_scale", LADDER),
-    frozenset({"gain_mismatch", "saturation"}): Pair("the drop at the forces that were pressed", LADDER),
-    frozenset({"stiffness", "saturation"}): Pair("the drop at the forces that were pressed", LADDER),
-    frozenset({"contact_propagation", "electrode_crosstalk"}): Pair("how much taxels beside a press drop", ALONG_LINE),
-    frozenset({"contact_propagation", "proximity"}): Pair("how much taxels beside a press drop", AFAR),
-    frozenset({"electrode_crosstalk", "proximity"}): Pair("how much taxels beside a press drop", AFAR),
-    frozenset({"contact_propagation", "pose_error"}): Pair("where the drops lie in hold", TURNED),
-    frozenset({"gain_mismatch", "pose_error"}): Pair("the drops of these spots in hold", TURNED),
-    frozenset({"contact_propagation", "stiffness"}): Pair("the summed drop of a press", WIDE_NARROW),
-    frozenset({"baseline_drift", "hysteresis"}): Pair("the counts that are left after release", RECOVERY),
-    frozenset({"hysteresis", "latency"}): Pair("how late the drop comes", TWO_SPEEDS),
-    frozenset({"gain_mismatch", "hysteresis"}): Pair("the drop in hold", TWO_SPEEDS),
-    frozenset({"hysteresis", "stiffness"}): Pair("the drop in hold", TWO_SPEEDS),
+PAIRS: Final[Mapping[frozenset[str], Alike]] = {
+    frozenset({"gain_mismatch", "stiffness"}): Alike("the slope of drop over force: gain / half_force_scale", LADDER),
+    frozenset({"gain_mismatch", "saturation"}): Alike("the drop at the forces that were pressed", LADDER),
+    frozenset({"stiffness", "saturation"}): Alike("the drop at the forces that were pressed", LADDER),
+    frozenset({"contact_propagation", "electrode_crosstalk"}): Alike("how much taxels beside a press drop", ALONG_LINE),
+    frozenset({"contact_propagation", "proximity"}): Alike("how much taxels beside a press drop", AFAR),
+    frozenset({"electrode_crosstalk", "proximity"}): Alike("how much taxels beside a press drop", AFAR),
+    frozenset({"contact_propagation", "pose_error"}): Alike("where the drops lie in hold", TURNED),
+    frozenset({"gain_mismatch", "pose_error"}): Alike("the drops of these spots in hold", TURNED),
+    frozenset({"contact_propagation", "stiffness"}): Alike("the summed drop of a press", WIDE_NARROW),
+    frozenset({"baseline_drift", "hysteresis"}): Alike("the counts that are left after release", RECOVERY),
+    frozenset({"hysteresis", "latency"}): Alike("how late the drop comes", TWO_SPEEDS),
+    frozenset({"gain_mismatch", "hysteresis"}): Alike("the drop in hold", TWO_SPEEDS),
+    frozenset({"hysteresis", "stiffness"}): Alike("the drop in hold", TWO_SPEEDS),
 }
 """What is known of pairs; of others only that they look alike."""
 
-OTHER: Final = Pair("the features that both of them move", LADDER)
+OTHER: Final = Alike("the features that both of them move", LADDER)
 
 
 def confounded_with(

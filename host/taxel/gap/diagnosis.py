@@ -21,7 +21,7 @@ from taxel.gap.metric import Gap, measure
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
-from taxel.gap.report import report_of
+from taxel.gap.report.form import report_of
 from taxel.gap.select import MOST_EFFECTS, Selection, select
 from taxel.gap.thesis_terms import thesis_terms
 from taxel.gap.verdict import Verdict, judge_verdict

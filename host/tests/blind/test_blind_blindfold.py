@@ -27,7 +27,7 @@ held_by = module.blindfold(own, [out])
 import h5py
 import taxel
 from taxel.gap.diagnosis import diagnose
-from taxel.blind.rivals import rival_answers
+from taxel.blind.simpler import simpler_answers
 
 def opened_by_c(path):
     number = ctypes.CDLL(None, use_errno=True).open(str(path).encode(), os.O_RDONLY)
@@ -143,7 +143,7 @@ def test_its_own_folder_is_open_to_it(report):
 def test_names_of_modules_are_judged_whole():
     assert is_forbidden("taxel.emulated.contact")
     assert is_forbidden("taxel.blind.kinds")
-    assert not is_forbidden("taxel.blind.rivals")
+    assert not is_forbidden("taxel.blind.simpler")
     assert not is_forbidden("taxel.simulated")
     assert not is_forbidden("taxel.link")
     assert not is_forbidden("other.blind.kinds")

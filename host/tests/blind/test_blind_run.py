@@ -92,12 +92,12 @@ def test_each_world_is_diagnosed_as_it_was_drawn(check):
     assert "noise" not in {entry["name"] for entry in read(check / "worlds" / "0001" / "without.json")["effects"]}
 
 
-def test_the_diagnosis_was_blind_and_its_rivals_answered(check):
+def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):
     for path in check.glob("worlds/*/report.json"):
         report = read(path)
         assert report["blindfold"] in ("landlock and audit hook", "audit hook")
-        assert set(report["rivals"]) == {"rules", "effect_blind"}
-        assert set(report["rivals"].values()) <= {*CATALOGUE, "no_gap"}
+        assert set(report["simpler"]) == {"rules", "effect_blind"}
+        assert set(report["simpler"].values()) <= {*CATALOGUE, "no_gap"}
         assert str(check) not in path.read_text()
 
 

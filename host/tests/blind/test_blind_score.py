@@ -89,7 +89,7 @@ def test_a_world_that_gives_no_report_is_a_wrong_answer_everywhere():
     assert found["single_first"]["share"] == 0.0
     assert found["unknown"]["share"] == 0.0
     assert found["seeds"]["share"] == 0.0
-    assert found["rivals"]["shuffled_says_unknown_or_no_gap"]["share"] == 0.0
+    assert found["simpler"]["shuffled_says_unknown_or_no_gap"]["share"] == 0.0
     assert found["several_f1"]["f1"] == 0.0
     assert found["errors"][1] == "1: KeyError: 3"
     assert found["single_by_ratio"][0]["of"] == 0
@@ -198,13 +198,13 @@ def test_seeds_are_stable_where_status_and_effects_are_the_same():
     assert (found["right"], found["of"]) == (1, 3)
 
 
-def test_rivals_and_shuffled_pairs_are_scored_beside_it():
+def test_simpler_diagnosers_and_shuffled_pairs_are_scored_beside_it():
     found = rig(
-        single("noise", "noise", rivals={"rules": "noise", "effect_blind": "latency"}),
+        single("noise", "noise", simpler={"rules": "noise", "effect_blind": "latency"}),
         answer(world(1, "none"), status="no_gap", shuffled=Named("unknown", ("unknown",))),
         answer(world(2, "none"), status="no_gap", shuffled=Named("no_gap", ())),
         answer(world(3, "none"), status="no_gap", shuffled=Named("explained", ("noise",))),
-    )["rivals"]
+    )["simpler"]
     assert (found["rules"]["share"], found["effect_blind"]["share"]) == (1.0, 0.0)
     assert found["shuffled_says_unknown_or_no_gap"]["right"] == 2
 

@@ -10,19 +10,19 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.gap.added import with_effects
-from taxel.gap.apply import apply_report
+from taxel.gap.adding.added import with_effects
+from taxel.gap.adding.apply import apply_report
+from taxel.gap.adding.draws import Chance, noise
+from taxel.gap.adding.frames import FrameStates, moving
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Link
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.draws import Chance, noise
 from taxel.gap.effects.dropout import Dropout, Dropped
 from taxel.gap.features import Layout
-from taxel.gap.frames import FrameStates, moving
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
-from taxel.gap.report_model import NOISE_PARTS, model_of
-from taxel.gap.report_reading import read_report
+from taxel.gap.report.model import NOISE_PARTS, model_of
+from taxel.gap.report.reading import read_report
 from taxel.gap.state import state_of
 from taxel.recording.grasp_dataset import GraspDataset
 

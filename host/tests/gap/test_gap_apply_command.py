@@ -13,7 +13,7 @@ import pytest
 from taxel.cli import main as command
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import read_pair
-from taxel.gap.report_reading import read_report
+from taxel.gap.report.reading import read_report
 from taxel.recording.grasp_dataset import GraspDataset
 
 N = 60

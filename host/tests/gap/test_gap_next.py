@@ -19,15 +19,15 @@ from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.identify import likenesses
 from taxel.gap.judge import Judge
-from taxel.gap.next_press import next_presses
 from taxel.gap.page import write_page
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.press_findings import Findings, rivals_of
-from taxel.gap.press_information import Felt, Known
-from taxel.gap.press_reading import unrecorded
-from taxel.gap.press_scatter import Scatter
-from taxel.gap.presses import batches
+from taxel.gap.presses.candidates import batches
+from taxel.gap.presses.findings import Findings, rivals_of
+from taxel.gap.presses.information import Felt, Known
+from taxel.gap.presses.ranking import next_presses
+from taxel.gap.presses.scatter import Scatter
+from taxel.gap.presses.unrecorded import unrecorded
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
 LITTLE_N = 0.15

@@ -16,7 +16,7 @@ from taxel.gap.judge import Judge
 from taxel.gap.page import page_text
 from taxel.gap.pair import read_pair
 from taxel.gap.reading import Groups
-from taxel.gap.signature import unexplained
+from taxel.gap.signature.bank import unexplained
 from taxel.gap.state import state_of
 from taxel.recording import SensorTable
 from taxel.recording.grasp_format import Phase

@@ -17,7 +17,7 @@ from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, jackknife, measure, shrink_by, together
 from taxel.gap.pair import Pair
-from taxel.gap.report_model import model_of, noise_parts
+from taxel.gap.report.model import model_of, noise_parts
 from taxel.gap.select import Selection
 
 Array = NDArray[np.float64]

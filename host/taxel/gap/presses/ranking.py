@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.effects.proximity import Proximity
-from taxel.gap.press_findings import Findings, values_of
-from taxel.gap.press_information import Added, Felt, Known, Left
-from taxel.gap.press_scatter import Scatter
-from taxel.gap.presses import Batch, Press, batches
+from taxel.gap.presses.candidates import Batch, Press, batches
+from taxel.gap.presses.findings import Findings, values_of
+from taxel.gap.presses.information import Added, Felt, Known, Left
+from taxel.gap.presses.scatter import Scatter
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]

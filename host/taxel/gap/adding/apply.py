@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.added import with_effects
+from taxel.gap.adding.added import with_effects
+from taxel.gap.adding.draws import Chance
+from taxel.gap.adding.frames import FrameStates
+from taxel.gap.adding.resim import effects_text, run_simulator
+from taxel.gap.adding.rewriting import Rewriting, changed, copied, made_beside
 from taxel.gap.diagnosis import Show, quiet
-from taxel.gap.draws import Chance
 from taxel.gap.effects.effect import OBJECT
 from taxel.gap.errors import GapInputError
-from taxel.gap.frames import FrameStates
 from taxel.gap.pair import PLACE_TOLERANCE_M
-from taxel.gap.report_reading import ReportedGap, read_report
-from taxel.gap.resim import effects_text, run_simulator
-from taxel.gap.rewriting import Rewriting, changed, copied, made_beside
+from taxel.gap.report.reading import ReportedGap, read_report
 from taxel.hand.errors import shown_path
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM

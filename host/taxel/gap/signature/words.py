@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from taxel.gap.features import Layout
 from taxel.gap.pair import Pair
-from taxel.gap.signature_fit import Told
-from taxel.gap.signature_places import Spot, place_words
-from taxel.gap.signature_presses import Change
-from taxel.gap.signature_shapes import BOARD, COLUMN, HAND, ROW, TAXEL, bends
+from taxel.gap.signature.fit import Told
+from taxel.gap.signature.places import Spot, place_words
+from taxel.gap.signature.presses import Change
+from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, bends
 from taxel.recording.grasp_format import Phase
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import off_diagonal
 from taxel.gap.pair import Pair
-from taxel.gap.signature_fit import Remainder, Told, p_value, told
-from taxel.gap.signature_places import Spot, energy, located, place_entry, spots
-from taxel.gap.signature_presses import Change, changes
-from taxel.gap.signature_shapes import BOARD, COLUMN, HAND, ROW, TAXEL, shapes
-from taxel.gap.signature_words import change_words, shape_words, sum_words
+from taxel.gap.signature.fit import Remainder, Told, p_value, told
+from taxel.gap.signature.places import Spot, energy, located, place_entry, spots
+from taxel.gap.signature.presses import Change, changes
+from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, shapes
+from taxel.gap.signature.words import change_words, shape_words, sum_words
 from taxel.gap.where import PHASES, Products, p_values, products, shares, summed
 from taxel.recording.grasp_format import Phase
 

@@ -22,9 +22,9 @@ from taxel.gap.page.fields import Value
 from taxel.gap.page.report import Report
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.press_findings import Findings, findings_of, pairs_of, rivals_of
-from taxel.gap.report_model import block_names
-from taxel.gap.report_reading import ReportedEffect, ReportedGap, read_report
+from taxel.gap.presses.findings import Findings, findings_of, pairs_of, rivals_of
+from taxel.gap.report.model import block_names
+from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.gap.state import State
 from taxel.hand.errors import shown, shown_path
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from taxel.gap.errors import GapInputError
-from taxel.gap.report_reading import ReportedGap
+from taxel.gap.report.reading import ReportedGap
 from taxel.hand.errors import shown
 
 FORMAT: Final = "taxel-gap-effects"

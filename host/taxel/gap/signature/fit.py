@@ -17,7 +17,7 @@ from scipy.stats import t as student
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import jackknife, leave_one_out, off_diagonal
 from taxel.gap.pair import Pair
-from taxel.gap.signature_shapes import HAND, Shape, groups
+from taxel.gap.signature.shapes import HAND, Shape, groups
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.draws import Chance, drifts, lost, noise, repeated
+from taxel.gap.adding.draws import Chance, drifts, lost, noise, repeated
+from taxel.gap.adding.frames import moving
 from taxel.gap.errors import GapInputError
-from taxel.gap.frames import moving
 from taxel.gap.pair import Pair
-from taxel.gap.report_model import block_names
-from taxel.gap.report_reading import ReportedEffect
+from taxel.gap.report.model import block_names
+from taxel.gap.report.reading import ReportedEffect
 from taxel.gap.state import State
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_format import Phase

@@ -14,7 +14,7 @@ from taxel.recording.grasp_format import Phase
 NO_GAP: Final = "no_gap"
 
 
-def rival_answers(done: Diagnosis) -> dict[str, str]:
+def simpler_answers(done: Diagnosis) -> dict[str, str]:
     """One name each: "rules" looks at the largest disagreement, "effect_blind" guesses and knows only that there is a
     gap.
     """

@@ -14,13 +14,13 @@ from taxel.gap.held_out import HeldOut
 from taxel.gap.identify import identifiability, likenesses
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap
-from taxel.gap.next_press import next_presses
-from taxel.gap.press_findings import findings_of
-from taxel.gap.press_reading import left_out
-from taxel.gap.report_effects import effect_entry
-from taxel.gap.report_page_fields import page_fields
+from taxel.gap.presses.findings import findings_of
+from taxel.gap.presses.ranking import next_presses
+from taxel.gap.presses.unrecorded import left_out
+from taxel.gap.report.effects import effect_entry
+from taxel.gap.report.page_fields import page_fields
 from taxel.gap.select import Forms, Round, Selection
-from taxel.gap.signature import unexplained
+from taxel.gap.signature.bank import unexplained
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
 

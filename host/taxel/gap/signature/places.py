@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.pair import Pair
-from taxel.gap.signature_fit import Remainder, p_value
-from taxel.gap.signature_shapes import BOARD, COLUMN, HAND, ROW, TAXEL, groups
+from taxel.gap.signature.fit import Remainder, p_value
+from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, groups
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Paramet
 from taxel.gap.errors import GapInputError
 from taxel.gap.page.fields import REMEDY, Value
 from taxel.gap.page.report import Report
-from taxel.gap.report_model import NOISE_PARTS
+from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.verdict import UNKNOWN
 from taxel.hand.errors import shown, shown_path
 
@@ -37,7 +37,7 @@ LONGEST_S: Final = 1e6
 class ReportedEffect:
     """An effect of a verdict with the values f64[P, G] of `parameters` in `blocks`, whose names are as in the report.
 
-    effect: its form in the catalogue. until_s, shift_s: see `taxel.gap.report_model`. missing: share of lost frames by
+    effect: its form in the catalogue. until_s, shift_s: see `taxel.gap.report.model`. missing: share of lost frames by
     address of a board. stuck: indices of taxels whose count stands still. content: the report's words for all of this.
     """
 

@@ -1,0 +1,1 @@
+"""What is left after the best effects, against a bank of generic distortions."""
