@@ -30,11 +30,14 @@ SMALL: Final = 0.3
 
 @dataclass(frozen=True)
 class Named:
-    """What a report says. status, effects: of its verdict. rivals: what it calls confounded with the first."""
+    """What a report says. status, effects: of its verdict. rivals: what it calls confounded with the first; alike: with
+    each of the effects.
+    """
 
     status: str
     effects: tuple[str, ...]
     rivals: tuple[str, ...] = ()
+    alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def is_first(self, names: Collection[str]) -> bool:
         """Whether one of `names` is named first, or called confounded with what is."""
@@ -44,6 +47,13 @@ class Named:
     def says_unknown(self) -> bool:
         """Alone, or beside a name."""
         return UNKNOWN in self.effects
+
+    def hits(self, names: Collection[str]) -> int:
+        """How many of the causes `names` are named, or stand in the class of another that is."""
+        left = set(names) - set(self.effects)
+        for name in set(self.effects) - set(names):
+            left -= set(sorted(left & set(self.alike.get(name, ())))[:1])
+        return len(set(names)) - len(left)
 
     @property
     def misnames(self) -> bool:
@@ -157,8 +167,8 @@ def _named(report: dict[str, Any]) -> Named:
         return Named("error", ())
     verdict = report["verdict"]
     effects = tuple(verdict["effects"])
-    rivals = verdict["confounded_with"].get(effects[0], []) if effects else []
-    return Named(verdict["status"], effects, tuple(rivals))
+    alike = {name: tuple(others) for name, others in verdict["confounded_with"].items()}
+    return Named(verdict["status"], effects, alike.get(effects[0], ()) if effects else (), alike)
 
 
 def _named_in(path: Path) -> Named | None:

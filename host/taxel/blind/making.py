@@ -66,7 +66,9 @@ def make_reference(world: World, real: Path, attempt: int = 0) -> None:
     attempt: at which `make_world` has made it. Raises TaxelError of one line if one does not come to rest like that.
     """
     rng = np.random.default_rng([world.seed, attempt])
-    plan = _plan(world, replace(world.shape, sessions=1, repeats=1), rng)
+    # Every press of a session once; a drift goes on through all of them.
+    drifts = "baseline_drift" in world.hidden.names
+    plan = _plan(world, world.shape if drifts else replace(world.shape, sessions=1, repeats=1), rng)
     lines = lines_of(replace(world, hidden=replace(world.hidden, nuisances=())), plan)
     settings = _settings(plan, rng, effects=tuple(lines), scatter=STILL, noise_counts=0.0)
     run_pressed(real, plan, settings, overwrite=True)

@@ -8,9 +8,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import CATALOGUE
-from taxel.gap.chain import Chain
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import Effect
+from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import started
+from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.report.effects import parameters_of
@@ -28,11 +32,20 @@ def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str
         for form in CATALOGUE[name]:
             if form.unavailable(judge.state):
                 continue
-            link = judge.in_sample(Chain((started(judge.state, form),))).chain.links[0]
+            link = _fitted(judge, form)
             found[f"{form.variant} {form.scope}"] = {
                 label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()
             }
     return found
+
+
+def _fitted(judge: Judge, form: Effect) -> Link:
+    """As a diagnosis does: frames are aligned anew once the effect is known."""
+    chain = judge.in_sample(Chain((started(judge.state, form),))).chain
+    if form.name != Latency.name:
+        judge = judge.shifted(shift_beside(judge, chain))
+        chain = judge.in_sample(chain).chain
+    return chain.links[0]
 
 
 def _number(entry: dict[str, Any]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxel.gap.chain import Chain
+from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import fit, started
 from taxel.gap.judge import Judge
@@ -12,8 +13,23 @@ from taxel.gap.judge import Judge
 SURE = 0.05
 """P-value from which on a shift that helps is chance."""
 
+GLANCE = 4
+"""Iterations of a fit of one number."""
+
 FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
+
+
+def shift_beside(judge: Judge, chain: Chain) -> float:
+    """The same for a hand whose effects are known: how much more it is later. chain: fitted."""
+    link = started(judge.state, Latency(HAND))
+    fitted = judge.in_sample(chain.with_link(link), chain.names, GLANCE)
+    more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
+    most = FRAMES * judge.state.pair.frame_s
+    shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
+    gain, p_value = judge.score(fitted.features).better_than(judge.score(chain.features(judge.state)))
+    few = judge.sessions.value.shape[1] < 3
+    return shift if gain > 0 and (few or p_value < SURE) else 0.0
 
 
 def common_shift(judge: Judge) -> float:

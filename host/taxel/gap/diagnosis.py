@@ -12,18 +12,22 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from taxel.gap.attribution import attribute
-from taxel.gap.catalogue import chosen
+from taxel.gap.catalogue import DROPOUT, chosen
 from taxel.gap.cloud_gap import cloud_gap
+from taxel.gap.confounding import confounded_with
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.held_out import HeldOut, held_out
+from taxel.gap.identify import likenesses
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, measure
+from taxel.gap.nameless import nameless
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
 from taxel.gap.report.form import report_of
-from taxel.gap.select import MOST_EFFECTS, Selection, select
+from taxel.gap.select import MOST_EFFECTS, select
 from taxel.gap.thesis_terms import thesis_terms
+from taxel.gap.trial import Selection
 from taxel.gap.verdict import Verdict, judge_verdict
 
 Show = Callable[[str, int, int], None]
@@ -66,15 +70,20 @@ def diagnose(
     with threadpool_limits(limits=1):  # small products: threads would only wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
         judge, simulated2 = prepared(pair)
-        state, real, layout = judge.state, judge.sessions, judge.layout
         selection = select(judge, forms, lambda number, total: show("searching", number, total))
+        judge = selection.judge
+        state, real, layout = judge.state, judge.sessions, judge.layout
         gap = measure(real, state.mean, layout)
         show("searching", MOST_EFFECTS, MOST_EFFECTS)
         show("holding out", 0, 1)
         held = held_out(judge, selection.chain)
         told = attribute(judge, selection.names, held)
-        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2)
-        report = report_of(judge, gap, selection, held, told, verdict, forms, seed)
+        fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
+        likes = likenesses(judge, forms, fitted)
+        confounded = confounded_with(selection.names, selection.rivals, likes)
+        unsure = nameless(judge, selection.chain, confounded)
+        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2, unsure)
+        report = report_of(judge, gap, selection, held, told, verdict, likes, confounded, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [

@@ -12,7 +12,7 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, shrink
-from taxel.gap.select import FIXED
+from taxel.gap.rounds import FIXED
 
 Array = NDArray[np.float64]
 

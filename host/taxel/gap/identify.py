@@ -50,7 +50,7 @@ class Likeness:
     @property
     def alike(self) -> bool:
         """Nobody could tell them apart here."""
-        return self.left < CLEAR or self.degrees < SAME_DEG
+        return _is_near(self.left, self.degrees)
 
     def to_json(self) -> dict[str, Any]:
         """For the report."""
@@ -123,6 +123,15 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
                 left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
             rows.append(Likeness(name, other, _degrees(left, whole), left))
     return rows
+
+
+def is_alike(left: float, whole: float) -> bool:
+    """Whether nobody could tell apart what has a squared length `whole` from what can do all of it but `left`."""
+    return _is_near(left, _degrees(left, whole))
+
+
+def _is_near(left: float, degrees: float) -> bool:
+    return left < CLEAR or degrees < SAME_DEG
 
 
 def _degrees(left: float, whole: float) -> float:

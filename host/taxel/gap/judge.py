@@ -37,6 +37,9 @@ TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8
 LEAST_FAMILY: Final = 1e-3
 """Share of the score below which a family of features says nothing."""
 
+NOTICEABLE: Final = 0.25
+"""Mean square of standardised residuals that a simulator without any effect to be found stays below."""
+
 REFITS: Final = 3
 """Iterations of a fit that begins near its end."""
 
@@ -49,11 +52,11 @@ class Score:
     left: Array
     families: Array
 
-    def share_of(self, start: Score, base: Score) -> float:
+    def share_of(self, start: Score, base: Score, least: Array | float = 0.0) -> float:
         """The greatest share of what a family was at the start that has gone since `base`: noise must not hide what
-        else is there by being so clear.
+        else is there by being so clear. least: f64[5], of a family at the start; what is smaller says nothing.
         """
-        there = start.families > LEAST_FAMILY * max(start.value, 0.0)
+        there = start.families > np.maximum(LEAST_FAMILY * max(start.value, 0.0), least)
         gone = base.families - self.families
         return float(np.max(gone[there] / start.families[there], initial=0.0))
 
@@ -73,13 +76,37 @@ class Score:
 class Judge:
     """Judges chains on a state against real sessions."""
 
-    def __init__(self, state: State, real: SessionMeans, layout: Layout) -> None:
+    def __init__(self, state: State, real: SessionMeans, layout: Layout, out: NDArray[np.bool_] | None = None) -> None:
+        """out: bool[C, F, n], features that do not count; None: all count."""
         self.state, self.layout, self.sessions = state, layout, real
         self.target = np.nan_to_num(real.mean)
-        self.weight = self._weights(real)
+        self.out = out
+        self.weight = self._counting(self._weights(real))
         self.fold = _folds(state.pair.cells)
         self.parts = _parts(state.pair, self.fold)
         self.floor2 = total(terms(real, state.mean, layout).floor2)
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether some features do not count."""
+        return self.out is not None
+
+    @property
+    def noticeable(self) -> Array:
+        """Score of each family of features, f64[5], below which a good simulator may just be imperfect."""
+        counting = (self.layout.weight[:, None] * (self.weight > 0)).sum(axis=(0, 2))
+        return NOTICEABLE * np.array([counting[own].sum() for own in self.layout.families])
+
+    def without(self, out: NDArray[np.bool_]) -> Judge:
+        """A judge to whom these features, bool[C, F, n], do not count either."""
+        return Judge(self.state, self.sessions, self.layout, out if self.out is None else self.out | out)
+
+    def shifted(self, seconds: float) -> Judge:
+        """A judge of a simulation that is so much later."""
+        return Judge(self.state.shifted(seconds), self.sessions, self.layout, self.out)
+
+    def _counting(self, weight: Array) -> Array:
+        return weight if self.out is None else np.where(self.out, 0.0, weight)
 
     def _weights(self, real: SessionMeans) -> Array:
         model, layout = self.state.mean, self.layout
@@ -112,7 +139,7 @@ class Judge:
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
         scale = self.layout.scale(features.shape[0], features.shape[2])
-        return self.score(features, np.broadcast_to(scale, features.shape)).value
+        return self.score(features, self._counting(np.broadcast_to(scale, features.shape))).value
 
     def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = ITERATIONS) -> Fit:
         """Fitted to all cells."""

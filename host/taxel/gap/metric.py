@@ -8,6 +8,7 @@ D_s D_t over s != t: what two sessions have in common is no scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from scipy.stats import t as student
 from taxel.gap.features import Layout, SessionMeans
 
 Array = NDArray[np.float64]
+
+NORMAL_95: Final = 1.96
+"""Standard deviations of a normal distribution that hold 95 %, on either side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +98,14 @@ def jackknife(values: Array, whole: float) -> Interval:
     return Interval(whole, whole - half, whole + half, error)
 
 
-def together(first: Interval, other: Interval) -> Interval:
-    """The interval of a value whose error has two independent parts; the first's alone where the other is not known."""
-    if first.high is None or other.high is None:
+def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval:
+    """The interval of a value whose error has independent parts; no interval where the first is not known. besides:
+    standard error of a third.
+    """
+    if first.high is None:
         return first
-    half = float(np.hypot(first.high - first.value, other.high - other.value))
+    second = 0.0 if other.high is None else other.high - other.value
+    half = float(np.sqrt((first.high - first.value) ** 2 + second**2 + (NORMAL_95 * besides) ** 2))
     return Interval(first.value, first.value - half, first.value + half, None)
 
 

@@ -26,7 +26,8 @@ from taxel.gap.fit import started
 from taxel.gap.judge import Judge
 from taxel.gap.metric import terms, total
 from taxel.gap.pair import Pair
-from taxel.gap.select import GLANCE, Selection
+from taxel.gap.rounds import GLANCE
+from taxel.gap.trial import Selection
 from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
 
 Array = NDArray[np.float64]

@@ -14,14 +14,15 @@ from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.select import Round, Selection, Trial, select
+from taxel.gap.select import select
 from taxel.gap.thesis_terms import GRASPS, OTHER_SOR, Sor, outliers, sor_of, thesis_terms
+from taxel.gap.trial import Round, Selection, Trial
 from taxel.recording.grasp_format import Phase
 
 ROWS, COLUMNS, N = 6, 5, 60
 HALF = N // 2
 STEPS = ["as they are", "force filter", "SOR too", "contact propagation too"]
-NOTHING = Selection(None, (), None, None, None, None)  # nothing was tried: what is needed is fitted here
+NOTHING = Selection(None, None, (), None, None, None, None, None)  # nothing was tried: what is needed is fitted here
 
 
 def judged(paths, change=lambda pair: pair) -> Judge:

@@ -15,7 +15,8 @@ from taxel.gap.fit import fit, started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import jackknife_error
 from taxel.gap.pair import Pair
-from taxel.gap.select import FIXED, Forms, Selection
+from taxel.gap.rounds import FIXED, Forms
+from taxel.gap.trial import Selection
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from taxel.gap.effects.effect import OBJECT, Effect
 from taxel.gap.fit import Column, Problem, normal_equations, start_of
 from taxel.gap.judge import Judge
 from taxel.gap.pair import Pair
-from taxel.gap.select import FIXED
+from taxel.gap.rounds import FIXED
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]

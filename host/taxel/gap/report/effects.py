@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import chi2
 
 from taxel.gap.attribution import Attribution
 from taxel.gap.chain import Chain, Link
@@ -14,13 +15,19 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
-from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, jackknife, measure, shrink_by, together
+from taxel.gap.judge import MODEL_SHARE, Judge
+from taxel.gap.metric import Gap, Interval, jackknife, measure, shrink_by, together
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import model_of, noise_parts
-from taxel.gap.select import Selection
+from taxel.gap.trial import Selection
 
 Array = NDArray[np.float64]
+
+COMMON_SHARE: Final = 0.5 * MODEL_SHARE
+"""Relative standard error of a parameter from a good simulator's own error: the half that all presses share."""
+
+MOST_SPREAD: Final = 2.0
+"""Of the logarithm of gains: nothing scatters by more."""
 
 
 def effect_entry(
@@ -44,7 +51,8 @@ def effect_entry(
     alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside, parts), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
-        found["parameters"]["log_std"]["value"] = _spread_of_gains(judge, link)
+        spread = _spread_of_gains(judge, link)
+        found["parameters"]["log_std"] |= {"value": spread.value, "ci95": spread.ci95}
     found["model"] = model_of(judge.state, link)
     found["identifiability"] = identifiable
     found |= _nothing(gap)
@@ -68,32 +76,38 @@ def _nothing(gap: Gap) -> dict[str, Any]:
 def parameters_of(pair: Pair, link: Link, inside: list[Link], parts: list[Link]) -> dict[str, Any]:
     """Values, intervals and units; per board "name@address".
 
-    inside: fits without each session; parts: without each part of presses and taxels. Jackknife variances of both add:
-    sessions tell what scatters, presses how far the model of the effect is right.
+    inside: fits without each session; parts: without each part of presses and taxels. Three variances add: sessions
+    tell what scatters, presses how far the model of the effect is right (both jackknife), and nothing here tells by how
+    much the simulator is wrong in all of them alike: `COMMON_SHARE`.
     """
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
+    values = _values(pair, link)
+    left, without = ([_values(pair, one) for one in fits] for fits in (inside, parts))
     entries: dict[str, Any] = {}
-    for row, parameter in enumerate(link.effect.parameters()):
-        values = _shown(pair, link, row)
-        left, without = (
-            np.array([_shown(pair, one, row) for one in fits]) if fits else np.zeros((0, len(values)))
-            for fits in (inside, parts)
+    for label, (value, unit) in values.items():
+        sessions, presses = (
+            jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
         )
-        for block in _shown_blocks(link):
-            label = _label(pair, link, parameter.name, block)
-            interval = together(*(jackknife(own[:, block], float(values[block])) for own in (left, without)))
-            entries[label] = {"value": float(values[block]), "ci95": interval.ci95, "unit": parameter.unit}
-    if link.effect.name == "gain_mismatch":
-        entries = {**_gains(pair, link, inside), **({} if link.effect.scope == TAXEL else entries)}
+        interval = together(sessions, presses, COMMON_SHARE * abs(value))
+        entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit}
+    return entries
+
+
+def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
+    """Values and units by label: the effect's own parameters, and what is worked out from them."""
     if link.effect.name == "noise":
         return _noises(pair, link)
+    values: dict[str, tuple[float, str]] = _gains(pair, link) if link.effect.name == "gain_mismatch" else {}
+    for row, parameter in enumerate(link.effect.parameters()):
+        shown = _shown(pair, link, row)
+        for block in _shown_blocks(link):
+            values[_label(pair, link, parameter.name, block)] = (float(shown[block]), parameter.unit)
     if link.effect.name == "baseline_drift":
-        size = np.hypot(link.values[0], link.values[1])
-        entries["counts"] = {"value": float(np.max(size)), "ci95": None, "unit": "counts"}
+        values["counts"] = (float(np.max(np.hypot(link.values[0], link.values[1]))), "counts")
     if link.effect.name == "pose_error":
-        entries.update(_displacement(link))
-    return entries
+        values |= _displacement(link)
+    return values
 
 
 def _shown(pair: Pair, link: Link, row: int) -> Array:
@@ -119,7 +133,7 @@ def _label(pair: Pair, link: Link, name: str, block: int) -> str:
     return f"{name}@{block}"
 
 
-def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
+def _gains(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     """Scale of each board and spread of the taxels' gains about it."""
     logs = link.values[0][link.effect.blocks_of(pair)[0]]
     touched = logs != 0.0
@@ -130,49 +144,59 @@ def _gains(pair: Pair, link: Link, inside: list[Link]) -> dict[str, Any]:
         own = (sensor == board) & touched
         middle = float(np.median(logs[own])) if own.any() else 0.0
         residual[own] = logs[own] - middle
-        scales[f"scale@{address}"] = {"value": float(np.exp(middle)), "ci95": None, "unit": "1"}
+        scales[f"scale@{address}"] = (float(np.exp(middle)), "1")
     spread = float(np.std(residual[touched])) if touched.any() else 0.0
-    return {"log_std": {"value": spread, "ci95": None, "unit": "1"}, **scales}
+    return {"log_std": (spread, "1"), **scales}
 
 
-def _spread_of_gains(judge: Judge, link: Link) -> float:
-    """Standard deviation of the taxels' gains about their boards' by maximum likelihood: a fitted gain is drawn towards
-    1 the more, the less is known of its taxel.
+def _spread_of_gains(judge: Judge, link: Link) -> Interval:
+    """Standard deviation of the taxels' gains about their boards', by restricted maximum likelihood with its profile
+    interval: a fitted gain is drawn towards 1 the more, the less is known of its taxel, and few taxels of a board
+    scatter about their own mean less than about the true one.
     """
     (column,) = start_of(judge.state, Chain((link,))).columns
     known = np.sum(judge.weight * column.change**2, axis=(0, 1))
     precision = float(column.precision[0])
     told = known > precision
     if told.sum() < 3:
-        return 0.0
+        return Interval(0.0, None, None, None)
     logs = link.values[0, told] * (1.0 + precision / known[told])
-    sensor = judge.state.pair.groups.sensor[told]
-    for board in np.unique(sensor):
-        logs[sensor == board] -= np.average(logs[sensor == board], weights=known[told][sensor == board])
-    variance = 1.0 / known[told]
+    sensor, variance = judge.state.pair.groups.sensor[told], 1.0 / known[told]
 
     def unlikely(spread: float) -> float:
-        return float(np.sum(np.log(spread**2 + variance) + logs**2 / (spread**2 + variance)))
+        """Twice the negative logarithm of the restricted likelihood (Patterson and Thompson 1971)."""
+        whole = spread**2 + variance
+        cost = float(np.sum(np.log(whole)))
+        for board in np.unique(sensor):
+            own = sensor == board
+            weight = 1.0 / whole[own]
+            middle = np.sum(weight * logs[own]) / weight.sum()
+            cost += float(np.sum(weight * (logs[own] - middle) ** 2) + np.log(weight.sum()))
+        return cost
 
-    return float(minimize_scalar(unlikely, bounds=(0.0, 2.0), method="bounded").x)
+    best = float(minimize_scalar(unlikely, bounds=(0.0, MOST_SPREAD), method="bounded").x)
+    limit = unlikely(best) + float(chi2.ppf(0.95, 1))
+
+    def beyond(spread: float) -> float:
+        return unlikely(spread) - limit
+
+    low = float(brentq(beyond, 0.0, best)) if beyond(0.0) > 0 else 0.0
+    high = float(brentq(beyond, best, MOST_SPREAD)) if beyond(MOST_SPREAD) > 0 else MOST_SPREAD
+    return Interval(best, low, high, None)
 
 
-def _noises(pair: Pair, link: Link) -> dict[str, Any]:
+def _noises(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
     white, *common = noise_parts(pair, link)
-    together = float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max())
-    entries = {"common_counts": {"value": together, "ci95": None, "unit": "counts"}}
+    values = {"common_counts": (float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max()), "counts")}
     for block, value in enumerate(white.tolist()):
-        entries[_label(pair, link, "white_counts", block)] = {"value": value, "ci95": None, "unit": "counts"}
-    return entries
+        values[_label(pair, link, "white_counts", block)] = (value, "counts")
+    return values
 
 
-def _displacement(link: Link) -> dict[str, Any]:
+def _displacement(link: Link) -> dict[str, tuple[float, str]]:
     move, turn = (np.linalg.norm(link.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
-    return {
-        "translation_mm": {"value": float(move.max()), "ci95": None, "unit": "mm"},
-        "rotation_deg": {"value": float(turn.max()), "ci95": None, "unit": "deg"},
-    }
+    return {"translation_mm": (float(move.max()), "mm"), "rotation_deg": (float(turn.max()), "deg")}
 
 
 def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:

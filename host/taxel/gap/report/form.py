@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.attribution import Attribution
-from taxel.gap.catalogue import CATALOGUE, DROPOUT
-from taxel.gap.confounding import classes, confounded_with
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.confounding import classes
 from taxel.gap.held_out import HeldOut
-from taxel.gap.identify import identifiability, likenesses
+from taxel.gap.identify import Likeness, identifiability
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap
 from taxel.gap.presses.findings import findings_of
@@ -19,8 +20,9 @@ from taxel.gap.presses.ranking import next_presses
 from taxel.gap.presses.unrecorded import left_out
 from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
-from taxel.gap.select import Forms, Round, Selection
+from taxel.gap.rounds import Forms
 from taxel.gap.signature.bank import unexplained
+from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
 
@@ -34,17 +36,18 @@ def report_of(
     held: HeldOut,
     told: Attribution,
     verdict: Verdict,
+    likes: Sequence[Likeness],
+    confounded: Mapping[str, Sequence[str]],
     tried: Forms,
     seed: int,
 ) -> dict[str, Any]:
-    """All but run time and millimetres. tried: what of the catalogue."""
+    """All but run time and millimetres. likes, confounded: what these presses cannot tell apart. tried: what of the
+    catalogue.
+    """
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = selection.features
     found = products(real, before, layout)
-    fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
     left = unexplained(pair, layout, real, after, judge.fold, seed)
-    likes = likenesses(judge, tried, fitted)
-    confounded = confounded_with(selection.names, selection.rivals, likes)
     return {
         "format": "taxel-gap-report",
         "version": 1,
@@ -66,7 +69,7 @@ def report_of(
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
-            "confounded_with": confounded,
+            "confounded_with": dict(confounded),
             "one_line": _one_line(verdict, left["signature"]),
         },
         "effects": [

@@ -1,0 +1,84 @@
+"""Found effects that these presses do not tell from a change of amplitude that nobody has a name for.
+
+A plain change of amplitude and one that fades towards full scale are two generic distortions: many causes do the one or
+the other. Where a found effect does no more than that, and no other effect of the catalogue was there to be compared
+with, it may as well be a cause that the catalogue lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.catalogue import DROPOUT
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import TAXEL
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.fit import Column
+from taxel.gap.identify import is_alike, linear_left
+from taxel.gap.judge import Judge
+
+Array = NDArray[np.float64]
+
+AMPLITUDE = ("gain_mismatch", "stiffness")
+"""A gain is a plain change of amplitude, and is asked whether it might be one that fades. Both together are asked
+whether any change of amplitude would do."""
+
+ABOVE: float = 1.25
+"""Full scale over the largest drop, where no sensor model tells it."""
+
+
+def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str]]) -> tuple[str, ...]:
+    """Names of such effects. chain: fitted. confounded: what was found, and what cannot be told from it: a class of
+    named effects is an honest answer.
+    """
+    found = set(chain.names)
+    amplitude = [link for link in chain.links if link.effect.name in AMPLITUDE]
+    compared = any(set(confounded.get(link.effect.name, ())) - found for link in amplitude)
+    if len(amplitude) > 1 and not compared and _could_be_amplitude(judge, chain, *amplitude):
+        return tuple(link.effect.name for link in amplitude)
+    return tuple(
+        link.effect.name
+        for link in chain.links
+        if link.effect.name != DROPOUT
+        and not set(confounded.get(link.effect.name, ())) - found
+        and _could_be_amplitude(judge, chain, link)
+    )
+
+
+def _could_be_amplitude(judge: Judge, chain: Chain, *links: Link) -> bool:
+    """Whether generic changes of amplitude do what these effects do together."""
+    state, without = judge.state, chain
+    for link in links:
+        without = without.without(link.effect.name)
+    vector = np.nan_to_num(chain.features(state) - without.features(state))
+    whole = float(np.sum(judge.weight * vector**2))
+    if whole <= 0:
+        return False
+    if len(links) > 1:
+        generic = [_amplitude(judge, links[0].effect.scope, fades) for fades in (False, True)]
+    else:
+        generic = [_amplitude(judge, links[0].effect.scope, isinstance(links[0].effect, GainMismatch))]
+    return is_alike(linear_left(judge, vector, generic), whole)
+
+
+def _amplitude(judge: Judge, scope: str, fades: bool) -> Column:
+    """A plain change of amplitude, of each taxel or board; or one that fades towards full scale."""
+    state, bins = judge.state, judge.layout.bins
+    change = np.zeros_like(state.mean)
+    drop = state.mean[:, :bins]
+    change[:, :bins] = drop * (1.0 - drop / _full_scale(judge)) if fades else drop
+    pair = state.pair
+    own = np.arange(pair.n) if scope == TAXEL else pair.groups.sensor
+    count = int(own.max()) + 1
+    nothing = np.zeros(count)
+    return Column(change, np.broadcast_to(own, (len(pair.cells), pair.n)), count, nothing, nothing)
+
+
+def _full_scale(judge: Judge) -> Array | float:
+    state = judge.state
+    if state.pair.sensor_model is not None:
+        return np.asarray(state.model.full_scale_drop_counts, np.float64)
+    return ABOVE * max(float(np.abs(state.mean[:, : judge.layout.bins]).max(initial=0.0)), 1.0)

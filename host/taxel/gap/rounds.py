@@ -1,0 +1,226 @@
+"""One round of the search: which further effect gains most on cells that were left out, and whether that counts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.catalogue import DROPOUT
+from taxel.gap.chain import Chain, Link
+from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.dropout import Dropout
+from taxel.gap.effects.effect import HAND, Effect
+from taxel.gap.fit import ITERATIONS, started
+from taxel.gap.judge import Judge, Score
+from taxel.gap.trial import LEVEL, Round, Trial
+
+Array = NDArray[np.float64]
+
+SHORTLIST: Final = 4
+"""Forms that are cross-validated in a round: those that gain most where they were fitted."""
+
+GLANCE: Final = 4
+"""Iterations of the fits that make the short list."""
+
+NEARLY_ALL: Final = 0.8
+PLAIN_LEVEL: Final = 0.05
+"""Share of what is left that an effect explains where it was not fitted, from which on this level will do: with four
+sessions even what is plain hardly comes below the other."""
+
+LEAST_SHARE: Final = 0.03
+"""Of the whole score, and of the excess in counts^2, that the first effect must explain to be named."""
+
+NEXT_SHARE: Final = 0.05
+"""The same for a further one: what the first one's form leaves is no effect of its own."""
+
+MOST_OF_LEFT: Final = 0.55
+"""Share of what the effects before have left, from which on a further one counts however small it is beside them."""
+
+PLAIN_SHARE: Final = 0.4
+"""Share of the whole score that an effect explains on left-out cells, from which on counts^2 are not asked for: they
+hang on the few taxels that are pressed hardest."""
+
+PLAIN_BESIDE: Final = 0.2
+"""The same beside another effect, if it also does most of what that has left where they were fitted."""
+
+PLAIN_FLOORS: Final = 2.0
+"""Squared floors that an effect takes from the gap, from which on it is material however large the gap is."""
+
+SIMPLER: Final = 0.01
+"""Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
+
+THREADS: Final = 2
+
+FIXED: Final = (DROPOUT,)
+"""Links that are found, not fitted with the others."""
+
+Forms = Mapping[str, tuple[Effect, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where a search stands. judge: of what is still open. chain: found so far; features: with it, where it was
+    fitted; held: on left-out cells; base: score of these; start: score without anything; parts: fits without each part.
+    """
+
+    judge: Judge
+    chain: Chain
+    features: Array
+    held: Array
+    base: Score
+    start: Score
+    parts: tuple[Chain, ...] = ()
+
+    @staticmethod
+    def of(judge: Judge) -> Standing:
+        """Nothing was found yet."""
+        start, mean = judge.score(judge.state.mean), judge.state.mean
+        return Standing(judge, Chain(), mean, mean, start, start)
+
+    def after(self, found: Trial) -> Standing:
+        """One effect more. What does not answer says nothing of other effects, and is so large that they would look
+        small beside it: from here on the rest alone is judged.
+        """
+        assert found.held is not None
+        assert found.held_features is not None
+        judge, start, base = self.judge, self.start, found.held
+        if found.name == DROPOUT:
+            alone = Chain(tuple(link for link in found.chain.links if link.effect.name == DROPOUT))
+            judge = judge.without(alone.features(judge.state) != judge.state.mean)
+            start, base = judge.score(judge.state.mean), judge.score(found.held_features)
+        return Standing(judge, found.chain, found.features, found.held_features, base, start, found.parts)
+
+
+def next_round(standing: Standing, forms: Forms) -> Round:
+    """Try every effect that was not found yet. forms: the catalogue."""
+    judge, base, start = standing.judge, standing.base, standing.start
+    least, noticeable = (NEXT_SHARE, judge.noticeable) if standing.chain.links else (LEAST_SHARE, np.zeros(5))
+    with ThreadPoolExecutor(THREADS) as pool:
+        trials = list(pool.map(lambda job: _glanced(judge, job[0], standing.chain, job[1]), _jobs(standing, forms)))
+        trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
+        trials.sort(key=lambda trial: trial.inside.value)
+        shares = [trial.inside.share_of(start, base, noticeable) for trial in trials]
+        chosen = [trial for trial, share in zip(trials, shares, strict=True) if share > 0.5 * least][:SHORTLIST]
+        held = list(pool.map(lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen))
+    every = held + [trial for trial in trials if trial not in chosen]
+    best_of = _best_forms(every, SIMPLER * start.value)
+    ranked = sorted((trial for trial in best_of.values() if trial.held is not None), key=_rank)
+    names_tried = len({trial.name for trial in held})
+    found = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
+    for place, trial in enumerate(ranked):
+        assert trial.held is not None
+        gain, p_value = trial.held.better_than(base)
+        p_value = min(1.0, p_value * names_tried)
+        share = trial.held.share_of(start, base, noticeable)
+        left = gain / base.value if base.value > 0 else 0.0
+        level = PLAIN_LEVEL if left > NEARLY_ALL else LEVEL
+        worth_it = p_value < level and (share > least or left > MOST_OF_LEFT)
+        accepted = worth_it and _is_material(standing, trial, least, gain / start.value)
+        if place == 0 or accepted:
+            found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)
+        if accepted:
+            break
+    return found
+
+
+def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
+    """Effects at the values where their search begins."""
+    judge = standing.judge
+    jobs: list[tuple[str, Link]] = []
+    for name in forms:
+        if name in standing.chain.names:
+            continue
+        if name == DROPOUT:
+            dropped = find_dropped(judge.state, judge.sessions, standing.features)
+            if dropped.found:
+                effect = Dropout(dropped)
+                jobs.append((name, Link(effect, effect.found_values(judge.state))))
+            continue
+        jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
+    return jobs
+
+
+def _is_material(standing: Standing, trial: Trial, least: float, gain: float) -> bool:
+    """Whether an effect takes counts from the gap, not only from what scatters least; or so much that it need not."""
+    assert trial.held is not None
+    assert trial.held_features is not None
+    judge = standing.judge
+    large = not judge.is_partial or bool((standing.base.families - trial.held.families > judge.noticeable).any())
+    if trial.name == DROPOUT or (large and gain > PLAIN_SHARE):
+        return True
+    if standing.chain.links and _is_plain_beside(standing, trial):
+        return True
+    # Both where it was not fitted and where it was: a model with a value for each taxel may leave much of the first to
+    # another, and nothing of the second.
+    pairs = ((standing.held, trial.held_features), (standing.features, trial.features))
+    counts2 = min(judge.excess(before) - judge.excess(after) for before, after in pairs)
+    whole = max(judge.excess(judge.state.mean), judge.floor2)
+    enough = min(least * whole, PLAIN_FLOORS * judge.floor2)
+    # Beside what does not answer the rest is a gap of its own: what would be none alone is none here.
+    return counts2 > (max(enough, judge.floor2) if judge.is_partial else enough)
+
+
+def _is_plain_beside(standing: Standing, trial: Trial) -> bool:
+    """Whether an effect does much of what the earlier ones have left, both where it was fitted and where not."""
+    assert trial.held is not None
+    before = standing.judge.score(standing.features).value
+    inside = 1.0 - trial.inside.value / before if before > 0 else 0.0
+    whole = (standing.base.value - trial.held.value) / standing.start.value
+    return inside > MOST_OF_LEFT and whole > PLAIN_BESIDE
+
+
+def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
+    """Each effect's best form: one for the whole hand, unless another is better by `worth`."""
+    best: dict[str, Trial] = {}
+    for trial in sorted(trials, key=_rank):
+        first = best.setdefault(trial.name, trial)
+        known = (trial.held is None) == (first.held is None)
+        simpler = trial.link.effect.scope == HAND != first.link.effect.scope
+        if known and simpler and _rank(trial)[1] - _rank(first)[1] < worth:
+            best[trial.name] = trial
+    return best
+
+
+def _rank(trial: Trial) -> tuple[bool, float]:
+    """Those that were cross-validated first."""
+    return (trial.held is None, trial.inside.value if trial.held is None else trial.held.value)
+
+
+def tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) -> Trial:
+    """A chain with all its effects fitted, as a trial of one of them."""
+    fitted = judge.in_sample(chain, FIXED, iterations)
+    return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
+
+
+def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
+    """One more effect, while those that were found before keep their values."""
+    fitted = judge.in_sample(chain.with_link(link), (*FIXED, *chain.names), GLANCE)
+    return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
+
+
+def cross_validated(judge: Judge, trial: Trial) -> Trial:
+    """The same trial with what each part is predicted to be by the others."""
+    held, parts = judge.cross_validated(trial.chain, FIXED)
+    if trial.name == DROPOUT and len(trial.chain.links) > 1:
+        held = _found_elsewhere(judge, trial.chain, held)
+    return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
+
+
+def _found_elsewhere(judge: Judge, chain: Chain, held: Array) -> Array:
+    """Each part with what does not answer in the others: beside another effect, what does not answer in one press alone
+    may be what that effect leaves. held: f64[C, F, n], as `Judge.cross_validated` gives it.
+    """
+    result = held.copy()
+    others = chain.without(DROPOUT)
+    expected = others.features(judge.state)
+    for number in range(int(judge.parts.max()) + 1):
+        left_out = judge.parts == number
+        effect = Dropout(find_dropped(judge.state, judge.sessions, expected, ~left_out))
+        features = others.with_link(Link(effect, effect.found_values(judge.state))).features(judge.state)
+        result = np.where(left_out[:, None], features, result)
+    return result

@@ -1,0 +1,122 @@
+"""What a search makes of several causes, and of a cause that it has no name for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.confounding import confounded_with
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.identify import likenesses
+from taxel.gap.judge import Score
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
+from taxel.gap.screen import screened
+
+FIRST_BOARD, SECOND_BOARD = slice(0, 30), slice(30, 60)
+
+
+def harder(force, drop):
+    return 2000.0 * force / (force + 1.8 * 1.5)
+
+
+def clipped(force, drop):
+    return np.minimum(drop, 450.0)
+
+
+def late_on_the_second(force, drop):
+    late = drop.copy()
+    late[4:, SECOND_BOARD] = drop[:-4, SECOND_BOARD]
+    return late
+
+
+def silent_first_board(raw, valid, rng):
+    valid = valid.copy()
+    valid[:, 0] = False
+    return raw, valid
+
+
+def test_beside_a_silent_board_the_rest_is_judged_by_itself(world, tmp_path):
+    report = diagnose(*world(tmp_path, cells=8, effect=clipped, after=silent_first_board)).report
+    assert report["verdict"]["effects"][:2] == ["dropout", "saturation"]
+
+
+def test_a_silent_board_alone_brings_no_second_name(world, tmp_path):
+    report = diagnose(*world(tmp_path, cells=8, after=silent_first_board)).report
+    assert [name for name in report["verdict"]["effects"] if name != "unknown"] == ["dropout"]
+
+
+def test_a_change_of_amplitude_without_anything_to_compare_it_with_stays_unknown(world, tmp_path):
+    paths = world(tmp_path, effect=harder, most=1.0)
+    whole, without = (diagnose(*paths, without=names).report["verdict"] for names in ((), ("stiffness",)))
+    named = whole["effects"][0]
+    assert "stiffness" in {named, *whole["confounded_with"].get(named, [])}
+    assert "unknown" in without["effects"]
+    assert "stiffness" not in without["effects"]
+
+
+def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):
+    def swapped(force, drop):
+        result = drop.reshape(len(drop), 2, 6, 5).copy()
+        result[:, :, 2], result[:, :, 3] = 0.7 * result[:, :, 3], 0.7 * result[:, :, 2]
+        return result.reshape(drop.shape)
+
+    report = diagnose(*world(tmp_path, effect=swapped)).report
+    assert report["verdict"]["status"] in ("unknown", "partly_explained")
+    assert "unknown" in report["verdict"]["effects"]
+
+
+def test_frames_are_aligned_again_when_an_effect_is_known(world, tmp_path):
+    def slow_start(force, drop):
+        return np.maximum(drop - 60.0, 0.0) * 0.6
+
+    report = diagnose(*world(tmp_path, effect=slow_start)).report
+    assert "latency" not in report["verdict"]["effects"]
+
+
+@pytest.fixture
+def judge(world, tmp_path):
+    return prepared(read_pair(*world(tmp_path, effect=harder))).judge
+
+
+def test_features_that_do_not_count_change_no_score(judge):
+    out = np.zeros(judge.weight.shape, bool)
+    out[:, :, :5] = True
+    partial = judge.without(out)
+    moved = judge.state.mean.copy()
+    moved[:, :, :5] += 100.0
+    assert partial.is_partial
+    assert not judge.is_partial
+    assert partial.score(moved).value == partial.score(judge.state.mean).value
+    assert partial.excess(moved) == partial.excess(judge.state.mean)
+    assert judge.score(moved).value > judge.score(judge.state.mean).value
+
+
+def test_a_family_that_was_hardly_there_says_nothing():
+    start, base, after = (
+        Score(sum(each), np.zeros(4), np.array([*each, 0.0, 0.0, 0.0]))
+        for each in ((3.0, 900.0), (3.0, 20.0), (1.0, 20.0))
+    )
+    assert after.share_of(start, base) == pytest.approx(2.0 / 3.0)
+    assert after.share_of(start, base, np.array([5.0, 5.0, 0.0, 0.0, 0.0])) == 0.0
+
+
+def test_the_linear_screen_puts_the_set_of_the_two_causes_first(world, tmp_path):
+    def both(force, drop):
+        return late_on_the_second(force, clipped(force, drop))
+
+    paths = world(tmp_path, cells=8, effect=both)
+    found = screened(prepared(read_pair(*paths)).judge, {name: own for name, own in CATALOGUE.items() if own})
+    pairs = [one for one in found if len(one.names) == 2]
+    assert pairs[0].names == {"latency", "saturation"}
+    assert all(0.0 <= one.left <= 1.0 + 1e-9 for one in found)
+    assert [one.left for one in found] == sorted(one.left for one in found)
+
+
+def test_likeness_says_what_could_do_the_same(judge):
+    forms = {name: CATALOGUE[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
+    rows = {(one.name, one.other): one for one in likenesses(judge, forms)}
+    assert rows["gain_mismatch", "stiffness"].degrees < rows["gain_mismatch", "latency"].degrees
+    assert not rows["gain_mismatch", "noise"].alike
+    assert confounded_with(["noise"], {}, list(rows.values())) == {}
