@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 COMMON_SHARE: Final = 0.5 * MODEL_SHARE
 """Relative standard error of a parameter from a good simulator's own error: the half that all presses share."""
 
+APART_FRAMES: Final = 0.3
+"""Standard deviation, in frame periods, by which boards in time lie apart: two solvers of a contact touch them so."""
+
 MOST_SPREAD: Final = 2.0
 """Of the logarithm of gains: nothing scatters by more."""
 
@@ -84,12 +87,13 @@ def parameters_of(pair: Pair, link: Link, inside: list[Link], parts: list[Link])
         return _dropped(pair, link.effect)
     values = _values(pair, link)
     left, without = ([_values(pair, one) for one in fits] for fits in (inside, parts))
+    own = APART_FRAMES * pair.frame_s if link.effect.name == "latency" else 0.0
     entries: dict[str, Any] = {}
     for label, (value, unit) in values.items():
         sessions, presses = (
             jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
         )
-        interval = together(sessions, presses, COMMON_SHARE * abs(value))
+        interval = together(sessions, presses, COMMON_SHARE * abs(value) + own)
         entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit}
     return entries
 
