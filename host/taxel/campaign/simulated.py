@@ -18,7 +18,6 @@ from taxel.campaign.store import begin_or_extend
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
-from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.sim.closing import RATE_HZ, simulate_grasp
 from taxel.sim.scene import Scene, build_scene
 from taxel.sim.sensing import Sensing, sense
@@ -63,7 +62,8 @@ def run_simulated(
 ) -> None:
     """Simulate the grasps of `plan` and write them to `path`; arguments as those of `run_emulated`."""
     setup = setup or Setup()
-    model = _sensor_model(settings)
+    sensing = settings.sensing
+    model = settings.sensor.told(sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled")
     with begin_or_extend(path, "sim", setup, RATE_HZ, settings.describe(), overwrite, resume, model) as out:
         finished = set(out.ids)
         missing = [planned for planned in plan if planned.id not in finished]
@@ -108,17 +108,4 @@ def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings)
         joint_position=np.hstack([arm, motion.joint_angles]),
         contact_force=sensed.contact_force,
         separation=sensed.separation,
-    )
-
-
-def _sensor_model(settings: SimSettings) -> SensorModel:
-    sensor, sensing = settings.sensor, settings.sensing
-    return SensorModel(
-        sensor.baseline_counts,
-        sensor.full_scale_drop_counts,
-        sensor.half_force_n,
-        sensor.noise_counts,
-        sensor.noise_line_counts,
-        sensing.stiffness_n_per_m,
-        "coupled" if sensing.level == "coupled" else "uncoupled",
     )

@@ -110,7 +110,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             *poses,
             (str(real_path), str(sim_path)),
             (_digest(real.path), _digest(sim.path)),
-            tuple(losses + _further_losses(first, second)),
+            tuple(losses + _further_losses(first, second, groups)),
             unrecorded,
         )
 
@@ -202,7 +202,7 @@ def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:
     return Groups(board, tx, rx)
 
 
-def _further_losses(real: Recording, sim: Recording) -> list[str]:
+def _further_losses(real: Recording, sim: Recording, groups: Groups) -> list[str]:
     losses = []
     sessions = np.unique(real.session)
     if len(sessions) < 3:
@@ -221,7 +221,17 @@ def _further_losses(real: Recording, sim: Recording) -> list[str]:
     least = int(min(real.frames.min(), sim.frames.min()))
     if least < 100:
         losses.append(f"baselines of {least} frames instead of 100")
-    return losses
+    losses += [_without_baseline(one, side, groups) for one, side in ((real, "hand"), (sim, "simulator"))]
+    return [loss for loss in losses if loss]
+
+
+def _without_baseline(recording: Recording, side: str, groups: Groups) -> str:
+    """Of boards that lost too many frames of a baseline; empty if none did."""
+    count = 0
+    for baseline, missing in zip(recording.baseline, recording.missing, strict=True):
+        boards = np.unique(groups.sensor[np.isnan(baseline)])
+        count += int((missing[boards] < 1.0).any())
+    return f"in {count} grasps of the {side} a board lost its baseline: its drops there are unknown" if count else ""
 
 
 def _digest(path: Path) -> str:

@@ -129,8 +129,8 @@ def _reduce(
 ) -> dict[str, Any]:
     phase, valid = grasp.phase, grasp.valid[:, columns]
     since = since_phase_began(grasp.timestamp, phase)
-    frames = baseline_frames(data, grasp, valid)
-    rest = valid & (phase == Phase.BASELINE)[:, None]
+    frames, poor = baseline_frames(data, grasp, valid)
+    rest = valid & (phase == Phase.BASELINE)[:, None] & ~poor
     rest &= np.cumsum(rest, axis=0) <= frames
     raw = grasp.raw_counts.astype(np.float64)
     baseline = _masked_mean(raw, rest, groups.sensor)
@@ -176,16 +176,21 @@ def require_hold(grasp: Grasp, path: str) -> None:
         raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
 
 
-def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> int:
-    """How many baseline frames every sensor that is not missing has, 100 at most. Raises GapInputError below 10."""
+def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> tuple[int, NDArray[np.bool_]]:
+    """How many baseline frames every sensor has that has enough of them, 100 at most; and the sensors that have not,
+    bool[s]: they lost frames, and their drops in this grasp are unknown.
+
+    Raises GapInputError if none has 10.
+    """
     counts = (valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
     present = valid.any(axis=0)
-    least = int(counts[present].min()) if present.any() else 0
-    if present.any() and least < LEAST_BASELINE:
+    poor = counts < LEAST_BASELINE
+    if present.any() and poor[present].all():
         where = f"{data.path}: /grasps/{grasp.id}/phase"
         remedy = "record the open hand longer before closing, or leave this grasp out"
-        raise GapInputError(where, f"at least {LEAST_BASELINE} valid baseline frames (phase 0)", str(least), remedy)
-    return min(least, BASELINE_FRAMES)
+        found = str(int(counts[present].max()))
+        raise GapInputError(where, f"at least {LEAST_BASELINE} valid baseline frames (phase 0)", found, remedy)
+    return int(min(counts[~poor].min(initial=BASELINE_FRAMES), BASELINE_FRAMES)) if present.any() else 0, poor
 
 
 def _masked_mean(values: Array, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> Array:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.hand.transforms import FloatArray
+from taxel.recording.grasp_sensor_model import SensorModel
 
 __all__ = ["FULL_SCALE_DROP_COUNTS", "HALF_FORCE_N", "REST_COUNTS", "SensorModelError", "SimSensor"]
 
@@ -60,6 +61,18 @@ class SimSensor:
                 raise SensorModelError(field, f"a finite number {least}", str(value))
         if self.baseline_counts > _LARGEST:
             raise SensorModelError("baseline_counts", f"at most {_LARGEST}", str(self.baseline_counts))
+
+    def told(self, stiffness_n_per_m: float, layer: str = "uncoupled") -> SensorModel:
+        """What a dataset says of it. The other two: of the elastic layer, for one taxel, newtons a metre."""
+        return SensorModel(
+            self.baseline_counts,
+            self.full_scale_drop_counts,
+            self.half_force_n,
+            self.noise_counts,
+            self.noise_line_counts,
+            stiffness_n_per_m,
+            layer,
+        )
 
     def drop(self, force_n: npt.ArrayLike) -> FloatArray:
         """Drop of the raw count, counts, f64[...], under forces f64[...] of at least 0 newtons."""

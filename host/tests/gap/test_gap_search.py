@@ -120,3 +120,17 @@ def test_likeness_says_what_could_do_the_same(judge):
     assert rows["gain_mismatch", "stiffness"].degrees < rows["gain_mismatch", "latency"].degrees
     assert not rows["gain_mismatch", "noise"].alike
     assert confounded_with(["noise"], {}, list(rows.values())) == {}
+
+
+def test_a_board_without_a_baseline_in_one_grasp_is_left_out_there(world, tmp_path):
+    spoilt = iter(range(10_000))
+
+    def lossy(raw, valid, rng):
+        valid = valid.copy()
+        if next(spoilt) == 3:
+            valid[:105, 1] = False
+        return raw, valid
+
+    report = diagnose(*world(tmp_path, effect=clipped, after=lossy)).report
+    assert report["verdict"]["effects"][0] == "saturation"
+    assert any("1 grasps of the hand a board lost its baseline" in loss for loss in report["losses"])

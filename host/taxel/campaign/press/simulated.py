@@ -21,7 +21,6 @@ from taxel.campaign.scatter import balanced_draw
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import begin_or_extend
 from taxel.recording.grasp_record import GraspRecord
-from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.sim.layer import STIFFNESS_N_PER_M
 from taxel.sim.separation import separations
 from taxel.sim.soft_contact import LayerLaw
@@ -56,7 +55,8 @@ def simulate_pressed(
     """
     settings, setup = settings or SimPressSettings(), plan.setup
     told = f"{settings.describe()}, {plan.describe()}"
-    with begin_or_extend(path, "sim", setup, settings.rate_hz, told, overwrite, resume, _sensor_model(settings)) as out:
+    model = settings.sensor.told(STIFFNESS_N_PER_M)
+    with begin_or_extend(path, "sim", setup, settings.rate_hz, told, overwrite, resume, model) as out:
         finished = set(out.ids)
         presses = simulated_presses(plan, settings.repeats)
         missing = [press for press in presses if press.id not in finished]
@@ -130,16 +130,3 @@ def _sensed(
     brackets = np.broadcast_to(plan.bracket_poses, (len(travel), *plan.bracket_poses.shape))
     separation = separations(plan.hand, plan.objects[approach.object].shape, brackets, poses)
     return force[row], separation[row]
-
-
-def _sensor_model(settings: SimPressSettings) -> SensorModel:
-    sensor = settings.sensor
-    return SensorModel(
-        sensor.baseline_counts,
-        sensor.full_scale_drop_counts,
-        sensor.half_force_n,
-        sensor.noise_counts,
-        sensor.noise_line_counts,
-        STIFFNESS_N_PER_M,
-        "uncoupled",
-    )

@@ -25,11 +25,13 @@ class Latency(Effect):
         return (Parameter("seconds", "s", -0.3, 1.5, 0.0, 0.0, 0.5),)
 
     def is_idle(self, state: State, values: Array) -> bool:
-        """A delay that all touched boards share, within a frame and a half, is how the frames fell."""
+        """Delays that differ by less than a frame are how two solvers touch the boards; one that all touched boards
+        share, within a frame and a half, is how the frames fell.
+        """
         touched = state.touched_boards
         delays = values[0, touched]
         frame = state.pair.frame_s
-        return len(delays) > 1 and float(np.ptp(delays)) < 0.5 * frame and float(np.abs(delays).max()) < 1.5 * frame
+        return len(delays) > 1 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
