@@ -5,19 +5,10 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from taxel.grasp.timeline import Phase
-from taxel.recording.grasp import Grasp
+from taxel.cloud.contacts import BACK as BACK
+from taxel.cloud.contacts import baseline_frames
+from taxel.cloud.contacts import used_taxels as used_taxels
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import BASELINE_FRAMES
-
-UNUSED_NAMES = ("fingertip_middle", "fingertip_pinkie")
-"""Boards whose connections failed in the thesis (5.2)."""
-
-BACK = "back"
-"""Boards on the back of the hand, which the thesis leaves out (5.2), have this in their kind."""
 
 
 @dataclass(frozen=True)
@@ -26,22 +17,6 @@ class PointCount:
 
     grasps: int
     points: int
-
-
-def used_taxels(data: GraspDataset) -> NDArray[np.bool_]:
-    """Taxels that the thesis's experiments used, bool[n]."""
-    used = [
-        BACK not in kind and name not in UNUSED_NAMES
-        for name, kind in zip(data.sensors.name, data.sensors.kind, strict=True)
-    ]
-    return np.asarray(np.array(used)[data.sensors.index_of(data.taxels)])
-
-
-def baseline_frames(grasp: Grasp) -> int:
-    """How many frames a grasp's baseline can be the mean of: the usual number, or what its shortest board has."""
-    held = (grasp.valid & (grasp.phase == Phase.HOLD)[:, None]).any(axis=0)
-    still = (grasp.valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
-    return int(min([BASELINE_FRAMES, *still[held].tolist()]))
 
 
 def contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.counts import used_taxels
-from taxel.hand.transforms import apply, inverse
-from taxel.recording.grasp import Grasp
+from taxel.cloud.accumulate import accumulate
+from taxel.cloud.contacts import taxel_points, used_taxels
+from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
 
 Array = NDArray[np.float64]
@@ -24,24 +24,6 @@ TICK_MM = 20.0
 _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
 
-def taxel_points(data: GraspDataset, grasp: Grasp) -> Array:
-    """Taxel centres of a grasp in the nominal object's frame, metres, f64[n, 3]."""
-    table = data.taxels
-    brackets = (inverse(grasp.object_pose) @ grasp.sensor_pose)[data.sensors.index_of(table)]
-    return np.asarray(np.einsum("nij,nj->ni", brackets[:, :3, :3], table.position) + brackets[:, :3, 3])
-
-
-def accumulated(data: GraspDataset, name: str) -> Array:
-    """Centres of the active, used taxels over all grasps of an object, in its nominal frame, metres, f64[m, 3]."""
-    used = used_taxels(data)
-    points = [np.empty((0, 3))]
-    for grasp in data:
-        if grasp.object == name:
-            active, known = grasp.active()
-            points.append(taxel_points(data, grasp)[active & known & used])
-    return np.concatenate(points)
-
-
 def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
     """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6."""
     plt = _pyplot()
@@ -52,7 +34,7 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
         for row, data in enumerate(datasets):
             for column, name in enumerate(names):
                 axis = figure.add_subplot(len(datasets), len(names), row * len(names) + column + 1, projection="3d")
-                points = accumulated(data, name)
+                points = accumulate(data, name).points
                 grasps = sum(grasp.object == name for grasp in data)
                 _draw_object(axis, data, name, np.eye(4))
                 axis.scatter(*(1e3 * points.T), s=2.0, c=_ACTIVE, alpha=0.5, linewidths=0)

@@ -6,6 +6,7 @@ from typing import NoReturn
 
 import typer
 
+from taxel.cli.cloud import cloud_app
 from taxel.cli.demo import demo
 from taxel.cli.emulate import emulate
 from taxel.cli.feel import feel
@@ -15,6 +16,7 @@ from taxel.cli.import_data import import_app
 from taxel.cli.record import record
 from taxel.cli.replay import replay
 from taxel.cli.show import show
+from taxel.cli.thesis import thesis
 from taxel.errors import TaxelError
 
 app = typer.Typer(
@@ -25,8 +27,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, emulate, feel, grasp, record, replay, show):
+for command in (demo, emulate, feel, grasp, record, replay, show, thesis):
     app.command()(command)
+app.add_typer(cloud_app, name="cloud")
 app.add_typer(gap_app, name="gap")
 app.add_typer(import_app, name="import")
 for point in entry_points(group="taxel.commands"):

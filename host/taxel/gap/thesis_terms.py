@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
+from taxel.cloud.treatment import FORCE_FILTER_COUNTS, Sor, sor_of
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
@@ -33,9 +34,6 @@ from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FORCE_FILTER_COUNTS: Final = 190.0
-"""The thesis's force filter, for all its shapes (section 5.6.2): counts, since 150 of the same scale takes no point."""
-
 GRASPS: Final = 10.0
 """Points that a taxel leaves in the cloud of all grasps of an object if it is always active: the thesis made ten
 grasps of nearly every approach (Table 5.1). So the number of repeats at hand does not matter."""
@@ -47,27 +45,6 @@ SAME_M: Final = 1e-9
 """Distances that differ by less are equal."""
 
 NAME: Final = "contact_propagation"
-
-
-@dataclass(frozen=True)
-class Sor:
-    """neighbours: points whose mean distance counts; None: a quarter of the cloud. deviations: above the mean."""
-
-    neighbours: float | None
-    deviations: float
-
-    @property
-    def in_words(self) -> str:
-        """For the report."""
-        return f"{'a quarter' if self.neighbours is None else f'{self.neighbours:g}'} / {self.deviations:g}"
-
-
-OTHER_SOR: Final = Sor(20.0, 2.0)
-"""For shapes that the thesis did not grasp: those of its cylinder, which lower the RMS of all three (Tables
-I-4 to I-6)."""
-
-SOR_OF: Final = {"rectang": Sor(20.0, 1.0), "cylind": Sor(20.0, 2.0), "triang": Sor(None, 2.0)}
-"""By the beginning of an object's name, Table 5.4. The triangular prism's 716 are a quarter of its 2866 points."""
 
 
 def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
@@ -167,25 +144,21 @@ class Clouds:
         }
 
 
-def sor_of(name: str) -> Sor:
-    """The thesis's choice for an object's shape."""
-    return next((rule for start, rule in SOR_OF.items() if name.lower().startswith(start)), OTHER_SOR)
-
-
 def outliers(places: Array, probability: Array, rule: Sor) -> Mask:
     """Which points are statistical outliers (Rusu et al. 2008), bool[m].
 
     A point whose mean distance to its nearest neighbours lies more than some standard deviations above the cloud's mean
-    of that. places: f64[m, 3], metres, of taxels in all approaches of an object. probability: f64[m], of being active;
-    a place holds `GRASPS` times as many points. Points with fewer neighbours than asked for are none.
+    of that; it counts as one of its neighbours, see `taxel.cloud.filters`. Points with fewer neighbours than asked for
+    are none. places: f64[m, 3], metres, of taxels in all approaches of an object. probability: f64[m], of being active;
+    a place holds `GRASPS` times as many points.
     """
     result = np.zeros(len(places), bool)
     there = np.flatnonzero(probability > LIKELY)
     if len(there) < 2:
         return result
     points = GRASPS * probability[there]
-    wanted = rule.neighbours if rule.neighbours is not None else max(0.25 * float(points.sum()), 1.0)
-    mean = _mean_distance(places[there], points, wanted)
+    wanted = rule.neighbours if rule.neighbours is not None else 0.25 * float(points.sum())
+    mean = _mean_distance(places[there], points, max(wanted - 1.0, 1.0))
     known = np.isfinite(mean)
     if not known.any():
         return result

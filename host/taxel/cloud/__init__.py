@@ -1,0 +1,1 @@
+"""Contact clouds: accumulation, filters, registration, distances, shape matching."""

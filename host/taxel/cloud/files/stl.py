@@ -1,0 +1,45 @@
+"""STL: triangles, binary or text. Corners that are the same to the last bit become one vertex."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from taxel.cloud.contact_cloud import Array, Index
+from taxel.cloud.files.source import Source
+from taxel.cloud.mesh import TriangleMesh
+
+HEADER_BYTES: Final = 84
+RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+VERTEX: Final = re.compile(r"^\s*vertex\s+(\S+\s+\S+\s+\S+)\s*$", re.MULTILINE | re.IGNORECASE)
+
+
+def read(source: Source) -> tuple[Array, Index]:
+    """Vertices f64[v, 3] and triangles i64[f, 3]."""
+    count = int.from_bytes(source.data[HEADER_BYTES - 4 : HEADER_BYTES], "little")
+    if len(source.data) >= HEADER_BYTES and len(source.data) == HEADER_BYTES + count * RECORD.itemsize:
+        single = np.frombuffer(source.data, RECORD, count, HEADER_BYTES)["corners"].reshape(-1, 3)
+        with np.errstate(invalid="ignore"):  # a signalling NaN; the mesh refuses it
+            corners = single.astype(np.float64)
+    elif source.data.lstrip()[:5].lower() == b"solid":
+        corners = source.table("\n".join(VERTEX.findall(source.text())), 3, "vertex")
+    else:
+        expected = (
+            f"{HEADER_BYTES + count * RECORD.itemsize} bytes for {count} triangles, or text that begins with solid"
+        )
+        source.fail("file", expected, f"{len(source.data)} bytes", "use the whole file")
+    if len(corners) % 3 or not len(corners):
+        source.fail("vertex", "three for each triangle", str(len(corners)), "correct it")
+    vertices, index = np.unique(corners, axis=0, return_inverse=True, equal_nan=False)
+    return vertices, index.reshape(-1, 3).astype(np.int64)
+
+
+def to_bytes(mesh: TriangleMesh) -> bytes:
+    """Binary, in single precision: the format has no other."""
+    rows = np.zeros(len(mesh.faces), RECORD)
+    rows["normal"], rows["corners"] = mesh.normals, mesh.vertices[mesh.faces]
+    header = b"taxel".ljust(HEADER_BYTES - 4, b" ")  # not "solid": that is how a text begins
+    return header + len(rows).to_bytes(4, "little") + rows.tobytes()

@@ -1,0 +1,67 @@
+"""`taxel thesis` on a small campaign: every table, figure and finding is there, and bad input is one line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+
+import pytest
+
+from taxel.cli import main as command
+
+
+def call(monkeypatch, *arguments) -> int:
+    """Exit status."""
+    monkeypatch.setattr(sys, "argv", ["taxel", "thesis", *map(str, arguments)])
+    try:
+        command.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def made(campaign, tmp_path_factory):
+    """The folder after one run."""
+    out = tmp_path_factory.mktemp("thesis")
+    with pytest.MonkeyPatch.context() as patch:
+        assert call(patch, "--real", campaign[0], "--sim", campaign[1], "--no-gap", "--out", out) == 0
+    return out
+
+
+def test_every_table_and_figure_is_there(made):
+    tables = {path.name for path in (made / "tables").iterdir()}
+    assert {f"table_I_{number}.csv" for number in range(1, 19)} <= tables
+    assert {f"table_5_{number}.csv" for number in (2, 3, 4, 5, 13)} <= tables
+    figures = {path.name for path in (made / "figures").iterdir()}
+    assert figures == {f"figure_5_{number}.png" for number in range(6, 15)}
+    page = (made / "thesis.html").read_text()
+    assert page.count("<img ") == 9
+    assert page.count("<h3>Table ") == 23
+    assert "Where the thesis contradicts itself" in page
+
+
+def test_findings_are_told_with_their_numbers(made):
+    summary = json.loads((made / "thesis.json").read_text())
+    assert [one["number"] for one in summary["findings"]] == list(range(1, 13))
+    by_number = {one["number"]: one for one in summary["findings"]}
+    assert by_number[1]["numbers"]["cylindrical"] > 1.0
+    assert set(by_number[2]["holds"]) == {"rectangular", "cylindrical", "triangular"}
+
+
+def test_a_wider_and_displaced_cloud_lies_farther_from_its_model(made):
+    with (made / "tables" / "table_5_3.csv").open() as file:
+        rows = {(row["object"], row["side"]): float(row["mean_m_ours"]) for row in csv.DictReader(file)}
+    for name in ("rectangular", "cylindrical", "triangular"):
+        assert rows[name, "real"] > rows[name, "sim"]
+
+
+def test_half_a_campaign_is_refused(monkeypatch, capsys, campaign, tmp_path):
+    assert call(monkeypatch, "--real", campaign[0], "--out", tmp_path / "out") == 1
+    assert "--real and --sim: expected both or none" in capsys.readouterr().err
+
+
+def test_negative_numbers_are_refused(monkeypatch, capsys, tmp_path):
+    assert call(monkeypatch, "--seed", "-1", "--out", tmp_path / "out") == 1
+    assert "--seed and --jobs: expected 0 or more" in capsys.readouterr().err
