@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taxel.campaign.settings import effects_of
 from taxel.cli.stages import stage_bars
 from taxel.errors import TaxelError
 from taxel.thesis.findings import Finding
@@ -19,7 +18,6 @@ from taxel.thesis.run import given, make_campaign, reproduce
 def thesis(
     out: Annotated[Path, typer.Option(help="Folder for campaigns, tables, figures and thesis.html.")],
     seed: Annotated[int, typer.Option(help="Of the campaigns.")] = 1,
-    effects: Annotated[str, typer.Option(help="Of the emulated hand: as in taxel grasp.")] = "thesis",
     real: Annotated[Path | None, typer.Option(help="A grasp dataset to use instead; with --sim.")] = None,
     sim: Annotated[Path | None, typer.Option(help="The simulator's dataset; with --real.")] = None,
     gap: Annotated[bool, typer.Option(help="Diagnose the gap of the same data too.")] = True,
@@ -40,7 +38,7 @@ def thesis(
         if real is not None and sim is not None:
             campaign = given(real, sim)
         else:
-            campaign = make_campaign(out, seed, effects_of(effects), jobs or None, show)
+            campaign = make_campaign(out, seed, jobs or None, show)
         found, beside = reproduce(campaign, out, show, with_gap=gap)
     if as_json:
         print(json.dumps([one.to_json() for one in found], allow_nan=False))

@@ -194,7 +194,7 @@ def _progress(item: ObjectClouds) -> Any:
         axis = figure.add_subplot(1, len(steps), column + 1, projection="3d")
         clouds = {name: (item.clouds[name].points, COLOURS[name]) for name in (real, sim)}
         _clouds(axis, clouds, None, STAGES[column].replace("+ ", " and ").replace("+", " and"))
-        axis.legend(loc="upper left", fontsize=7, markerscale=3)
+        axis.legend(loc="lower left", fontsize=7, markerscale=3)
     return figure
 
 

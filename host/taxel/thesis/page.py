@@ -77,7 +77,7 @@ def _findings(found: Sequence[Finding]) -> str:
     return (
         "<section><h2>Findings</h2><p>Each must hold for all three objects. The thesis's own number is in brackets; a "
         "number that breaks the finding is marked.</p>"
-        f'<div class="wide"><table><thead><tr><th></th><th>finding</th>{head}<th></th></tr></thead>'
+        f'<div class="wide"><table class="findings"><thead><tr><th></th><th>finding</th>{head}<th></th></tr></thead>'
         f"<tbody>{rows}</tbody></table></div></section>"
     )
 

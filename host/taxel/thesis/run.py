@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.simulated import SimSettings, run_simulated
@@ -23,6 +25,7 @@ from taxel.thesis.gap_beside import Beside, beside
 from taxel.thesis.matching import PARTS, ObjectClouds, ObjectResult, clouds_of, measure
 from taxel.thesis.page import write_page
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
+from taxel.thesis.settings import EFFECTS, SCATTER
 from taxel.thesis.tables import all_tables
 
 Show = Callable[[str, int, int], None]
@@ -40,10 +43,10 @@ class Campaign:
     made: tuple[str, ...]
 
 
-def make_campaign(out: Path, seed: int, effects: Sequence[str], jobs: int | None, show: Show) -> Campaign:
+def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaign:
     """The 144 grasps of both sides in `out`; what is there already is gone on with. Raises TaxelError of one line."""
     plan = thesis_plan(seed)
-    emulated = EmulatedSettings(seed=seed, effects=tuple(effects))
+    emulated = EmulatedSettings(seed=seed, effects=EFFECTS, scatter=SCATTER)
     simulated = SimSettings(seed=seed + SIM_SEED_STEP)
     real, sim = out / "real.h5", out / "sim.h5"
     run_emulated(
@@ -51,7 +54,9 @@ def make_campaign(out: Path, seed: int, effects: Sequence[str], jobs: int | None
     )
     run_simulated(sim, plan, simulated, jobs=jobs, resume=True, progress=lambda done, of: show("simulator", done, of))
     made = (
-        f"144 grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(effects)}.",
+        f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
+        f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
+        "places (standard deviation, each axis, each grasp).",
         f"The simulated side is the simulator with its elastic layer ({simulated.sensing.level}), without any of that.",
     )
     return Campaign(real, sim, made)

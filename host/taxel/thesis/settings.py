@@ -12,15 +12,16 @@ from taxel.campaign.scatter import Scatter
 from taxel.cloud.propagation import Propagation
 
 EFFECTS: Final = (
-    "noise white counts=15",
+    "noise pink counts=68",
     "noise line axis=1 counts=4",
-    "coupling traces picofarad=2 tx_ohm=400 rx_ohm=400",
-    "spread film length_m=0.003",
-    "gain electrode factor=1.4",
+    "coupling traces picofarad=5 tx_ohm=400 rx_ohm=400",
+    "spread film length_m=0.0038",
+    "gain electrode factor=1.3",
 )
+"""Slow noise is what makes single taxels far from any contact active, as the thesis saw them."""
 
-SCATTER: Final = Scatter(object_m=2.2e-3, object_rad=0.03)
-"""Objects were put in their places by hand, and the arm and its calibration have their share."""
+SCATTER: Final = Scatter(object_m=3.4e-3, object_rad=0.04)
+"""Objects were put in their places by hand; the arm, the hand and its calibration have their share."""
 
-PROPAGATION: Final = Propagation(from_counts=300.0)
+PROPAGATION: Final = Propagation(from_counts=340.0)
 """Only taxels that are pressed firmly activate their neighbours."""
