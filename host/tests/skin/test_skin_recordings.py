@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import closing, suppress
 
 import numpy as np
 import pytest
@@ -43,6 +44,15 @@ def record(hand, path, duration_s=1.5, stimulus=None):
     link = EmulatorLink(world_text(hand), stimulus, fast=True, duration_s=duration_s)
     with Skin(Recording(link, CaptureWriter(path, {"baud": 1e6})), hand) as skin:
         return list(skin), skin.losses.received, skin.bytes_received
+
+
+def chunks_of(path):
+    """All records of a recording."""
+    chunks = []
+    with closing(CaptureLink(path)) as link, suppress(EOFError):
+        while True:
+            chunks.append(link.read())
+    return chunks
 
 
 def keep(skin, frames):
@@ -96,9 +106,14 @@ def test_a_truncated_recording_gives_what_stands_before_and_then_an_error(tmp_pa
 
 def test_a_flipped_bit_costs_the_frame_it_hits(tmp_path, recorded):
     path, frames, received, _ = recorded
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2 + 500] ^= 0x10
-    (tmp_path / "flipped.bin").write_bytes(data)
+    chunks = chunks_of(path)
+    middle = len(chunks) // 2
+    data = bytearray(chunks[middle].data)
+    data[len(data) // 2] ^= 0x10
+    chunks[middle] = chunks[middle]._replace(data=bytes(data))
+    with closing(CaptureWriter(tmp_path / "flipped.bin", {"baud": 1e6})) as writer:
+        for chunk in chunks:
+            writer.write(chunk.data, chunk.arrival_ns)
     with taxel.open(f"file:{tmp_path / 'flipped.bin'}") as skin:
         got = list(skin)
         assert skin.losses.received + skin.losses.lost_on_wire == received
