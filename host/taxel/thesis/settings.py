@@ -12,11 +12,11 @@ from taxel.campaign.scatter import Scatter
 from taxel.cloud.propagation import Propagation
 
 EFFECTS: Final = (
-    "noise pink counts=68",
+    "noise pink counts=62",
     "noise line axis=1 counts=4",
-    "coupling traces picofarad=5 tx_ohm=400 rx_ohm=400",
+    "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
-    "gain electrode factor=1.3",
+    "gain electrode factor=1.4",
 )
 """Slow noise is what makes single taxels far from any contact active, as the thesis saw them."""
 
