@@ -97,8 +97,8 @@ def force_sweep(
     rows = []
     for done, threshold in enumerate(thresholds):
         show(done, len(thresholds))
-        found = _matched(force_filter(cloud, threshold), mesh)
-        rows.append(ForceRow(object_name, threshold, *found, _percent(found[0], len(cloud))))
+        found = matched(force_filter(cloud, threshold), mesh)
+        rows.append(ForceRow(object_name, threshold, *_told(found), _percent(found.points, len(cloud))))
     show(len(thresholds), len(thresholds))
     return rows
 
@@ -121,8 +121,8 @@ def sor_sweep(
     rows = []
     for done, (count, (_, sigma)) in enumerate(zip(counts, rules, strict=True)):
         show(done, len(rules))
-        found = _matched(filtered.take(kept(means[wanted.index(count)], sigma)), mesh)
-        rows.append(SorRow(object_name, count, sigma, *found, _percent(found[0], len(filtered))))
+        found = matched(filtered.take(kept(means[wanted.index(count)], sigma)), mesh)
+        rows.append(SorRow(object_name, count, sigma, *_told(found), _percent(found.points, len(filtered))))
     show(len(rules), len(rules))
     return rows
 
@@ -140,6 +140,11 @@ def neighbours(share: int | str, points: int) -> int:
     return {ALL_BUT_ONE: points - 1, HALF: round(points / 2), QUARTER: round(points / 4)}[share]
 
 
+def stats_of(row: ForceRow | SorRow) -> DistanceStats:
+    """The distances of a row."""
+    return DistanceStats(row.points, row.mean_m, row.std_m, row.max_m, row.rms_m)
+
+
 def to_csv(rows: Sequence[ForceRow] | Sequence[SorRow]) -> str:
     """The rows as CSV with a heading; columns as in the thesis's tables."""
     out = io.StringIO()
@@ -155,10 +160,14 @@ def as_json(rows: Sequence[ForceRow] | Sequence[SorRow]) -> list[dict[str, objec
     return [asdict(row) for row in rows]
 
 
-def _matched(cloud: ContactCloud, mesh: TriangleMesh) -> tuple[int, float, float, float, float]:
-    """Points; RMS, largest, mean, standard deviation of the distances after alignment, metres."""
+def matched(cloud: ContactCloud, mesh: TriangleMesh) -> DistanceStats:
+    """Distances to a model after alignment from where the cloud is. Raises RegistrationError where that fails."""
     placed = apply(align_to_mesh(cloud.points, mesh, name=cloud.name).transform, cloud.points)
-    stats = DistanceStats.of(distances_to_mesh(placed, mesh, cloud.name))
+    return DistanceStats.of(distances_to_mesh(placed, mesh, cloud.name))
+
+
+def _told(stats: DistanceStats) -> tuple[int, float, float, float, float]:
+    """In the order of the thesis's columns."""
     return stats.points, stats.rms_m, stats.max_m, stats.mean_m, stats.std_m
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from taxel.gap.align import shift_beside
+from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.rounds import FIXED, MOST_OF_LEFT, NEXT_SHARE, Forms, Standing, cross_validated, next_round, tried
@@ -44,9 +45,11 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         gain, p_value = other.held.better_than(standing.base)
         rounds.append(Round(standing.base, (other,), other, gain, p_value, True))
         standing = standing.after(other)
+    before = judge.state.mean
     judge = judge if standing.judge.state is judge.state else Judge(standing.judge.state, judge.sessions, judge.layout)
     return Selection(
         judge,
+        before,
         standing.chain,
         tuple(rounds),
         standing.features,
@@ -61,7 +64,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
 def _realigned(standing: Standing) -> Standing:
     """With the frames of both sides aligned anew: before the first effect was known its onset was taken for a shift."""
     judge, chain = standing.judge, standing.chain
-    if "latency" in chain.names:
+    if Latency.name in chain.names:
         return standing
     shift = shift_beside(judge, chain)
     if abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s:

@@ -57,12 +57,14 @@ class Round:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """judge: of the pair, its frames aligned with what was found. chain: what explains the gap. rounds: how it was
-    found. features: in sample; held: on left-out cells, f64[C, F, n]. start, end: scores without and with it, on what
-    was left out; fitted: with it, where it was fitted; parts: the fits without each part.
+    """judge: of the pair, its frames aligned with what was found. before: the simulator's features f64[C, F, n] as the
+    search began, aligned without it. chain: what explains the gap. rounds: how it was found. features: in sample; held:
+    on left-out cells, f64[C, F, n]. start, end: scores without and with it, on what was left out; fitted: with it,
+    where it was fitted; parts: the fits without each part.
     """
 
     judge: Judge
+    before: Array
     chain: Chain
     rounds: tuple[Round, ...]
     features: Array

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any, Final
 
-from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, Match, ObjectResult
+from taxel.cloud.distance import DistanceStats
+from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectResult
 from taxel.thesis.printed import FORCE_FILTER, STAGES
 from taxel.thesis.tables import contributions
 
@@ -223,7 +224,7 @@ def _told(results: Results) -> Finding:
     return Finding(12, says, "1", numbers, (3.66, 1.32, 1.11), holds)
 
 
-def _own(one: ObjectResult, side: str) -> dict[str, Match]:
+def _own(one: ObjectResult, side: str) -> dict[str, DistanceStats]:
     return {mesh: match for (cloud, mesh), match in one.cross.items() if cloud == side}
 
 

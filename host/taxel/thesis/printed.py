@@ -9,6 +9,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Final
 
+from taxel.cloud.treatment import FORCE_FILTER_COUNTS
+
 Rows = tuple[Mapping[str, Any], ...]
 
 OBJECTS: Final = ("rectangular", "cylindrical", "triangular")
@@ -23,7 +25,7 @@ ORIGINAL, PROPAGATED = "Original sim", "Sim+ contact propagation"
 SOR_OF: Final = MappingProxyType({"rectangular": (20, 1.0), "cylindrical": (20, 2.0), "triangular": (716, 2.0)})
 """N and nSigma of Table 5.4."""
 
-FORCE_FILTER: Final = 190
+FORCE_FILTER: Final = int(FORCE_FILTER_COUNTS)
 """Counts; 150 of the same scale takes no point (Table 5.3, Tables I-1 to I-3)."""
 
 INCONSISTENT: Final = (
@@ -61,7 +63,7 @@ def rows_of(table: str, name: str, column: str = "object") -> Rows:
 
 
 def match_of(row: Mapping[str, Any]) -> dict[str, float]:
-    """What a row says of a match, as `taxel.thesis.matching.Match` has it."""
+    """What a row says of a match, as `DistanceStats` has it."""
     return {key: float(row[key]) for key in ("rms_m", "max_m", "mean_m", "std_m")}
 
 

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, Match, ObjectResult
+from taxel.cloud.distance import DistanceStats
+from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectResult
 from taxel.thesis.printed import OBJECTS, ORIGINAL, PROPAGATED, SOR_OF, STAGES, match_of, rows_of
 
 MATCH: Final = ("points", "rms_m", "max_m", "mean_m", "std_m")
@@ -120,7 +121,7 @@ def _before(results: Sequence[ObjectResult]) -> Table:
     return Table("5.3", "Clouds on their CAD models before any treatment", ("object", "side"), TWO, tuple(rows))
 
 
-def _two(match: Match) -> dict[str, float]:
+def _two(match: DistanceStats) -> dict[str, float]:
     return {"rms_m": match.rms_m, "mean_m": match.mean_m}
 
 
@@ -145,7 +146,7 @@ def _sor(one: ObjectResult, number: int) -> Table:
     return Table(f"I-{number}", title, ("n_thesis", "n_ours", "n_sigma"), (*MATCH, REMOVED), tuple(rows))
 
 
-def _removing(match: Match, before: int) -> dict[str, float | None]:
+def _removing(match: DistanceStats, before: int) -> dict[str, float | None]:
     return {**asdict(match), REMOVED: 100.0 * (1.0 - match.points / max(before, 1))}
 
 

@@ -23,7 +23,9 @@ from taxel.recording.grasp_format import Phase
 ROWS, COLUMNS, N = 6, 5, 60
 HALF = N // 2
 STEPS = ["as they are", "force filter", "SOR too", "contact propagation too"]
-NOTHING = Selection(None, None, (), None, None, None, None, None)  # nothing was tried: what is needed is fitted here
+NOTHING = Selection(
+    None, None, None, (), None, None, None, None, None
+)  # nothing was tried: what is needed is fitted here
 
 
 def judged(paths, change=lambda pair: pair) -> Judge:

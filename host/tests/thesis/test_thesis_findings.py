@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from taxel.cloud.distance import DistanceStats
 from taxel.thesis.findings import findings, others
 from taxel.thesis.gap_beside import beside
 from taxel.thesis.matching import (
@@ -15,17 +16,16 @@ from taxel.thesis.matching import (
     REAL,
     SIM,
     SPREAD,
-    Match,
     ObjectResult,
-    neighbour_share,
-    neighbours_in,
 )
 from taxel.thesis.printed import INCONSISTENT, OBJECTS, SOR_OF, STAGES, match_of, of_dataset, rows_of
 from taxel.thesis.tables import PRINTED_NAMES, all_tables, best_sor, contributions
 
+NEAR = DistanceStats(9, 1e-4, 0.0, 1e-4, 1e-4)
 
-def matched(row, points: str = "points") -> Match:
-    return Match(int(row.get(points, 0)), **match_of(row))
+
+def matched(row, points: str = "points") -> DistanceStats:
+    return DistanceStats(int(row.get(points, 0)), **match_of(row))
 
 
 def as_printed(word: str) -> ObjectResult:
@@ -77,7 +77,12 @@ def test_the_numbers_are_those_that_the_thesis_states(printed_results):
         (6, lambda one: replace(one, cad={**one.cad, CLEANED: replace(one.cad[CLEANED], points=100)})),
         (8, lambda one: replace(one, cad={**one.cad, SPREAD: one.cad[SIM]})),
         (10, lambda one: replace(one, to_sim={**one.to_sim, STAGES[1]: one.to_sim[STAGES[0]]})),
-        (12, lambda one: replace(one, cross={**one.cross, (REAL, "cylindrical"): Match(9, 1e-4, 1e-4, 1e-4, 0.0)})),
+        (
+            12,
+            lambda one: replace(
+                one, cross={**one.cross, (REAL, "cylindrical"): DistanceStats(9, 1e-4, 1e-4, 1e-4, 0.0)}
+            ),
+        ),
     ],
 )
 def test_a_finding_breaks_with_one_object(printed_results, number, broken):
@@ -115,13 +120,6 @@ def test_what_the_text_says_and_its_tables_do_not(printed_results):
 def test_contributions_are_shares_of_the_whole_fall():
     assert contributions(dict(zip(STAGES, (4.0, 3.0, 2.5, 2.0), strict=True))) == [50.0, 25.0, 25.0]
     assert contributions(dict.fromkeys(STAGES, 1.0)) == [0.0, 0.0, 0.0]
-
-
-def test_neighbours_are_twenty_or_a_share_of_the_cloud():
-    assert neighbours_in(neighbour_share("rectangular"), 999) == 20
-    assert neighbours_in(neighbour_share("triangular"), 2866) == 716
-    assert neighbours_in(neighbour_share("triangular"), 400) == 100
-    assert neighbours_in((20, 3000.0), 5) == 5
 
 
 def test_objects_are_known_by_the_beginning_of_their_names():

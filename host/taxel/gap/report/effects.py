@@ -51,7 +51,7 @@ def effect_entry(
         inside = [one for links in held.links for one in links if one.effect.name == name]
         parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
     features = first.held_features if first.held_features is not None else first.features
-    alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
+    alone = shrink_by(judge.sessions, selection.before, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside, parts), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         spread = _spread_of_gains(judge, link)
