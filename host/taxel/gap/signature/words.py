@@ -169,5 +169,7 @@ def _fixed(told: Told, numbers: Array, pair: Pair, scope: str, places: list[int]
     if own < -0.5 and others[most] > 0.5:
         return f"a {LINES[scope]} answers for another: {place_words(pair, scope, first + most)}"
     if np.abs(others).max() > abs(own):
+        if abs(others[most]) > 1.0:  # beside a line that hardly drops a share says nothing
+            return f"{LINES[scope]}s follow others"
         return f"{LINES[scope]}s take {100 * others[most]:+.0f} % of what others drop"
     return f"fixed to {LINES[scope]}s: {100 * abs(own):.0f} % {'more' if own > 0 else 'less'} drop"
