@@ -9,8 +9,6 @@
 
 #define CORRUPTED_BIT 0x10u
 
-static const uint8_t firmware_version[3] = {0, 1, 0};
-
 static vtime cycles(const struct board_node *board, unsigned count)
 {
     return (vtime)(count / CPU_HZ / board->clock_rate * (double)VTIME_SECOND);
@@ -52,7 +50,8 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
-    const double us = (double)(board->now - board->boot_end) * board->clock_rate / (double)VTIME_US;
+    const double us = (double)(board->now - board->boot_end) * board->clock_rate / (double)VTIME_US +
+                      board->description->clock_start_us;
     if (board->wander.amplitude == 0.0) {
         return (uint32_t)(uint64_t)us;
     }
@@ -167,7 +166,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
         .settings = world->scan,
         .snapshots = {board->snapshots[0], board->snapshots[1], board->snapshots[2]},
     };
-    memcpy(board->config.firmware_version, firmware_version, sizeof firmware_version);
+    memcpy(board->config.firmware_version, description->firmware_version, sizeof description->firmware_version);
     memcpy(board->config.unique_id, description->unique_id, sizeof description->unique_id);
     if (taxel_sensor_init(&board->sensor, &board->config)) {
         fprintf(stderr, "board 0x%02X: the firmware refuses its configuration (map, sizes or scan settings)\n",
@@ -193,6 +192,7 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board->conversion_end = VTIME_NEVER;
     board->restart_wanted = false;
     board->hold_clocks = 0; /* a board without power, or at its start, lets go of the lines */
+    board->scl_held_until = 0;
     board->stretch = 0;
     if (!on) {
         return;
@@ -314,6 +314,12 @@ vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
         *byte ^= CORRUPTED_BIT;
     }
     return now;
+}
+
+void board_bus_error(struct board_node *board, vtime now)
+{
+    (void)enter(board, now, COST_SLAVE_STOP);
+    taxel_sensor_on_bus_error(&board->sensor);
 }
 
 void board_stop(struct board_node *board, vtime now)

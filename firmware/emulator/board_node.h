@@ -49,6 +49,7 @@ struct board_node {
     /* faults */
     vtime stretch;       /* of the next address byte */
     unsigned hold_clocks; /* SDA is held low until the master has given that many clocks */
+    vtime scl_held_until;
     unsigned corrupt_bytes;
     unsigned nacks;
 };
@@ -65,6 +66,7 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
 vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
 vtime board_read(struct board_node *board, vtime now, uint8_t *byte);
 void board_stop(struct board_node *board, vtime now);
+void board_bus_error(struct board_node *board, vtime now);
 bool board_answers(const struct board_node *board, vtime now, uint8_t address);
 
 #endif

@@ -5,7 +5,7 @@
 #define CLOCKS_PER_BYTE 9u /* eight bits and the acknowledge */
 #define SLAVES_MAX 4u
 
-void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz)
+void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log)
 {
     memset(bus, 0, sizeof *bus);
     bus->boards = boards;
@@ -13,6 +13,7 @@ void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, do
     bus->clock = (vtime)((double)VTIME_SECOND / scl_hz);
     bus->next = VTIME_NEVER;
     bus->scl_high = bus->sda_high = true;
+    bus->log = log;
 }
 
 static bool sda_is_held(const struct bus *bus)
@@ -26,6 +27,23 @@ static bool sda_is_held(const struct bus *bus)
         }
     }
     return false;
+}
+
+/* Until when some board holds SCL low; 0: none does. */
+static vtime scl_held_until(const struct bus *bus)
+{
+    vtime until = 0;
+    for (size_t i = 0; bus->may_be_held && i < bus->board_count; i++) {
+        if (bus->boards[i].powered) {
+            until = vtime_max(until, bus->boards[i].scl_held_until);
+        }
+    }
+    return until;
+}
+
+bool bus_scl(const struct bus *bus, vtime now)
+{
+    return bus->scl_high && now >= scl_held_until(bus);
 }
 
 bool bus_sda(const struct bus *bus)
@@ -46,14 +64,18 @@ void bus_drive(struct bus *bus, bool scl_high, bool sda_high)
     bus->sda_high = sda_high;
 }
 
-void bus_start(struct bus *bus, const struct taxel_i2c_transfer *transfer, vtime now)
+static void begin(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
 {
+    bus->master = master;
     bus->transfer = *transfer;
     bus->index = 0;
+    bus->wire_byte = 0;
     bus->slave_count = 0;
+    bus->slaves_send = false;
+    bus->let_go = false;
     bus->transfers++;
     bus->started = now;
-    if (sda_is_held(bus)) {
+    if (sda_is_held(bus) || now < scl_held_until(bus)) {
         bus->result = TAXEL_I2C_BUSY;
         bus->phase = BUS_DONE;
         bus->next = now + bus->clock;
@@ -64,36 +86,101 @@ void bus_start(struct bus *bus, const struct taxel_i2c_transfer *transfer, vtime
     bus->next = now + bus->clock + CLOCKS_PER_BYTE * bus->clock; /* start condition, then the address byte */
 }
 
-void bus_abort(struct bus *bus)
+void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
 {
+    if (bus->phase != BUS_IDLE && bus->master != master) {
+        bus->waits[master] = true;
+        bus->waiting[master] = *transfer;
+        return;
+    }
+    begin(bus, master, transfer, now);
+}
+
+void bus_hand_over(struct bus *bus, vtime now)
+{
+    const enum bus_master other = bus->master == BUS_HUB ? BUS_ADAPTER : BUS_HUB;
     bus->phase = BUS_IDLE;
     bus->next = VTIME_NEVER;
+    if (bus->waits[other]) {
+        bus->waits[other] = false;
+        begin(bus, other, &bus->waiting[other], now);
+    }
+}
+
+void bus_abort(struct bus *bus, enum bus_master master, vtime now)
+{
+    bus->waits[master] = false;
     bus->scl_high = bus->sda_high = true;
+    if (bus->master == master) {
+        bus_hand_over(bus, now);
+    }
 }
 
 static void next_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
     bus->phase = phase;
-    bus->next = vtime_max(bus->next, released) + CLOCKS_PER_BYTE * bus->clock;
+    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + CLOCKS_PER_BYTE * bus->clock;
 }
 
 static void stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;
-    bus->next = vtime_max(bus->next, released) + bus->clock;
+    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + bus->clock;
 }
 
-static bool call_slaves(struct bus *bus, bool reading, vtime *released)
+/* The master has lost the bus in the middle of a transfer: no stop of its own. */
+static void lose(struct bus *bus, int8_t result)
+{
+    for (size_t i = 0; i < bus->slave_count; i++) {
+        if (bus->slaves[i]->powered) {
+            board_bus_error(bus->slaves[i], bus->next);
+        }
+    }
+    bus->slave_count = 0;
+    bus->result = result;
+    bus->phase = BUS_DONE;
+    bus->next += bus->clock;
+}
+
+static struct byte_damage next_damage(struct bus *bus)
+{
+    const unsigned position = bus->wire_byte++;
+    bus->bytes++;
+    if (!bus->faults.count) {
+        return (struct byte_damage){.nack = false};
+    }
+    const struct byte_damage damage =
+        bus_faults_take(&bus->faults, bus->transfer.address, position, bus->next, bus->log);
+    for (size_t i = 0; damage.brown_out && i < bus->board_count; i++) {
+        struct board_node *board = &bus->boards[i];
+        if (board->description->address == bus->transfer.address && board->powered) {
+            board_power(board, true, bus->next + damage.off_time, TAXEL_RESET_CAUSE_BROWN_OUT);
+            bus->slave_count = 0; /* nobody else was called */
+        }
+    }
+    return damage;
+}
+
+static bool ends_the_transfer(struct bus *bus, const struct byte_damage *damage)
+{
+    if (damage->arbitration || damage->bus_error) {
+        lose(bus, damage->arbitration ? TAXEL_I2C_ARBITRATION_LOST : TAXEL_I2C_BUS_ERROR);
+        return true;
+    }
+    return false;
+}
+
+static bool call_slaves(struct bus *bus, uint8_t address, vtime *released)
 {
     *released = bus->next;
     bus->slave_count = 0;
     for (size_t i = 0; i < bus->board_count && bus->slave_count < SLAVES_MAX; i++) {
         struct board_node *board = &bus->boards[i];
         bool acknowledge = false;
-        if (!board_answers(board, bus->next, bus->transfer.address)) {
+        if (!board_answers(board, bus->next, address)) {
             continue;
         }
-        *released = vtime_max(*released, board_address(board, bus->next, reading, &acknowledge));
+        *released = vtime_max(*released, board_address(board, bus->next, bus->slaves_send, &acknowledge));
         if (acknowledge) {
             bus->slaves[bus->slave_count++] = board;
         }
@@ -110,11 +197,29 @@ static void after_writing(struct bus *bus, vtime released)
     }
 }
 
+/* Slaves that were called for reading, by a damaged address byte, send against a master that writes or stops: the master
+ * sees a line that it has let go, and a slave is left in the middle of its byte. */
+static void collide(struct bus *bus, int8_t result)
+{
+    for (size_t i = 0; i < bus->slave_count; i++) {
+        bus->slaves[i]->hold_clocks = CLOCKS_PER_BYTE - 1u;
+        bus->may_be_held = true;
+    }
+    lose(bus, result);
+}
+
 static void end_address(struct bus *bus, bool reading)
 {
     vtime released;
-    bus->bytes++;
-    if (!call_slaves(bus, reading, &released)) {
+    const struct byte_damage damage = next_damage(bus);
+    const uint8_t address = bus->transfer.address ^ (uint8_t)(damage.flip >> 1);
+    bus->slaves_send = reading != ((damage.flip & 1u) != 0u);
+    if (ends_the_transfer(bus, &damage)) {
+        return;
+    }
+    const bool acknowledged = call_slaves(bus, address, &released) && !damage.nack;
+    released += damage.stretch;
+    if (!acknowledged) {
         bus->result = TAXEL_I2C_NACK_ADDRESS;
         stop(bus, released);
         return;
@@ -124,6 +229,8 @@ static void end_address(struct bus *bus, bool reading)
         next_byte(bus, BUS_READ, released);
     } else if (bus->transfer.write_size) {
         next_byte(bus, BUS_WRITE, released);
+    } else if (bus->slaves_send) {
+        collide(bus, TAXEL_I2C_BUS_ERROR);
     } else {
         after_writing(bus, released);
     }
@@ -133,16 +240,25 @@ static void end_write(struct bus *bus)
 {
     bool acknowledged = false;
     vtime released = bus->next;
-    bus->bytes++;
+    const struct byte_damage damage = next_damage(bus);
+    const uint8_t byte = bus->transfer.write_bytes[bus->index] ^ damage.flip;
+    if (ends_the_transfer(bus, &damage)) {
+        return;
+    }
+    if (bus->slaves_send) {
+        collide(bus, TAXEL_I2C_ARBITRATION_LOST);
+        return;
+    }
     for (size_t i = 0; i < bus->slave_count; i++) {
         bool acknowledge = false;
         if (bus->slaves[i]->powered) {
-            released = vtime_max(released, board_write(bus->slaves[i], bus->next, bus->transfer.write_bytes[bus->index], &acknowledge));
+            released = vtime_max(released, board_write(bus->slaves[i], bus->next, byte, &acknowledge));
         }
         acknowledged = acknowledged || acknowledge;
     }
+    released += damage.stretch;
     bus->index++;
-    if (!acknowledged) {
+    if (!acknowledged || damage.nack) {
         bus->result = TAXEL_I2C_NACK_DATA;
         stop(bus, released);
     } else if (bus->index < bus->transfer.write_size) {
@@ -152,19 +268,37 @@ static void end_write(struct bus *bus)
     }
 }
 
-static void end_read(struct bus *bus)
+/* What the slaves put onto the line; called for writing, they take what they see there. */
+static uint8_t line_byte(struct bus *bus, vtime *released)
 {
     uint8_t line = 0xFF; /* open drain: a zero wins */
-    vtime released = bus->next;
-    bus->bytes++;
-    for (size_t i = 0; i < bus->slave_count; i++) {
+    for (size_t i = 0; i < bus->slave_count && !bus->let_go; i++) {
         uint8_t byte = 0xFF;
-        if (bus->slaves[i]->powered) {
-            released = vtime_max(released, board_read(bus->slaves[i], bus->next, &byte));
+        bool acknowledge = false;
+        if (!bus->slaves[i]->powered) {
+            continue;
+        }
+        if (bus->slaves_send) {
+            *released = vtime_max(*released, board_read(bus->slaves[i], bus->next, &byte));
+        } else {
+            *released = vtime_max(*released, board_write(bus->slaves[i], bus->next, byte, &acknowledge));
         }
         line &= byte;
     }
+    return line;
+}
+
+static void end_read(struct bus *bus)
+{
+    vtime released = bus->next;
+    const struct byte_damage damage = next_damage(bus);
+    if (ends_the_transfer(bus, &damage)) {
+        return;
+    }
+    const uint8_t line = line_byte(bus, &released) ^ damage.flip;
+    bus->let_go = bus->let_go || damage.nack;
     bus->transfer.read_bytes[bus->index++] = sda_is_held(bus) ? 0 : line;
+    released += damage.stretch;
     if (bus->index < bus->transfer.read_size) {
         next_byte(bus, BUS_READ, released);
     } else {
@@ -206,7 +340,6 @@ bool bus_run(struct bus *bus, vtime horizon)
             end_stop(bus);
             break;
         default:
-            bus->phase = BUS_IDLE;
             bus->busy += bus->next - bus->started;
             return true;
         }

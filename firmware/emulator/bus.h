@@ -1,9 +1,12 @@
 /* The I2C bus in virtual time: 9 clocks a byte, start and stop, clock stretching; several slaves on one address pull the line
- * down together. Byte by byte; single bits only where a fault makes them matter. */
+ * down together. Byte by byte; single bits only where a fault makes them matter.
+ *
+ * Two masters may stand on it: the hub, and an adapter on the bench. Either waits until the other has made its stop. */
 #ifndef EMULATOR_BUS_H
 #define EMULATOR_BUS_H
 
 #include "emulator/board_node.h"
+#include "emulator/bus_faults.h"
 #include "hal/hub_hal.h"
 
 enum bus_phase {
@@ -16,6 +19,12 @@ enum bus_phase {
     BUS_DONE,
 };
 
+enum bus_master {
+    BUS_HUB,
+    BUS_ADAPTER,
+    BUS_MASTERS,
+};
+
 struct bus {
     struct board_node *boards;
     size_t board_count;
@@ -24,26 +33,38 @@ struct bus {
     enum bus_phase phase;
     struct taxel_i2c_transfer transfer;
     size_t index;
+    unsigned wire_byte; /* bytes of this transfer that have ended */
     int8_t result;
     struct board_node *slaves[4]; /* that acknowledged the present address */
     size_t slave_count;
+    bool slaves_send; /* they were called for reading: unless the address byte was damaged, so does the master */
+    bool let_go;      /* they have seen a byte that was not acknowledged, and send no more */
+    enum bus_master master;
+    bool waits[BUS_MASTERS]; /* for the other master's stop */
+    struct taxel_i2c_transfer waiting[BUS_MASTERS];
+    struct bus_faults faults;
+    struct fault_log *log;
     bool scl_high, sda_high; /* what the master drives by hand during recovery */
     uint64_t bytes;
     uint64_t transfers;
     vtime started;
     vtime busy;
-    bool may_be_held; /* some board has been told to hold SDA low */
+    bool may_be_held; /* some board has been told to hold a line low */
 };
 
-void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz);
-void bus_start(struct bus *bus, const struct taxel_i2c_transfer *transfer, vtime now);
-void bus_abort(struct bus *bus);
+void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log);
 
-/* Run everything that ends before or at `horizon`. Returns true when the transfer has ended (result in bus->result, at
- * bus->next). */
+/* The transfer begins now, or when the other master has ended its own. */
+void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now);
+void bus_abort(struct bus *bus, enum bus_master master, vtime now);
+
+/* Run everything that ends before or at `horizon`. Returns true when a transfer has ended: of bus->master, result in
+ * bus->result, at bus->next. Then the bus is free from that time on: bus_hand_over() begins what the other master waits for. */
 bool bus_run(struct bus *bus, vtime horizon);
+void bus_hand_over(struct bus *bus, vtime now);
 
 void bus_drive(struct bus *bus, bool scl_high, bool sda_high);
+bool bus_scl(const struct bus *bus, vtime now);
 bool bus_sda(const struct bus *bus);
 
 #endif

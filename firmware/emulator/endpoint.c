@@ -88,7 +88,12 @@ int endpoint_open(struct endpoint *endpoint, const char *what, double baud)
         endpoint->kind = ENDPOINT_CAPTURE;
         return open_capture(endpoint, what + 8, baud);
     }
-    return complain(what, "expected none, pty, fd:N or capture:FILE");
+    if (strcmp(what, "memory") == 0) {
+        endpoint->kind = ENDPOINT_MEMORY;
+        endpoint->memory = malloc(ENDPOINT_MEMORY_SIZE);
+        return endpoint->memory ? 0 : complain(what, "out of memory");
+    }
+    return complain(what, "expected none, pty, fd:N, capture:FILE or memory");
 }
 
 void endpoint_close(struct endpoint *endpoint)
@@ -99,6 +104,28 @@ void endpoint_close(struct endpoint *endpoint)
     if (endpoint->fd >= 0) {
         close(endpoint->fd);
     }
+    free(endpoint->memory);
+}
+
+static size_t keep(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
+{
+    const size_t room = ENDPOINT_MEMORY_SIZE - endpoint->memory_fill;
+    const size_t kept = size < room ? size : room;
+    memcpy(endpoint->memory + endpoint->memory_fill, bytes, kept);
+    endpoint->memory_fill += kept;
+    return kept;
+}
+
+size_t endpoint_take(struct endpoint *endpoint, uint8_t *bytes, size_t size)
+{
+    const size_t taken = size < endpoint->memory_fill ? size : endpoint->memory_fill;
+    if (!taken) {
+        return 0;
+    }
+    memcpy(bytes, endpoint->memory, taken);
+    endpoint->memory_fill -= taken;
+    memmove(endpoint->memory, endpoint->memory + taken, endpoint->memory_fill);
+    return taken;
 }
 
 static void capture(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
@@ -144,6 +171,8 @@ size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t siz
     }
     if (endpoint->kind == ENDPOINT_CAPTURE) {
         capture(endpoint, bytes, size, now);
+    } else if (endpoint->kind == ENDPOINT_MEMORY) {
+        sent = keep(endpoint, bytes, size);
     } else if (endpoint->kind != ENDPOINT_NONE) {
         sent = send_to_fd(endpoint, bytes, size);
     }

@@ -1,10 +1,11 @@
 #include "emulator/hub_node.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "emulator/costs.h"
 
-static const uint8_t firmware_version[3] = {0, 1, 0};
+static const uint8_t firmware_version[3] = WORLD_FIRMWARE_VERSION;
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
 static vtime cycles(const struct hub_node *node, double count)
@@ -20,12 +21,13 @@ static void wake_not_after(struct hub_node *node, vtime time)
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct hub_node *node = context;
-    bus_start(node->bus, transfer, node->now);
+    bus_start(node->bus, BUS_HUB, transfer, node->now);
 }
 
 static void on_i2c_abort(void *context)
 {
-    bus_abort(((struct hub_node *)context)->bus);
+    struct hub_node *node = context;
+    bus_abort(node->bus, BUS_HUB, node->now);
 }
 
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
@@ -35,7 +37,8 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 
 static bool on_i2c_scl(void *context)
 {
-    return ((struct hub_node *)context)->bus->scl_high;
+    const struct hub_node *node = context;
+    return bus_scl(node->bus, node->now);
 }
 
 static bool on_i2c_sda(void *context)
@@ -52,7 +55,7 @@ static void on_uart_kick(void *context)
 static uint64_t on_clock_us(void *context)
 {
     const struct hub_node *node = context;
-    return (uint64_t)((double)(node->now - node->booted) * node->clock_rate / (double)VTIME_US);
+    return (uint64_t)((double)(node->now - node->booted) * node->clock_rate / (double)VTIME_US + node->clock_start_us);
 }
 
 static void on_delay_us(void *context, uint32_t microseconds)
@@ -63,7 +66,8 @@ static void on_delay_us(void *context, uint32_t microseconds)
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct hub_node *node = context;
-    const vtime time = node->booted + (vtime)((double)(clock_us + 1u) / node->clock_rate * (double)VTIME_US);
+    const double since_boot_us = fmax(0.0, (double)(clock_us + 1u) - node->clock_start_us);
+    const vtime time = node->booted + (vtime)(since_boot_us / node->clock_rate * (double)VTIME_US);
     wake_not_after(node, vtime_max(time, node->now));
 }
 
@@ -72,12 +76,13 @@ static void on_restart(void *context)
     ((struct hub_node *)context)->restart_wanted = true;
 }
 
-void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, double scl_hz, double clock_ppm)
+void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world)
 {
     memset(node, 0, sizeof *node);
     node->bus = bus;
     node->uart = uart;
-    node->clock_rate = 1.0 + clock_ppm * 1e-6;
+    node->clock_rate = 1.0 + world->hub_clock_ppm * 1e-6;
+    node->clock_start_us = world->hub_clock_start_us;
     node->hal = (struct taxel_hub_hal){
         .context = node,
         .i2c_start = on_i2c_start,
@@ -93,7 +98,7 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, do
     };
     node->config = (struct taxel_hub_config){
         .hal = &node->hal,
-        .scl_hz = (uint32_t)scl_hz,
+        .scl_hz = (uint32_t)world->scl_hz,
         .slots = node->slots,
         .slot_capacity = HUB_SLOTS,
         .transfer_buffers = {node->transfer_buffers[0], node->transfer_buffers[1]},
@@ -107,11 +112,25 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, do
 
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
-    bus_abort(node->bus);
+    bus_abort(node->bus, BUS_HUB, now);
+    node->powered = true;
     node->booted = node->now = node->cpu_free = node->wake = now;
     node->restart_wanted = false;
     node->config.reset_cause = reset_cause;
     taxel_hub_init(&node->hub, &node->config);
+}
+
+void hub_node_unplug(struct hub_node *node, vtime now)
+{
+    bus_abort(node->bus, BUS_HUB, now);
+    node->powered = false;
+    node->wake = VTIME_NEVER;
+    uart_hub_is_gone(node->uart);
+}
+
+void hub_node_stall(struct hub_node *node, vtime until)
+{
+    node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
 void hub_node_i2c_done(struct hub_node *node, vtime now)

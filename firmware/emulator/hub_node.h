@@ -21,15 +21,21 @@ struct hub_node {
     struct bus *bus;
     struct uart *uart;
     double clock_rate;
+    double clock_start_us;
     vtime booted;
     vtime now; /* while firmware runs: the time it sees */
     vtime cpu_free;
     vtime wake; /* when the main loop next has something to do */
     bool restart_wanted;
+    bool powered;
 };
 
-void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, double scl_hz, double clock_ppm);
+void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world);
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
+void hub_node_unplug(struct hub_node *node, vtime now);
+
+/* The CPU is busy with something else until then. */
+void hub_node_stall(struct hub_node *node, vtime until);
 
 /* Interrupts, at the time they are raised. */
 void hub_node_i2c_done(struct hub_node *node, vtime now);

@@ -52,6 +52,9 @@ int stimulus_advance(struct stimulus *stimulus, vtime now);
 bool stimulus_poll(struct stimulus *stimulus);
 int stimulus_take_live(struct stimulus *stimulus, vtime now);
 
+/* Without a stream: these values act from now on, `stimulus->values` of them. Returns as above. */
+int stimulus_set(struct stimulus *stimulus, const float *values, vtime now);
+
 /* How far a time in [from, until] has come from the one record to the next, 0 to 1. */
 double stimulus_fraction(const struct stimulus *stimulus, vtime time);
 

@@ -5,11 +5,13 @@
 #define BITS_PER_BYTE 10.0 /* 8N1 */
 #define USB_OUT (1u * VTIME_MS)  /* host to adapter: one full-speed frame */
 
-void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms)
+void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms,
+               struct fault_log *log)
 {
     memset(uart, 0, sizeof *uart);
     uart->hub = hub;
     uart->endpoint = endpoint;
+    uart->log = log;
     uart->byte_time = (vtime)(BITS_PER_BYTE / baud * (double)VTIME_SECOND);
     uart->usb_latency = (vtime)(usb_latency_ms * (double)VTIME_MS);
     uart->transmit_next = uart->packet_deadline = uart->receive_next = VTIME_NEVER;
@@ -22,26 +24,40 @@ void uart_kick(struct uart *uart, vtime now)
     }
 }
 
+void uart_hub_is_gone(struct uart *uart)
+{
+    uart->transmit_next = VTIME_NEVER;
+    uart->held_back = false;
+}
+
 void uart_flush_packet(struct uart *uart, vtime now)
 {
+    if (now < uart->up.held_until) {
+        uart->packet_deadline = uart->up.held_until;
+        return;
+    }
     const size_t sent = endpoint_send(uart->endpoint, uart->packet, uart->packet_fill, now);
     uart->packet_fill -= sent;
     memmove(uart->packet, uart->packet + sent, uart->packet_fill);
     uart->packet_deadline = uart->packet_fill ? now + VTIME_MS : VTIME_NEVER;
-    if (uart->held_back && uart->packet_fill + UART_FIFO <= USB_BUFFER) {
+    if (uart->held_back && uart->packet_fill + 2u * UART_FIFO <= USB_BUFFER) {
         uart->held_back = false;
         uart->transmit_next = now;
     }
 }
 
-static void to_adapter(struct uart *uart, uint8_t byte, vtime arrival)
+static void to_adapter(struct uart *uart, uint8_t sent, vtime arrival)
 {
-    if (uart->packet_fill == 0) {
-        uart->packet_deadline = arrival + uart->usb_latency;
-    }
-    uart->packet[uart->packet_fill++] = byte;
-    if (uart->packet_fill % USB_PACKET == 0) {
-        uart_flush_packet(uart, arrival);
+    uint8_t bytes[2];
+    const size_t size = line_faults_pass(&uart->up, sent, bytes, arrival, uart->log);
+    for (size_t i = 0; i < size; i++) {
+        if (uart->packet_fill == 0) {
+            uart->packet_deadline = vtime_max(arrival + uart->usb_latency, uart->up.held_until);
+        }
+        uart->packet[uart->packet_fill++] = bytes[i];
+        if (uart->packet_fill % USB_PACKET == 0) {
+            uart_flush_packet(uart, arrival);
+        }
     }
 }
 
@@ -49,7 +65,7 @@ size_t uart_transmit(struct uart *uart)
 {
     uint8_t bytes[UART_FIFO];
     const vtime now = uart->transmit_next;
-    if (uart->packet_fill + UART_FIFO > USB_BUFFER) {
+    if (uart->packet_fill + 2u * UART_FIFO > USB_BUFFER) {
         uart->held_back = true;
         uart->transmit_next = VTIME_NEVER;
         return 0;
@@ -75,14 +91,20 @@ size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vti
         uart->receive[uart->receive_head++ % UART_RECEIVE_BUFFER] = bytes[taken++];
     }
     if (taken && uart->receive_next == VTIME_NEVER) {
-        uart->receive_next = now + USB_OUT + uart->byte_time;
+        uart->receive_next = vtime_max(now, uart->down.held_until) + USB_OUT + uart->byte_time;
     }
     return taken;
 }
 
-void uart_receive(struct uart *uart)
+void uart_receive(struct uart *uart, bool hub_is_powered)
 {
-    taxel_hub_on_uart_byte(uart->hub, uart->receive[uart->receive_tail++ % UART_RECEIVE_BUFFER]);
+    uint8_t bytes[2];
+    const uint8_t sent = uart->receive[uart->receive_tail++ % UART_RECEIVE_BUFFER];
+    const size_t size = line_faults_pass(&uart->down, sent, bytes, uart->receive_next, uart->log);
+    for (size_t i = 0; i < size && hub_is_powered; i++) {
+        taxel_hub_on_uart_byte(uart->hub, bytes[i]);
+    }
     uart->receive_next =
-        uart->receive_tail == uart->receive_head ? VTIME_NEVER : uart->receive_next + uart->byte_time;
+        uart->receive_tail == uart->receive_head ? VTIME_NEVER
+                                                 : vtime_max(uart->receive_next, uart->down.held_until) + uart->byte_time;
 }

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "emulator/endpoint.h"
+#include "emulator/line_faults.h"
 #include "emulator/vtime.h"
 #include "hub/hub.h"
 
@@ -33,9 +34,15 @@ struct uart {
     vtime receive_next;
 
     uint64_t bytes_sent; /* put onto the wire by the hub */
+    struct line_faults up, down; /* to the host, to the hub */
+    struct fault_log *log;
 };
 
-void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms);
+void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms,
+               struct fault_log *log);
+
+/* The hub has lost its power: nothing more comes from it. */
+void uart_hub_is_gone(struct uart *uart);
 void uart_kick(struct uart *uart, vtime now);
 
 /* One refill of the transmit FIFO; returns the bytes it took. */
@@ -45,6 +52,8 @@ void uart_flush_packet(struct uart *uart, vtime now);
 /* Bytes from the host, on their way since `now`. Returns how many were taken. */
 size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vtime now);
 size_t uart_host_room(const struct uart *uart);
-void uart_receive(struct uart *uart);
+
+/* One byte reaches the hub's receiver, if there is power in it. */
+void uart_receive(struct uart *uart, bool hub_is_powered);
 
 #endif

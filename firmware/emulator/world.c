@@ -71,9 +71,9 @@ int world_init(struct world *world, const struct world_description *description,
         }
     }
     enter_fields(world, 0);
-    bus_init(&world->bus, world->boards, world->board_count, description->scl_hz);
-    uart_init(&world->uart, &world->hub.hub, endpoint, description->baud, description->usb_latency_ms);
-    hub_node_init(&world->hub, &world->bus, &world->uart, description->scl_hz, description->hub_clock_ppm);
+    bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
+    uart_init(&world->uart, &world->hub.hub, endpoint, description->baud, description->usb_latency_ms, &world->log);
+    hub_node_init(&world->hub, &world->bus, &world->uart, description);
     hub_node_boot(&world->hub, 0, TAXEL_RESET_CAUSE_POWER_ON);
     return 0;
 }
@@ -111,43 +111,86 @@ static vtime next_fault_time(const struct world *world)
     return (vtime)(world->description->faults[world->next_fault].time_s * (double)VTIME_SECOND);
 }
 
-static void inject(struct world *world, const struct fault_description *fault, vtime now)
+static void strike_board(struct world *world, struct board_node *board, const struct fault_description *fault)
 {
-    if (fault->kind == FAULT_MUTE) {
+    const vtime now = world->now;
+    board_advance(board, now);
+    switch (fault->kind) {
+    case FAULT_UNPLUG:
+        board_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
+        break;
+    case FAULT_PLUG:
+        board_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
+        break;
+    case FAULT_RESTART:
+        board_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+        break;
+    case FAULT_HOLD_SDA:
+        board->hold_clocks = (unsigned)fault->value;
+        world->bus.may_be_held = true;
+        break;
+    case FAULT_HOLD_SCL:
+        board->scl_held_until = now + (vtime)(fault->value * (double)VTIME_US);
+        world->bus.may_be_held = true;
+        break;
+    case FAULT_STRETCH:
+        board->stretch = (vtime)(fault->value * (double)VTIME_US);
+        break;
+    case FAULT_CORRUPT:
+        board->corrupt_bytes = (unsigned)fault->value;
+        break;
+    default:
+        board->nacks = (unsigned)fault->value;
+        break;
+    }
+}
+
+static int strike(struct world *world, const struct fault_description *fault)
+{
+    const vtime now = world->now;
+    switch (fault->kind) {
+    case FAULT_HUB_UNPLUG:
+        hub_node_unplug(&world->hub, now);
+        return 0;
+    case FAULT_HUB_PLUG:
+        hub_node_boot(&world->hub, now, TAXEL_RESET_CAUSE_POWER_ON);
+        return 0;
+    case FAULT_HUB_RESTART:
+        hub_node_boot(&world->hub, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+        return 0;
+    case FAULT_HUB_STALL:
+        hub_node_stall(&world->hub, now + (vtime)(fault->value * (double)VTIME_MS));
+        return 0;
+    case FAULT_UP_FLIP:
+    case FAULT_UP_DROP:
+    case FAULT_UP_DOUBLE:
+    case FAULT_UP_DELAY:
+        return line_faults_add(&world->uart.up, fault, now) ? 0 : -1;
+    case FAULT_DOWN_FLIP:
+    case FAULT_DOWN_DROP:
+    case FAULT_DOWN_DOUBLE:
+    case FAULT_DOWN_DELAY:
+        return line_faults_add(&world->uart.down, fault, now) ? 0 : -1;
+    case FAULT_MUTE:
         world->endpoint->muted = fault->value != 0.0;
-        return;
+        return 0;
+    default:
+        return bus_faults_add(&world->bus.faults, fault) ? 0 : -1;
+    }
+}
+
+int world_inject(struct world *world, const struct fault_description *fault)
+{
+    fault_log_add(&world->log, world->now, fault->kind, fault->address);
+    if (fault_target_of(fault->kind) != FAULT_TARGET_BOARD) {
+        return strike(world, fault);
     }
     for (size_t i = 0; i < world->board_count; i++) {
-        struct board_node *board = &world->boards[i];
-        if (board->description->address != fault->address) {
-            continue;
-        }
-        board_advance(board, now);
-        switch (fault->kind) {
-        case FAULT_UNPLUG:
-            board_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
-            break;
-        case FAULT_PLUG:
-            board_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
-            break;
-        case FAULT_RESTART:
-            board_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
-            break;
-        case FAULT_HOLD_SDA:
-            board->hold_clocks = (unsigned)fault->value;
-            world->bus.may_be_held = true;
-            break;
-        case FAULT_STRETCH:
-            board->stretch = (vtime)(fault->value * (double)VTIME_US);
-            break;
-        case FAULT_CORRUPT:
-            board->corrupt_bytes = (unsigned)fault->value;
-            break;
-        default:
-            board->nacks = (unsigned)fault->value;
-            break;
+        if (world->boards[i].description->address == fault->address) {
+            strike_board(world, &world->boards[i], fault);
         }
     }
+    return 0;
 }
 
 /* The kinds of event, in the order in which those of one instant happen. */
@@ -174,7 +217,7 @@ static void list_times(const struct world *world, vtime times[EVENT_COUNT])
     times[EVENT_BUS] = world->bus.next;
     times[EVENT_TRANSMIT] = world->uart.transmit_next;
     times[EVENT_PACKET] = world->uart.packet_deadline;
-    times[EVENT_HUB] = vtime_max(world->hub.wake, world->hub.cpu_free);
+    times[EVENT_HUB] = world->hub.wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(world->hub.wake, world->hub.cpu_free);
 }
 
 static enum event earliest(const struct world *world, vtime *time)
@@ -205,6 +248,19 @@ static vtime bus_horizon(const struct world *world, vtime now, vtime until)
     return vtime_max(now, until);
 }
 
+/* The result is handed over before the bus is: the next transfer writes its own over it. */
+static void end_transfer(struct world *world)
+{
+    const vtime end = world->bus.next;
+    if (world->bus.master == BUS_HUB) {
+        hub_node_i2c_done(&world->hub, end);
+    } else {
+        world->adapter.result = world->bus.result;
+        world->adapter.done = true;
+    }
+    bus_hand_over(&world->bus, end);
+}
+
 static int handle(struct world *world, enum event event, vtime now, vtime until)
 {
     switch (event) {
@@ -212,8 +268,7 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
         advance_boards(world, now);
         return take_stimulus(world, now);
     case EVENT_FAULT:
-        inject(world, &world->description->faults[world->next_fault++], now);
-        return 0;
+        return world_inject(world, &world->description->faults[world->next_fault++]);
     case EVENT_SKIN:
         advance_boards(world, now);
         if (leave_fields(world, now)) {
@@ -226,14 +281,14 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
         (void)uart_host_sends(&world->uart, world->script->bytes, world->script->size, now);
         return host_script_advance(world->script);
     case EVENT_RECEIVE:
-        uart_receive(&world->uart);
-        hub_node_uart_received(&world->hub, now);
+        uart_receive(&world->uart, world->hub.powered);
+        if (world->hub.powered) {
+            hub_node_uart_received(&world->hub, now);
+        }
         return 0;
     case EVENT_BUS:
         if (bus_run(&world->bus, bus_horizon(world, now, until))) {
-            const vtime end = world->bus.next;
-            world->bus.next = VTIME_NEVER;
-            hub_node_i2c_done(&world->hub, end);
+            end_transfer(world);
         }
         return 0;
     case EVENT_TRANSMIT:
@@ -266,6 +321,25 @@ int world_run(struct world *world, vtime until)
     return 0;
 }
 
+/* Between two records the fields stand still; then the boards measure with the new ones. */
+static int take_live(struct world *world, const float *values)
+{
+    struct stimulus *stimulus = world->stimulus;
+    advance_boards(world, world->now);
+    if (leave_fields(world, world->now) ||
+        (values ? stimulus_set(stimulus, values, world->now) : stimulus_take_live(stimulus, world->now))) {
+        return -1;
+    }
+    skin_take_live(&world->skin, stimulus, world->now);
+    enter_fields(world, world->now);
+    return 0;
+}
+
+int world_press(struct world *world, const float *values)
+{
+    return take_live(world, values);
+}
+
 int world_poll(struct world *world)
 {
     uint8_t bytes[512];
@@ -273,12 +347,9 @@ int world_poll(struct world *world)
     const size_t got = endpoint_receive(world->endpoint, bytes, room < sizeof bytes ? room : sizeof bytes);
     (void)uart_host_sends(&world->uart, bytes, got, world->now);
     while (stimulus_poll(world->stimulus)) {
-        advance_boards(world, world->now);
-        if (leave_fields(world, world->now) || stimulus_take_live(world->stimulus, world->now)) {
+        if (take_live(world, NULL)) {
             return -1;
         }
-        skin_take_live(&world->skin, world->stimulus, world->now);
-        enter_fields(world, world->now);
     }
     return 0;
 }

@@ -5,11 +5,18 @@
 #include "emulator/board_node.h"
 #include "emulator/bus.h"
 #include "emulator/endpoint.h"
+#include "emulator/fault_log.h"
 #include "emulator/host_script.h"
 #include "emulator/hub_node.h"
 #include "emulator/stimulus.h"
 #include "emulator/uart.h"
 #include "emulator/world_file.h"
+
+/* Another master on the same bus: a bench's I2C adapter. */
+struct bus_adapter {
+    bool done;
+    int8_t result;
+};
 
 struct world {
     const struct world_description *description;
@@ -21,9 +28,11 @@ struct world {
     struct droop_loads loads;
     struct skin skin;
     struct bus bus;
+    struct bus_adapter adapter;
     struct uart uart;
     struct hub_node hub;
     size_t next_fault;
+    struct fault_log log;
     vtime now;
     uint64_t events;
 };
@@ -39,6 +48,12 @@ int world_run(struct world *world, vtime until);
 
 /* Take up what host and live stimulus have sent meanwhile. Returns 0 or -1 as above. */
 int world_poll(struct world *world);
+
+/* Without a stimulus stream: what acts on the skin from now on. Returns 0 or -1 as above. */
+int world_press(struct world *world, const float *values);
+
+/* Let something go wrong at once (`time_s` is not looked at). Returns -1 if too much waits to go wrong already. */
+int world_inject(struct world *world, const struct fault_description *fault);
 int world_write_statistics(const struct world *world, const char *path, double wall_seconds);
 
 #endif

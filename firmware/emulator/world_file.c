@@ -11,7 +11,7 @@
 
 #define LINE_MAX_BYTES 512
 
-static const struct board_description *board_with(const struct world_description *world, uint8_t address)
+static struct board_description *board_with(struct world_description *world, uint8_t address)
 {
     for (size_t i = 0; i < world->board_count; i++) {
         if (world->boards[i].address == address) {
@@ -44,6 +44,7 @@ static int read_board(const struct world_reader *reader)
     board->taxel_count = (uint16_t)taxels;
     board->map_version_override = (uint8_t)version;
     board->bracket_offset = frame_identity;
+    memcpy(board->firmware_version, (const uint8_t[3])WORLD_FIRMWARE_VERSION, sizeof board->firmware_version);
     world->board_count++;
     return 0;
 }
@@ -67,12 +68,7 @@ static int read_scan(const struct world_reader *reader)
     return 0;
 }
 
-static const char *const fault_names[] = {
-    [FAULT_UNPLUG] = "unplug", [FAULT_PLUG] = "plug",       [FAULT_RESTART] = "restart", [FAULT_HOLD_SDA] = "hold_sda",
-    [FAULT_STRETCH] = "stretch", [FAULT_CORRUPT] = "corrupt", [FAULT_NACK] = "nack",       [FAULT_MUTE] = "mute_host",
-};
-
-/* fault TIME_S NAME ADDRESS [VALUE] */
+/* fault TIME_S NAME ADDRESS [VALUE [SECOND]] */
 static int read_fault(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -81,23 +77,64 @@ static int read_fault(const struct world_reader *reader)
         return world_reader_complain(reader, "too many faults");
     }
     struct fault_description *fault = &world->faults[world->fault_count];
-    fault->value = 0.0;
+    fault->value = fault->second = 0.0;
     if (world_reader_number(reader, 1, 0.0, 1e7, &fault->time_s) || world_reader_whole(reader, 3, 0, 127, &address) ||
-        (reader->count > 4 && world_reader_number(reader, 4, 0.0, 1e9, &fault->value))) {
+        (reader->count > 4 && world_reader_number(reader, 4, 0.0, 1e9, &fault->value)) ||
+        (reader->count > 5 && world_reader_number(reader, 5, 0.0, 1e9, &fault->second))) {
         return -1;
     }
     fault->address = (uint8_t)address;
     if (world->fault_count && fault->time_s < world->faults[world->fault_count - 1].time_s) {
         return world_reader_complain(reader, "faults must be in order of time");
     }
-    for (size_t kind = 0; kind < sizeof fault_names / sizeof fault_names[0]; kind++) {
-        if (strcmp(reader->words[2], fault_names[kind]) == 0) {
-            fault->kind = (enum fault_kind)kind;
-            world->fault_count++;
-            return kind == FAULT_MUTE || board_with(world, fault->address) ? 0 : world_reader_complain(reader, "no board has that address");
-        }
+    fault->kind = fault_named(reader->words[2]);
+    if (fault->kind == FAULT_KINDS) {
+        return world_reader_complain(reader, "unknown fault");
     }
-    return world_reader_complain(reader, "unknown fault");
+    world->fault_count++;
+    if (fault_target_of(fault->kind) == FAULT_TARGET_BOARD && !board_with(world, fault->address)) {
+        return world_reader_complain(reader, "no board has that address");
+    }
+    return 0;
+}
+
+static struct board_description *board_of(const struct world_reader *reader)
+{
+    long address;
+    if (world_reader_whole(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
+        return NULL;
+    }
+    struct board_description *board = board_with(reader->world, (uint8_t)address);
+    if (!board) {
+        (void)world_reader_complain(reader, "no board has that address");
+    }
+    return board;
+}
+
+/* firmware ADDRESS MAJOR MINOR PATCH */
+static int read_firmware(const struct world_reader *reader)
+{
+    struct board_description *board = board_of(reader);
+    for (int i = 0; board && i < 3; i++) {
+        long number;
+        if (world_reader_whole(reader, 2 + i, 0, 255, &number)) {
+            return -1;
+        }
+        board->firmware_version[i] = (uint8_t)number;
+    }
+    return board ? 0 : -1;
+}
+
+/* clock_start ADDRESS SECONDS */
+static int read_clock_start(const struct world_reader *reader)
+{
+    double seconds;
+    struct board_description *board = board_of(reader);
+    if (!board || world_reader_number(reader, 2, 0.0, 1e6, &seconds)) {
+        return -1;
+    }
+    board->clock_start_us = seconds * 1e6;
+    return 0;
 }
 
 static int read_seed(const struct world_reader *reader, const char *complaint, uint64_t *seed)
@@ -129,6 +166,12 @@ static int read_line(const struct world_reader *reader)
     if (strcmp(word, "fault") == 0) {
         return read_fault(reader);
     }
+    if (strcmp(word, "firmware") == 0) {
+        return read_firmware(reader);
+    }
+    if (strcmp(word, "clock_start") == 0) {
+        return read_clock_start(reader);
+    }
     if (strcmp(word, "effect") == 0) {
         return effects_read_line(reader);
     }
@@ -148,6 +191,7 @@ static int read_line(const struct world_reader *reader)
         {"baud", 1e3, 1e8, &world->baud},
         {"usb_latency_ms", 0.0, 255.0, &world->usb_latency_ms},
         {"hub_clock_ppm", -1e5, 1e5, &world->hub_clock_ppm},
+        {"hub_clock_start_us", 0.0, 1e12, &world->hub_clock_start_us},
         {"noise_counts", 0.0, 1e4, &world->noise_counts},
     };
     for (size_t i = 0; i < sizeof settings / sizeof settings[0]; i++) {

@@ -7,33 +7,17 @@
 #include <stdint.h>
 
 #include "emulator/effects/effects.h"
+#include "emulator/faults.h"
 #include "emulator/skin/frame.h"
 #include "emulator/skin/patch.h"
 #include "emulator/skin/shape.h"
 #include "generated/taxel_protocol.h"
 
 #define WORLD_BOARDS_MAX 64
+#define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of boards about which the file says nothing else, and of the hub */
 #define WORLD_FAULTS_MAX 4096
 #define WORLD_OBJECTS_MAX 16
 #define WORLD_MARGINS_MAX 512
-
-enum fault_kind {
-    FAULT_UNPLUG,
-    FAULT_PLUG,
-    FAULT_RESTART,
-    FAULT_HOLD_SDA,
-    FAULT_STRETCH,
-    FAULT_CORRUPT,
-    FAULT_NACK,
-    FAULT_MUTE,
-};
-
-struct fault_description {
-    double time_s;
-    enum fault_kind kind;
-    uint8_t address;
-    double value;
-};
 
 struct board_description {
     uint8_t address;
@@ -44,7 +28,9 @@ struct board_description {
     uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
     uint8_t unique_id[8];
     uint8_t map_version_override; /* 0: the firmware's own; else what the identity claims */
+    uint8_t firmware_version[3];
     double clock_ppm;
+    double clock_start_us; /* what the board's clock says when it has booted */
     double boot_ms;
     size_t placed;                   /* taxels whose place is known; all or none */
     struct taxel_place *places;      /* [placed] */
@@ -66,6 +52,7 @@ struct world_description {
     double baud;
     double usb_latency_ms;
     double hub_clock_ppm;
+    double hub_clock_start_us;
     double noise_counts;
     struct taxel_scan_settings scan;
     struct board_description boards[WORLD_BOARDS_MAX];

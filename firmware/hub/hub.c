@@ -56,6 +56,7 @@ static void take_job_outcome(struct taxel_hub *hub)
     const struct taxel_job job = hub->job;
     hub->job.kind = TAXEL_JOB_NONE;
     hub->job_done = false;
+    taxel_hub_note_result(hub, hub->job_result);
     if (job.kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
         hub->unframed_size = job.read_size;
         taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */

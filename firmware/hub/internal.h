@@ -22,6 +22,8 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
 /* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
+/* Any transfer that runs to its stop shows that both lines move. */
+void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
 
 /* identify.c */
 void taxel_hub_finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,

@@ -43,6 +43,14 @@ static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
     }
 }
 
+static void note_bus_fault(struct taxel_hub *hub, uint8_t fault)
+{
+    if (fault != hub->bus_fault) {
+        hub->bus_fault = fault;
+        tell_bus_fault(hub, fault);
+    }
+}
+
 /* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 {
@@ -50,11 +58,15 @@ uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
     if (fault != TAXEL_BOARD_FAULT_NONE) {
         hub->bus_down_until_us = taxel_hub_clock(hub) + BUS_DOWN_US;
     }
-    if (fault != hub->bus_fault) {
-        hub->bus_fault = fault;
-        tell_bus_fault(hub, fault);
-    }
+    note_bus_fault(hub, fault);
     return fault;
+}
+
+void taxel_hub_note_result(struct taxel_hub *hub, int8_t result)
+{
+    if (result == TAXEL_I2C_OK || result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
+        note_bus_fault(hub, TAXEL_BOARD_FAULT_NONE); /* a line that was let go by itself: no recovery tells */
+    }
 }
 
 static uint8_t fault_of(int8_t result, uint8_t bus_fault)

@@ -71,8 +71,14 @@ void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels
 
 void fake_world_fault(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double value)
 {
-    fake->description.faults[fake->description.fault_count++] =
-        (struct fault_description){.time_s = time_s, .kind = kind, .address = address, .value = value};
+    fake_world_fault_at(fake, time_s, kind, address, value, 0.0);
+}
+
+void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double position,
+                         double second)
+{
+    fake->description.faults[fake->description.fault_count++] = (struct fault_description){
+        .time_s = time_s, .kind = kind, .address = address, .value = position, .second = second};
 }
 
 int fake_world_open(struct fake_world *fake, int stimulus_fd)

@@ -30,6 +30,8 @@ struct fake_world {
 /* The defaults of a world file, and then that many boards: at 0x20 and up, of `taxels` taxels each. */
 void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels);
 void fake_world_fault(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double value);
+void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind kind, uint8_t address, double position,
+                         double second);
 
 /* `stimulus_fd`: a stimulus stream, or -1. Returns 0 or the emulator's own error. */
 int fake_world_open(struct fake_world *fake, int stimulus_fd);

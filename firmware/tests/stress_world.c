@@ -21,15 +21,16 @@ static void add_faults(void)
     double time = 0.3;
     for (unsigned i = 0; i < 40; i++) {
         static const double values[] = {0, 1, 2, 5, 9, 20, 300, 6000, 20000};
-        const enum fault_kind kind = (enum fault_kind)below(FAULT_MUTE + 1);
+        const enum fault_kind kind = below(16) ? (enum fault_kind)below(FAULT_HUB_UNPLUG) : FAULT_MUTE;
         time += 0.04 * random_uniform(&source);
-        fake_world_fault(&fake, time, kind, (uint8_t)(0x20 + below(boards)), values[below(9)]);
+        fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + below(boards)), values[below(9)], below(30));
     }
     for (unsigned i = 0; i < boards; i++) { /* and then all is well */
         fake_world_fault(&fake, SECONDS + 0.5, FAULT_PLUG, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, SECONDS + 0.5, FAULT_CORRUPT, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, SECONDS + 0.5, FAULT_NACK, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, SECONDS + 0.5, FAULT_HOLD_SDA, (uint8_t)(0x20 + i), 0);
+        fake_world_fault(&fake, SECONDS + 0.5, FAULT_HOLD_SCL, (uint8_t)(0x20 + i), 0);
     }
     fake_world_fault(&fake, SECONDS + 0.5, FAULT_MUTE, 0, 0);
 }

@@ -1,0 +1,166 @@
+#include "emulator/bench.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "emulator/layer.h"
+#include "emulator/world.h"
+
+#define PTY_STEP VTIME_MS /* how often the pseudo-terminal is asked for bytes */
+
+struct taxel_bench {
+    struct world_description description;
+    struct world world;
+    struct stimulus stimulus;
+    struct endpoint endpoint;
+    struct host_script script;
+};
+
+struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts)
+{
+    struct taxel_bench *bench = calloc(1, sizeof *bench);
+    if (!bench) {
+        return NULL;
+    }
+    layer_init();
+    bench->endpoint.fd = bench->stimulus.fd = -1;
+    if (world_file_read(&bench->description, world_path) ||
+        stimulus_open(&bench->stimulus, -1, "bench", world_taxels(&bench->description), false) ||
+        endpoint_open(&bench->endpoint, uart, bench->description.baud) || host_script_open(&bench->script, NULL)) {
+        taxel_bench_close(bench);
+        return NULL;
+    }
+    bench->stimulus.kind = counts ? STIMULUS_COUNTS : STIMULUS_FORCE;
+    if (world_init(&bench->world, &bench->description, &bench->stimulus, &bench->endpoint, &bench->script)) {
+        taxel_bench_close(bench);
+        return NULL;
+    }
+    return bench;
+}
+
+void taxel_bench_close(struct taxel_bench *bench)
+{
+    if (bench) {
+        world_free(&bench->world);
+        endpoint_close(&bench->endpoint);
+        stimulus_close(&bench->stimulus);
+        world_file_free(&bench->description);
+        free(bench);
+    }
+}
+
+const char *taxel_bench_pty(const struct taxel_bench *bench)
+{
+    return bench->endpoint.pty_name;
+}
+
+size_t taxel_bench_taxels(const struct taxel_bench *bench)
+{
+    return world_taxels(&bench->description);
+}
+
+uint64_t taxel_bench_now(const struct taxel_bench *bench)
+{
+    return bench->world.now;
+}
+
+int taxel_bench_run(struct taxel_bench *bench, uint64_t until)
+{
+    struct world *world = &bench->world;
+    if (bench->endpoint.kind != ENDPOINT_PTY) {
+        return world_run(world, until);
+    }
+    while (world->now < until) {
+        if (world_poll(world) || world_run(world, vtime_min(until, world->now + PTY_STEP))) {
+            return -1;
+        }
+    }
+    return 0;
+}
+
+size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size)
+{
+    return uart_host_sends(&bench->world.uart, bytes, size, bench->world.now);
+}
+
+size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size)
+{
+    return endpoint_take(&bench->endpoint, bytes, size);
+}
+
+uint64_t taxel_bench_delivered(const struct taxel_bench *bench)
+{
+    return bench->endpoint.bytes_delivered;
+}
+
+int taxel_bench_press(struct taxel_bench *bench, const float *values)
+{
+    return world_press(&bench->world, values);
+}
+
+static bool has_board(const struct taxel_bench *bench, uint8_t address)
+{
+    for (size_t i = 0; i < bench->description.board_count; i++) {
+        if (bench->description.boards[i].address == address) {
+            return true;
+        }
+    }
+    return false;
+}
+
+int taxel_bench_inject(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second)
+{
+    const struct fault_description fault = {
+        .kind = fault_named(name), .address = address, .value = value, .second = second};
+    if (fault.kind == FAULT_KINDS) {
+        return TAXEL_BENCH_UNKNOWN_FAULT;
+    }
+    if (fault_target_of(fault.kind) == FAULT_TARGET_BOARD && !has_board(bench, address)) {
+        return TAXEL_BENCH_NO_SUCH_BOARD;
+    }
+    return world_inject(&bench->world, &fault) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
+}
+
+int taxel_bench_transfer(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
+                         uint8_t *read_bytes, size_t read_size, uint64_t patience)
+{
+    struct world *world = &bench->world;
+    const vtime end = world->now + patience;
+    const struct taxel_i2c_transfer transfer = {
+        .address = address,
+        .write_bytes = write_bytes,
+        .write_size = write_size,
+        .read_bytes = read_bytes,
+        .read_size = read_size,
+    };
+    world->adapter.done = false;
+    bus_start(&world->bus, BUS_ADAPTER, &transfer, world->now);
+    while (!world->adapter.done && world->now < end) {
+        if (world_run(world, vtime_min(end, world->bus.next))) {
+            return TAXEL_I2C_BUS_ERROR;
+        }
+    }
+    if (!world->adapter.done) {
+        bus_abort(&world->bus, BUS_ADAPTER, world->now);
+        return TAXEL_I2C_TIMEOUT;
+    }
+    return world->adapter.result;
+}
+
+size_t taxel_bench_strikes(const struct taxel_bench *bench, uint64_t first, struct fault_strike *strikes, size_t size,
+                           uint64_t *lost)
+{
+    const struct fault_log *log = &bench->world.log;
+    const uint64_t oldest = log->count > FAULT_LOG_MAX ? log->count - FAULT_LOG_MAX : 0;
+    size_t written = 0;
+    *lost = first < oldest ? oldest - first : 0;
+    for (uint64_t i = first < oldest ? oldest : first; i < log->count && written < size; i++) {
+        strikes[written++] = log->strikes[i % FAULT_LOG_MAX];
+    }
+    return written;
+}
+
+int taxel_bench_statistics(const struct taxel_bench *bench, const char *path)
+{
+    return world_write_statistics(&bench->world, path, 0.0);
+}

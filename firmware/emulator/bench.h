@@ -1,0 +1,52 @@
+/* A world inside a caller's process, moved on by the caller: what a virtual test rig stands on.
+ *
+ * Times are picoseconds since the world began. Nothing happens between two calls. */
+#ifndef EMULATOR_BENCH_H
+#define EMULATOR_BENCH_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "emulator/fault_log.h"
+
+struct taxel_bench;
+
+enum taxel_bench_refusal {
+    TAXEL_BENCH_UNKNOWN_FAULT = -1,
+    TAXEL_BENCH_NO_SUCH_BOARD = -2,
+    TAXEL_BENCH_TOO_MANY_FAULTS = -3,
+};
+
+/* `uart`: where the hub's UART ends: memory, pty or none. `counts`: taxel_bench_press() gives raw counts, not newtons.
+ * NULL after a line on stderr. */
+struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts);
+void taxel_bench_close(struct taxel_bench *bench);
+const char *taxel_bench_pty(const struct taxel_bench *bench);
+size_t taxel_bench_taxels(const struct taxel_bench *bench);
+
+uint64_t taxel_bench_now(const struct taxel_bench *bench);
+int taxel_bench_run(struct taxel_bench *bench, uint64_t until);
+
+/* Bytes from the host; how many were taken. With a pseudo-terminal they come from there. */
+size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size);
+size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size);
+/* Bytes that the USB adapter has handed to the host so far. */
+uint64_t taxel_bench_delivered(const struct taxel_bench *bench);
+
+/* What acts on the taxels from now on, one value each, in the order of the world's boards. */
+int taxel_bench_press(struct taxel_bench *bench, const float *values);
+
+/* Returns 0 or enum taxel_bench_refusal. */
+int taxel_bench_inject(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second);
+
+/* A transfer by the bench's own I2C adapter; the world goes on until it has ended, or for `patience` at most. Returns enum
+ * taxel_i2c_result. */
+int taxel_bench_transfer(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
+                         uint8_t *read_bytes, size_t read_size, uint64_t patience);
+
+/* What has struck, from number `first` on; how many were written. `lost`: forgotten ones among them. */
+size_t taxel_bench_strikes(const struct taxel_bench *bench, uint64_t first, struct fault_strike *strikes, size_t size,
+                           uint64_t *lost);
+int taxel_bench_statistics(const struct taxel_bench *bench, const char *path);
+
+#endif

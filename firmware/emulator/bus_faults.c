@@ -1,0 +1,58 @@
+#include "emulator/bus_faults.h"
+
+bool bus_faults_add(struct bus_faults *faults, const struct fault_description *fault)
+{
+    if (faults->count == BUS_FAULTS_MAX) {
+        return false;
+    }
+    faults->waiting[faults->count].kind = fault->kind;
+    faults->waiting[faults->count].address = fault->address;
+    faults->waiting[faults->count].position = (unsigned)fault->value;
+    faults->waiting[faults->count].value = fault->second;
+    faults->count++;
+    return true;
+}
+
+static void strike(struct byte_damage *damage, enum fault_kind kind, double value)
+{
+    switch (kind) {
+    case FAULT_NACK_AT:
+        damage->nack = true;
+        break;
+    case FAULT_FLIP_AT:
+        damage->flip ^= (uint8_t)(1u << ((unsigned)value & 7u));
+        break;
+    case FAULT_STRETCH_AT:
+        damage->stretch += (vtime)(value * (double)VTIME_US);
+        break;
+    case FAULT_BROWN_OUT_AT:
+        damage->brown_out = true;
+        damage->off_time = (vtime)(value * (double)VTIME_MS);
+        break;
+    case FAULT_ARBITRATION_AT:
+        damage->arbitration = true;
+        break;
+    default:
+        damage->bus_error = true;
+        break;
+    }
+}
+
+struct byte_damage bus_faults_take(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
+                                   struct fault_log *log)
+{
+    struct byte_damage damage = {.nack = false};
+    size_t kept = 0;
+    for (size_t i = 0; i < faults->count; i++) {
+        const bool strikes = faults->waiting[i].position == position &&
+                             (faults->waiting[i].address == address || faults->waiting[i].address == 0);
+        if (strikes) {
+            strike(&damage, faults->waiting[i].kind, faults->waiting[i].value);
+            fault_log_add(log, now, faults->waiting[i].kind, address);
+        } else {
+            faults->waiting[kept++] = faults->waiting[i];
+        }
+    }
+    faults->count = kept;
+    return damage;
+}
