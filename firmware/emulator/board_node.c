@@ -281,10 +281,18 @@ bool board_answers(const struct board_node *board, vtime now, uint8_t address)
     return board->powered && now >= board->boot_end && board->description->address == address;
 }
 
+static void note(struct board_node *board, vtime now, enum fault_kind kind)
+{
+    if (board->log) {
+        fault_log_add(board->log, now, kind, board->description->address);
+    }
+}
+
 vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge)
 {
     if (board->nacks) {
         board->nacks--;
+        note(board, now, FAULT_NACK);
         *acknowledge = false;
         return now;
     }
@@ -312,6 +320,9 @@ vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
     if (board->corrupt_bytes) {
         board->corrupt_bytes--;
         *byte ^= CORRUPTED_BIT;
+        if (!board->corrupt_bytes) {
+            note(board, now, FAULT_CORRUPT); /* the last one: each of them would fill the log */
+        }
     }
     return now;
 }

@@ -9,6 +9,7 @@
 
 #include "emulator/board_fields.h"
 #include "emulator/electronics.h"
+#include "emulator/fault_log.h"
 #include "emulator/front_end.h"
 #include "emulator/skin/skin.h"
 #include "emulator/stimulus.h"
@@ -47,6 +48,7 @@ struct board_node {
     uint64_t conversions;
 
     /* faults */
+    struct fault_log *log; /* NULL: nobody wants to know */
     vtime stretch;       /* of the next address byte */
     unsigned hold_clocks; /* SDA is held low until the master has given that many clocks */
     vtime scl_held_until;

@@ -69,6 +69,7 @@ int world_init(struct world *world, const struct world_description *description,
                             first_taxel_of(description, source), &world->loads)) {
             return -1;
         }
+        world->boards[i].log = &world->log;
     }
     enter_fields(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);

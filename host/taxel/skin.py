@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from taxel.emulated import open_emulator
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
-from taxel.link import Link, open_link
+from taxel.link import Link, clock_of, open_link
 from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 
@@ -81,12 +80,13 @@ class Skin:
         self.hub.start()
 
     def _discover(self) -> None:
-        deadline = time.monotonic() + DISCOVERY_TIMEOUT_S
+        now_s = clock_of(self._stream.link)
+        deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:
             self.hub.read_boards()
-            if len(self.hub.boards) >= len(self.hand.boards) or time.monotonic() > deadline:
+            if len(self.hub.boards) >= len(self.hand.boards) or now_s() > deadline:
                 return
-            time.sleep(0.05)
+            self.hub.wait(0.05)
 
     def _check_board(self, address: int, fields: dict[str, Any]) -> None:
         board = self.hand.board(address)  # raises UnknownBoardError
@@ -134,16 +134,32 @@ class Skin:
         frames = self._stream.frames
         while True:
             while frames:
-                frame = frames.popleft()
-                if self._sizes.get(frame.address) != len(frame.raw_counts):
-                    self._refuse(frame)
-                yield frame
-            if not (self.hub.is_greeted or self._stream.link.is_recorded):
-                self._resume()
+                yield self._checked(frames.popleft())
             try:
-                self._stream.poll()
+                self._take_in()
             except EOFError:
                 return
+
+    def poll(self, timeout_s: float = 0.1) -> list[TaxelFrame]:
+        """What has arrived, waiting at most `timeout_s`; an empty list if nothing has: for loops that must not block.
+
+        Raises EOFError at the end of a recording, else as the iteration does.
+        """
+        if not self._stream.frames:
+            self._take_in(timeout_s)
+        arrived = [self._checked(frame) for frame in self._stream.frames]
+        self._stream.frames.clear()
+        return arrived
+
+    def _take_in(self, timeout_s: float = 0.1) -> None:
+        if not (self.hub.is_greeted or self._stream.link.is_recorded):
+            self._resume()
+        self._stream.poll(timeout_s)
+
+    def _checked(self, frame: TaxelFrame) -> TaxelFrame:
+        if self._sizes.get(frame.address) != len(frame.raw_counts):
+            self._refuse(frame)
+        return frame
 
     def _refuse(self, frame: TaxelFrame) -> None:
         board = self.hand.board(frame.address)  # raises UnknownBoardError

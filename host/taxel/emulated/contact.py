@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import re
-import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
-from taxel.native_library import load_library
+from taxel.native_library import last_words, load_library, stderr_into
 
 LOAD_VALUES = 42
 """Of a board: force and moment (6), stiffness (6 x 6)."""
@@ -75,10 +73,10 @@ class SkinContact:
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
-            with _stderr_into(complaint):
+            with stderr_into(complaint):
                 handle = self._library.taxel_contact_open(os.fsencode(path))
             if not handle:
-                raise ContactLibraryError(_explained(complaint.read_text(errors="replace"), str(path), world))
+                raise ContactLibraryError(last_words(complaint.read_text(errors="replace"), str(path), world))
             return int(handle)
 
     def bracket_offset(self, board: int) -> NDArray[np.float64]:
@@ -141,33 +139,3 @@ class SkinContact:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _explained(stderr: str, path: str, world: str) -> str:
-    """The emulator's last line, with the text of the world file's line that it names: the file is gone."""
-    lines = stderr.strip().splitlines()
-    if not lines:
-        return "the contact library has no memory"
-    text = lines[-1].replace(path, "file")
-    named, written = re.search(r", line (\d+)", text), world.splitlines()
-    if named is None or not 1 <= int(named[1]) <= len(written):
-        return text
-    return f"{text} (found '{written[int(named[1]) - 1]}')"
-
-
-class _stderr_into:  # noqa: N801 - a context manager used like a function
-    """Let the C library's complaints go to a file: it writes to the process's standard error."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        sys.stderr.flush()
-        self._saved = os.dup(2)
-        target = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o600)
-        os.dup2(target, 2)
-        os.close(target)
-
-    def __exit__(self, *_: object) -> None:
-        os.dup2(self._saved, 2)
-        os.close(self._saved)

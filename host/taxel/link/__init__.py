@@ -1,6 +1,6 @@
 """Bytes in and out: serial ports, the emulator and captures behind one URL."""
 
-from taxel.link.base import Chunk, Link
+from taxel.link.base import Chunk, Link, SteppedLink, clock_of
 from taxel.link.capture import CaptureLink, CaptureWriter
 from taxel.link.emulator import EmulatorLink, run_emulator
 from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
@@ -19,6 +19,8 @@ __all__ = [
     "PortMissingError",
     "PortVanishedError",
     "SerialLink",
+    "SteppedLink",
+    "clock_of",
     "open_link",
     "run_emulator",
     "write_scene",

@@ -1,6 +1,8 @@
 """What every link can do."""
 
-from typing import NamedTuple, Protocol
+import time
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 
 class Chunk(NamedTuple):
@@ -34,3 +36,17 @@ class Link(Protocol):
     def close(self) -> None:
         """Let go of the port, process or file. May be called twice."""
         ...
+
+
+@runtime_checkable
+class SteppedLink(Link, Protocol):
+    """A link whose time goes on only while somebody reads it: nobody reads ahead, and waiting is by its own clock."""
+
+    def now_s(self) -> float:
+        """Seconds of its clock."""
+        ...
+
+
+def clock_of(link: Link) -> Callable[[], float]:
+    """The clock, in seconds, by which to wait for an answer from `link`."""
+    return link.now_s if isinstance(link, SteppedLink) else time.monotonic

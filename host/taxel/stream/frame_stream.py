@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.link import Chunk, Link
+from taxel.link import Chunk, Link, SteppedLink
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
 from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, Batch, StreamDecoder
@@ -22,13 +22,15 @@ RECORDED_BYTES_AT_ONCE = 1 << 17
 class FrameStream:
     """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
 
-    A link in real time is read by a thread of its own into a ring buffer; a recording is read when it is asked for.
+    A link in real time is read by a thread of its own into a ring buffer; a recording, and a link whose time goes on
+    only while it is read, are read when they are asked for.
     """
 
     def __init__(self, link: Link, on_message: Callable[[HubMessage], None], ring_capacity: int = 1 << 22) -> None:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
-        self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded)
+        self._is_stepped = isinstance(link, SteppedLink)
+        self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded or self._is_stepped)
         self.bytes_received = 0
         self._on_message = on_message
         self._decoder = StreamDecoder()
@@ -39,7 +41,7 @@ class FrameStream:
         self._pump: Pump | None = None
         self._end: BaseException | None = None
         self._pending_end: Exception | None = None
-        if not link.is_recorded:
+        if not (link.is_recorded or self._is_stepped):
             self._ring = RingBuffer(ring_capacity, drop_oldest=link.is_real_time)
             self._pump = Pump(link, self._ring)
 
@@ -74,6 +76,9 @@ class FrameStream:
     def _read(self, timeout_s: float) -> list[Chunk]:
         if self._ring is not None:
             return self._ring.read(timeout_s)
+        if self._is_stepped:
+            chunk = self.link.read(timeout_s)
+            return [chunk] if chunk is not None else []
         if self._pending_end is not None:
             raise self._pending_end
         chunks: list[Chunk] = []

@@ -1,11 +1,10 @@
 """Talking to the hub: hello, commands and their replies, over a stream that goes on meanwhile."""
 
-import time
 from collections import deque
 from typing import Any
 
 from taxel.errors import TaxelError
-from taxel.link import Link
+from taxel.link import Link, clock_of
 from taxel.stream.frame_stream import FrameStream
 from taxel.stream.frames import HubMessage
 from taxel_protocol import (
@@ -53,6 +52,7 @@ class HubClient:
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        self._now_s = clock_of(link)
         self.stream = FrameStream(link, self._take)
         self.hello: dict[str, Any] | None = None
         self.is_greeted = False
@@ -96,8 +96,8 @@ class HubClient:
         self._replies.pop(key, None)
         for _ in range(ATTEMPTS):
             self._send(frame_type, payload)
-            deadline = time.monotonic() + REPLY_TIMEOUT_S
-            while time.monotonic() < deadline:
+            deadline = self._now_s() + REPLY_TIMEOUT_S
+            while self._now_s() < deadline:
                 try:
                     self.stream.poll(0.02)
                 except EOFError:
@@ -108,6 +108,12 @@ class HubClient:
             f"{self._link.name}: no answer from a hub after {ATTEMPTS} attempts; is this the hub's port, and its "
             f"baud rate {self._link.baud:.0f}?"
         )
+
+    def wait(self, seconds: float) -> None:
+        """Let time go by on the link's clock, taking in what arrives."""
+        deadline = self._now_s() + seconds
+        while (left := deadline - self._now_s()) > 0.0:
+            self.stream.poll(min(max(left, 1e-6), 0.02))
 
     def greet(self) -> int:
         """Agree on a protocol version; returns it. Raises `VersionError` if there is none in common."""
@@ -180,8 +186,8 @@ class HubClient:
         """Restart the hub and wait until it is back; it must be greeted again. Raises `HubError` if it stays away."""
         self._replies.pop(_GREETING_OF_ITS_OWN, None)
         self.command(Command.REBOOT)
-        deadline = time.monotonic() + REBOOT_TIMEOUT_S
+        deadline = self._now_s() + REBOOT_TIMEOUT_S
         while _GREETING_OF_ITS_OWN not in self._replies:
-            if time.monotonic() > deadline:
+            if self._now_s() > deadline:
                 raise HubError(f"{self._link.name}: the hub has not come back from a reboot; check its power")
             self.stream.poll(0.02)

@@ -1,0 +1,7 @@
+"""Wires that end in an emulated world: its UART and its I2C bus, in virtual time."""
+
+from taxel.link.virtual.smbus import VirtualSMBus
+from taxel.link.virtual.uart import VirtualMemoryLink, VirtualSerialLink
+from taxel.link.virtual.world import FaultError, Strike, VirtualWorld
+
+__all__ = ["FaultError", "Strike", "VirtualMemoryLink", "VirtualSMBus", "VirtualSerialLink", "VirtualWorld"]

@@ -1,0 +1,186 @@
+"""An emulated world inside this process (firmware/emulator/bench.h), moved on by its caller."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from taxel.errors import TaxelError
+from taxel.link.errors import LinkError
+from taxel.native_library import last_words, load_library, stderr_into
+
+PS_PER_S: Final = 10**12
+RECEIVE_SIZE: Final = 1 << 16
+PATIENCE_S: Final = 1.0
+"""How long a transfer of the bench's own adapter may take: Linux gives up after a second too."""
+
+_REFUSALS: Final = {
+    -1: "is no fault that the emulator knows (firmware/emulator/README.md lists them)",
+    -2: "strikes a board that this world does not have",
+    -3: "is one too many: 64 wait for their byte already",
+}
+
+
+class FaultError(LinkError):
+    """A fault that cannot be injected."""
+
+
+class _LibraryMissingError(TaxelError):
+    """The compiled library is not there."""
+
+
+class Strike(NamedTuple):
+    """Something that went wrong: the time in world seconds, the fault's number in the emulator, the board (0: none)."""
+
+    time_s: float
+    kind: int
+    address: int
+
+
+class _Strike(ctypes.Structure):
+    _fields_ = (("time", ctypes.c_uint64), ("kind", ctypes.c_uint32), ("address", ctypes.c_uint32))
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    library = load_library("taxel_bench", "the compiled emulator library", _LibraryMissingError)
+    pointer, size, byte, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint8, ctypes.c_char_p
+    time, number, whole = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
+    for name, result, *arguments in (
+        ("open", pointer, text, text, whole),
+        ("close", None, pointer),
+        ("pty", text, pointer),
+        ("taxels", size, pointer),
+        ("now", time, pointer),
+        ("run", whole, pointer, time),
+        ("send", size, pointer, text, size),
+        ("receive", size, pointer, text, size),
+        ("delivered", time, pointer),
+        ("press", whole, pointer, pointer),
+        ("inject", whole, pointer, text, byte, number, number),
+        ("transfer", whole, pointer, byte, text, size, text, size, time),
+        ("strikes", size, pointer, time, ctypes.POINTER(_Strike), size, ctypes.POINTER(time)),
+        ("statistics", whole, pointer, text),
+    ):
+        function = getattr(library, f"taxel_bench_{name}")
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+class VirtualWorld:
+    """A hub, its boards, their bus, UART and skin, in virtual time that only `run` and `transfer` move on.
+
+    world: the text of a world file. uart: where the hub's UART ends: `memory` (`send` and `receive`), `pty` (whoever
+    opens `pty_name`) or `none`. counts: `press` gives raw counts instead of newtons. Use it as a context manager.
+    Raises `LinkError` with the emulator's own line if it refuses the world.
+    """
+
+    def __init__(self, world: str, uart: Literal["memory", "pty", "none"] = "memory", *, counts: bool = False) -> None:
+        self._library = _library()
+        self._handle: int | None = self._open(world, uart, counts)
+        self.taxels = int(self._library.taxel_bench_taxels(self._handle))
+        self.pty_name = str(self._library.taxel_bench_pty(self._handle).decode())
+        self._buffer = ctypes.create_string_buffer(RECEIVE_SIZE)
+
+    def _open(self, world: str, uart: str, counts: bool) -> int:
+        with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+            path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
+            path.write_text(world)
+            with stderr_into(complaint):
+                handle = self._library.taxel_bench_open(os.fsencode(path), uart.encode(), int(counts))
+            if not handle:
+                raise LinkError("virtual rig", last_words(complaint.read_text(errors="replace"), str(path), world))
+            return int(handle)
+
+    @property
+    def _open_handle(self) -> int:
+        if self._handle is None:
+            raise LinkError("virtual rig", "is closed")
+        return self._handle
+
+    @property
+    def now_s(self) -> float:
+        """Seconds since the world began."""
+        return int(self._library.taxel_bench_now(self._open_handle)) / PS_PER_S
+
+    def run(self, seconds: float) -> None:
+        """Let the world go on for so long."""
+        until = int(self._library.taxel_bench_now(self._open_handle)) + round(seconds * PS_PER_S)
+        if self._library.taxel_bench_run(self._open_handle, until):
+            raise LinkError("virtual rig", "has come to an end (see the emulator's line on standard error)")
+
+    def send(self, data: bytes) -> int:
+        """Bytes from the host on their way to the hub; how many were taken."""
+        return int(self._library.taxel_bench_send(self._open_handle, data, len(data)))
+
+    def receive(self) -> bytes:
+        """What has arrived at the host, up to 64 KiB."""
+        size = self._library.taxel_bench_receive(self._open_handle, self._buffer, RECEIVE_SIZE)
+        return self._buffer.raw[:size]
+
+    @property
+    def delivered(self) -> int:
+        """Bytes that have arrived at the host so far."""
+        return int(self._library.taxel_bench_delivered(self._open_handle))
+
+    def press(self, values: ArrayLike) -> None:
+        """[n] newtons (or raw counts) on the taxels from now on, in the order of the world's boards."""
+        table = np.ascontiguousarray(values, dtype=np.float32)
+        if table.shape != (self.taxels,):
+            raise ValueError(f"expected {self.taxels} values, found an array of shape {table.shape}")
+        if self._library.taxel_bench_press(self._open_handle, table.ctypes.data):
+            raise ValueError("expected finite values of at least 0")
+
+    def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
+        """Let `name` go wrong now: a fault of firmware/emulator/README.md. Raises `FaultError`."""
+        refusal = self._library.taxel_bench_inject(self._open_handle, name.encode(), address, value, second)
+        if refusal:
+            raise FaultError("virtual rig", f"fault '{name}' (address 0x{address:02X}) {_REFUSALS[refusal]}")
+
+    def transfer(self, address: int, write: bytes, read_size: int, patience_s: float = PATIENCE_S) -> tuple[int, bytes]:
+        """A transfer by the bench's own adapter: the result (enum taxel_i2c_result, 0 is good) and what was read."""
+        buffer = ctypes.create_string_buffer(max(read_size, 1))
+        patience = round(patience_s * PS_PER_S)
+        result = self._library.taxel_bench_transfer(
+            self._open_handle, address, write, len(write), buffer, read_size, patience
+        )
+        return int(result), buffer.raw[:read_size]
+
+    def strikes(self, first: int = 0) -> list[Strike]:
+        """What has gone wrong, from the `first` one on. Raises `LinkError` if some of it has been forgotten (4,096)."""
+        table, lost = (_Strike * 4096)(), ctypes.c_uint64()
+        count = self._library.taxel_bench_strikes(self._open_handle, first, table, len(table), ctypes.byref(lost))
+        if lost.value:
+            raise LinkError("virtual rig", f"has forgotten {lost.value} of its faults; ask more often")
+        return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
+
+    def statistics(self) -> dict[str, Any]:
+        """What the emulator has counted so far."""
+        with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+            path = Path(folder) / "statistics.json"
+            self._library.taxel_bench_statistics(self._open_handle, os.fsencode(path))
+            counted: dict[str, Any] = json.loads(path.read_text())
+            return counted
+
+    def close(self) -> None:
+        """End the world. May be called twice."""
+        if self._handle is not None:
+            self._library.taxel_bench_close(self._handle)
+            self._handle = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,98 @@
+"""The host's decoder against construct: the same frames, the same fields, the same losses, from any damaged stream."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from construct import Container
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from taxel.stream import StreamDecoder
+from taxel.stream.frames import messages_of
+from taxel_protocol import FrameType, encode_frame
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.layout import flatten
+from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
+
+FOLDER = Path(__file__).resolve().parents[3] / "tools" / "fuzz"
+NAMES = ("construct_oracle", "damaged_streams")
+WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
+bounded = settings(
+    max_examples=int(WISHED or "150"), deadline=None, derandomize=WISHED is None, database=None,
+    suppress_health_check=list(HealthCheck),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tool():
+    sys.path.insert(0, str(FOLDER))
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
+    while str(FOLDER) in sys.path:
+        sys.path.remove(str(FOLDER))
+
+
+@st.composite
+def messages(draw):
+    """(type, sequence, payload) of any frame of a hub that is no taxel frame."""
+    kind = draw(st.sampled_from([kind for kind in FRAMES if kind < 0x80 and kind != FrameType.TAXELS]))
+    spec = FRAMES[kind]
+    payload = bytearray(draw(st.binary(min_size=spec.minimum, max_size=spec.maximum)))
+    if spec.has_address:
+        payload[0] = ADDRESS_MIN + payload[0] % 3
+    if kind == FrameType.BOARD_INFO:
+        payload[0] = WHO_AM_I
+    return int(kind), draw(st.integers(0, 65535)), bytes(payload)
+
+
+def plain(value):
+    if isinstance(value, Container):
+        return {name: plain(inner) for name, inner in value.items() if name != "_io"}
+    return value
+
+
+@bounded
+@given(sent=st.lists(messages(), max_size=8))
+def test_messages_have_the_fields_that_construct_reads(sent):
+    batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
+    found = [message for batch in batches for message in messages_of(batch)]
+    assert [int(message.type) for message in found] == [frame[0] for frame in sent]
+    for message, (kind, _, payload) in zip(found, sent, strict=True):
+        parsed = flatten(plain(FRAMES[FrameType(kind)].payload.parse(payload)))
+        assert {name: parsed[name] for name in message.fields} == message.fields
+        tails = [value for name, value in parsed.items() if name not in message.fields]
+        assert tails == ([message.tail] if tails else [])
+
+
+@bounded
+@given(sent=st.lists(messages(), max_size=8), lost=st.sets(st.integers(0, 7)))
+def test_losses_of_any_sequences_are_those_of_the_definition(tool, sent, lost):
+    """Sequences in any order: doubled, backwards, wrapped; greetings of a hub that began anew among them."""
+    arrived = [frame for i, frame in enumerate(sent) if i not in lost]
+    decoder = StreamDecoder()
+    decoder.push(b"".join(encode_frame(*frame) for frame in arrived))
+    assert decoder.totals.tolist() == tool.construct_oracle.losses_of(arrived).totals()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_few_thousand_damaged_streams_lose_the_frames_that_were_hit_and_no_more(tool, seed):
+    """The short form of tools/fuzz/damaged_streams.py."""
+    count = int(WISHED or "1500")
+    print(f"seed {seed}")
+    tally, _, wrong = tool.damaged_streams.check_range(seed, 0, count)
+    assert wrong is None
+    assert tally["streams"] == count
+    assert 0 < tally["out"] < tally["frames"]
+
+
+def test_a_decoder_that_loses_a_frame_too_many_is_found(tool, monkeypatch):
+    check = tool.damaged_streams
+    monkeypatch.setattr(check.Decoders, "streaming", lambda self, pieces: check.reference(pieces)[1:])
+    _, _, wrong = check.check_range(1, 0, 50)
+    assert wrong is not None
+    assert "frame by frame disagrees" in wrong
