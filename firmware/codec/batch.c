@@ -70,10 +70,15 @@ static bool is_start_of_hub(const struct taxel_frame *frame)
            frame->payload[TAXEL_HUB_HELLO_OFFSET_TAG] == 0;
 }
 
+void taxel_batch_forget_cycles(struct taxel_batch *batch)
+{
+    memset(batch->has_cycle, 0, sizeof batch->has_cycle);
+}
+
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     if (is_start_of_hub(frame)) {
-        memset(batch->has_cycle, 0, sizeof batch->has_cycle);
+        taxel_batch_forget_cycles(batch);
         row->flags |= batch->has_sequence ? TAXEL_BATCH_HUB_RESTARTED : 0;
         batch->totals.restarts += batch->has_sequence;
     } else if (batch->has_sequence) {

@@ -75,6 +75,8 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions);
 size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output);
 /* The stream has ended: decode what is left. Returns false, and does nothing, if the arrays are too small for that. */
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
+/* A host that starts a stopped stream: boards that the cut cycle had not come to are not missing. */
+void taxel_batch_forget_cycles(struct taxel_batch *batch);
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);
 

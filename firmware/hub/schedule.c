@@ -277,6 +277,9 @@ void taxel_hub_start_streaming(struct taxel_hub *hub)
     }
     hub->streaming = true;
     hub->report.next_us = taxel_hub_clock(hub);
+    if (hub->cycle.stage != TAXEL_STAGE_WAIT && hub->cycle.position) {
+        hub->cycle.number++; /* STOP cut the last one: what comes now is of another time */
+    }
     begin_cycle(hub);
 }
 

@@ -21,6 +21,9 @@ def counted(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[str]]:
             suites[suite]["not possible"] += 1
             assert isinstance(report.longrepr, tuple)
             suites[suite]["lacks " + report.longrepr[2].split(NOT_POSSIBLE)[1]] += 1
+        elif report.skipped and isinstance(report.longrepr, tuple):
+            suites[suite]["not possible"] += 1
+            suites[suite]["lacks " + report.longrepr[2].removeprefix("Skipped: ")] += 1
         elif report.when == "call" or report.failed:
             suites[suite]["passed" if report.passed else "failed"] += 1
     return dict(suites)

@@ -94,6 +94,10 @@ class StreamDecoder:
         """Bytes so far that were part of no frame."""
         return int(self._library.taxel_batch_discarded_bytes(self._state))
 
+    def forget_cycles(self) -> None:
+        """The stream is about to be started again: boards that the cut cycle had not come to are not missing."""
+        self._library.taxel_batch_forget_cycles(self._state)
+
     def push(self, data: bytes) -> list[Batch]:
         """Frames completed by `data`: usually one batch, more when there is very much of it."""
         batches: list[Batch] = []

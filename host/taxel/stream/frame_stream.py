@@ -50,6 +50,10 @@ class FrameStream:
         """Bytes that were part of no frame, or that a slow reader let the ring buffer lose."""
         return self._decoder.discarded_bytes + (self._ring.overrun_bytes if self._ring else 0)
 
+    def begin_anew(self) -> None:
+        """The hub is about to be asked to stream: what it did before is no measure of what is missing."""
+        self._decoder.forget_cycles()
+
     def poll(self, timeout_s: float = 0.1) -> bool:
         """Take in what has arrived, waiting at most `timeout_s`; True if anything had.
 

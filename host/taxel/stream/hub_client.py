@@ -127,19 +127,24 @@ class HubClient:
             )
         return int(fields["version_chosen"])
 
-    def command(self, command: Command, arguments: bytes = b"") -> bytes:
-        """Send a command and wait for its reply; returns the reply's data. Raises `HubError` with the hub's reason."""
+    def command(self, command: Command | int, arguments: bytes = b"") -> bytes:
+        """Send a command and wait for its reply; returns the reply's data. Raises `HubError` with the hub's reason.
+
+        A number stands for a command that this program does not know.
+        """
         tag = self._next_tag()
         payload = pack(CommandPayload, {"tag": tag, "command": int(command)}, arguments)
         reply = self._ask(FrameType.COMMAND, payload, tag)
         status = reply.fields["status"]
         if status != ReplyStatus.OK:
+            asked = command.name if isinstance(command, Command) else f"command {command}"
             name = ReplyStatus(status).name if status in ReplyStatus._value2member_map_ else str(status)
-            raise HubError(f"{self._link.name}: the hub refused {command.name}: {name.lower().replace('_', ' ')}")
+            raise HubError(f"{self._link.name}: the hub refused {asked}: {name.lower().replace('_', ' ')}")
         return reply.tail
 
     def start(self) -> None:
         """Begin to stream."""
+        self.stream.begin_anew()
         self.command(Command.START)
 
     def stop(self) -> None:

@@ -1,0 +1,124 @@
+"""A bench in real time, for drivers that know nothing of virtual ones."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import struct
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Final, Self
+
+import can
+from smbus2 import i2c_msg
+
+from taxel.hand.allegro import FreeJoints, VirtualAllegro, open_bus
+from taxel.link.virtual import VirtualSMBus, VirtualWorld
+
+STEP_S: Final = 0.001
+_HEAD: Final = struct.Struct("<HHH")
+
+
+def build_shim(folder: Path) -> Path:
+    """Compile fake_i2c.c; the library's path."""
+    library = folder / "libfake_i2c.so"
+    source = Path(__file__).with_name("fake_i2c.c")
+    subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"], check=True)
+    return library
+
+
+class FakeBench:
+    """Runs `world` (with `uart="pty"`) in a thread of its own at the pace of the clock, and serves its I2C bus.
+
+    i2c_socket: where fake_i2c.c connects to. can_url: a channel at whose other end a virtual hand answers; None: none.
+    """
+
+    def __init__(self, world: VirtualWorld, i2c_socket: Path, can_url: str | None) -> None:
+        self._world, self._bus = world, VirtualSMBus(world)
+        self._stop = threading.Event()
+        self._server = socket.socket(socket.AF_UNIX)
+        self._server.bind(str(i2c_socket))
+        self._server.listen()
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._server, selectors.EVENT_READ)
+        self._threads = [threading.Thread(target=self._run)]
+        self._can: can.BusABC | None = None
+        if can_url is not None:
+            self._can = open_bus(can_url)
+            hand = VirtualAllegro(self._can, FreeJoints())
+            self._threads.append(threading.Thread(target=hand.run, args=(self._stop,)))
+
+    def __enter__(self) -> Self:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+        self._selector.close()
+        self._server.close()
+        if self._can is not None:
+            self._can.shutdown()
+
+    def _run(self) -> None:
+        begun_s = time.monotonic() - self._world.now_s
+        while not self._stop.is_set():
+            for key, _ in self._selector.select(STEP_S):
+                self._serve(key.fileobj)
+            behind_s = time.monotonic() - begun_s - self._world.now_s
+            if behind_s > 0.0:
+                self._world.run(behind_s)
+
+    def _serve(self, stream: object) -> None:
+        assert isinstance(stream, socket.socket)
+        if stream is self._server:
+            self._selector.register(self._server.accept()[0], selectors.EVENT_READ)
+            return
+        try:
+            self._answer(stream)
+        except (ConnectionError, struct.error):
+            self._selector.unregister(stream)
+            stream.close()
+
+    def _answer(self, stream: socket.socket) -> None:
+        messages = []
+        for _ in range(struct.unpack("<I", _exactly(stream, 4))[0]):
+            address, flags, length = _HEAD.unpack(_exactly(stream, _HEAD.size))
+            is_read = bool(flags & 1)
+            messages.append(
+                i2c_msg.read(address, length) if is_read else i2c_msg.write(address, _exactly(stream, length))
+            )
+        try:
+            self._bus.i2c_rdwr(*messages)
+        except OSError as error:
+            stream.sendall(struct.pack("<i", error.errno))
+            return
+        stream.sendall(struct.pack("<i", 0) + b"".join(bytes(message) for message in messages if message.flags & 1))
+
+
+def _exactly(stream: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        part = stream.recv(size - len(data))
+        if not part:
+            raise ConnectionError
+        data += part
+    return data
+
+
+def multicast_works() -> bool:
+    """Whether this machine carries multicast to itself: some containers do not."""
+    with contextlib.suppress(Exception):
+        ends = [open_bus("can:udp:239.74.163.2:43999") for _ in range(2)]
+        try:
+            ends[0].send(can.Message(arbitration_id=1, data=b"x", is_extended_id=False))
+            return ends[1].recv(1.0) is not None
+        finally:
+            for end in ends:
+                end.shutdown()
+    return False
