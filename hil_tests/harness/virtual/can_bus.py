@@ -67,6 +67,7 @@ class VirtualCanBus:
         for end in self._ends:
             stack.callback(end.shutdown)
         self.channel = _Channel(self._ends[0])
+        stack.callback(self.channel.shutdown)
         self.hand = VirtualAllegro(self._ends[1], FreeJoints())
 
     def open(self) -> can.BusABC:

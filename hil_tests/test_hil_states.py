@@ -1,0 +1,28 @@
+"""Commands, faults and time in any order. TAXEL_STATE_RUNS and TAXEL_STATE_SEED make it long (`make fuzz-states`)."""
+
+from __future__ import annotations
+
+import os
+
+from hypothesis import HealthCheck, seed, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+from hil_tests.harness.state_machine import SkinMachine
+
+RUNS = int(os.environ.get("TAXEL_STATE_RUNS", "40"))
+STEPS = 50
+SEED = os.environ.get("TAXEL_STATE_SEED")
+
+
+def test_no_order_of_commands_faults_and_time_breaks_the_skin() -> None:
+    print(f"{RUNS} runs of {STEPS} steps, seed {SEED or 'fixed'}")
+    options = settings(
+        max_examples=RUNS,
+        stateful_step_count=STEPS,
+        deadline=None,
+        derandomize=SEED is None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    machine = seed(int(SEED))(SkinMachine) if SEED is not None else SkinMachine
+    run_state_machine_as_test(machine, settings=options, _min_steps=STEPS)
