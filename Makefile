@@ -8,12 +8,16 @@ STAMP := $(VENV)/.installed
 BUILD := build/c
 JOBS := $(shell nproc)
 WORLDS ?= 522
+RIG ?= virtual
+HOURS ?= 24
+RUNS ?= 20000
 FULL_HAND ?= 10
-SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' 2>/dev/null)
+SECONDS ?= 60
+SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind test test-c test-python lint bench firmware generate format clean
+.PHONY: help install demo blind hil soak fuzz-states test test-c test-python fuzz fuzz-short lint bench firmware generate format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -35,7 +39,7 @@ demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small c
 blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
-test: lint test-c test-python  ## everything that must pass: style, types, layers, C and Python tests
+test: lint test-c fuzz-short test-python  ## everything that must pass: style, types, layers, C and Python tests
 
 test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
 	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
@@ -45,6 +49,21 @@ test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitiz
 test-python: $(STAMP)  ## Python tests
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile
 
+fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
+	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
+
+fuzz-short: $(STAMP)
+	@$(BIN)/python tools/fuzz/run_targets.py --seconds 3 --if-possible
+
+hil: $(STAMP)  ## hardware in the loop on RIG (virtual, or the file of a bench)
+	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
+
+soak: $(STAMP)  ## HOURS of virtual time with random faults (24): every missing frame must be explained
+	@$(BIN)/python -m hil_tests.soak --hours $(HOURS) --out out/soak.json
+
+fuzz-states: $(STAMP)  ## RUNS of commands, faults and time in any order (20000), 50 steps each
+	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
+
 lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
@@ -52,6 +71,7 @@ lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
 	@$(BIN)/lint-imports --no-cache
 	@$(BIN)/python tools/codegen/c_header.py --check
 	@$(BIN)/python tools/codegen/vectors.py --check
+	@$(BIN)/python tools/codegen/bootloader_header.py --check
 
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py
@@ -64,6 +84,7 @@ firmware: $(STAMP)  ## build firmware and emulator without sanitizers, all warni
 generate: $(STAMP)  ## write the C header and the vectors from the construct definitions
 	@$(BIN)/python tools/codegen/c_header.py
 	@$(BIN)/python tools/codegen/vectors.py
+	@$(BIN)/python tools/codegen/bootloader_header.py
 
 format: $(STAMP)  ## put the Python sources into form
 	@$(BIN)/ruff check --fix --quiet . || true

@@ -1,4 +1,4 @@
-"""Many runs of the state machine, in several processes: `python -m hil_tests.states --runs 20000` (`make fuzz-states`)."""
+"""Many runs of the state machine: `python -m hil_tests.states --runs 20000` (`make fuzz-states`)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,7 @@ def main() -> int:
     """Run the parts, print their seeds. Exit status 1, and hypothesis's own report, for the first that fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20000, help="runs of 50 steps (20000)")
-    parser.add_argument(
-        "--seed", type=int, default=None, help="of the first part; the next has the next (default: new)"
-    )
+    parser.add_argument("--seed", type=int, default=None, help="of the first part (default: a new one)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
     options = parser.parse_args()
     first = secrets.randbelow(2**31) if options.seed is None else options.seed
@@ -36,9 +34,8 @@ def main() -> int:
             seed, runs, process = running.pop(0)
             text, _ = process.communicate()
             if process.returncode:
-                print(
-                    f"\n{text}\nfailed: TAXEL_STATE_SEED={seed} TAXEL_STATE_RUNS={runs} pytest hil_tests/test_hil_states.py"
-                )
+                replay = f"TAXEL_STATE_SEED={seed} TAXEL_STATE_RUNS={runs} pytest hil_tests/test_hil_states.py"
+                print(f"\n{text}\nfailed; to see it again: {replay}")
                 return 1
             done += runs
             print(f"\r{done} of {options.runs} runs, {time.monotonic() - begun_s:.0f} s", end="", flush=True)

@@ -59,6 +59,7 @@ static void take_job_outcome(struct taxel_hub *hub)
     taxel_hub_note_result(hub, hub->job_result);
     if (job.kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
         hub->unframed_size = job.read_size;
+        hub->unframed_slot = job.slot;
         taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */
         hub->unframed_size = 0;
         taxel_hub_take_snapshot(hub, &job);

@@ -56,7 +56,7 @@ struct taxel_hub_config {
     uint8_t *transfer_buffers[2]; /* one is filled by the bus while the other is being framed */
     size_t transfer_buffer_size;  /* at least the largest board's snapshot, and TAXEL_IDENTITY_SIZE */
     uint8_t *transmit_ring;
-    size_t transmit_ring_size; /* at least one taxel frame of the largest board and TAXEL_HUB_REPLY_RESERVE */
+    size_t transmit_ring_size; /* more than one taxel frame of the largest board and TAXEL_HUB_REPLY_RESERVE */
 };
 
 enum taxel_job_kind {
@@ -98,6 +98,7 @@ struct taxel_cycle {
     uint8_t clock_slot;
     uint8_t probes_left;
     uint8_t probe_address;
+    bool launched; /* a transfer, in this cycle */
     uint16_t number;
     uint32_t count;
     uint32_t last_length_us;
@@ -166,6 +167,7 @@ struct taxel_hub {
     bool uart_is_stalled; /* polls go on without waiting for room */
     size_t unframed_size; /* of a snapshot that has been read but is not in the ring yet */
     uint32_t bus_recoveries;
+    uint8_t unframed_slot; /* whose it is */
     uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a hello */

@@ -17,8 +17,9 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
         return TAXEL_BOARD_FAULT_MAP_VERSION;
     }
+    const size_t snapshot_size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count;
     if (identity->taxel_count == 0 || identity->taxel_count > TAXEL_TAXELS_MAX ||
-        TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count > hub->config->transfer_buffer_size) {
+        snapshot_size > hub->config->transfer_buffer_size || !taxel_hub_can_hold_snapshot(hub, snapshot_size)) {
         return TAXEL_BOARD_FAULT_TOO_LARGE;
     }
     return TAXEL_BOARD_FAULT_NONE;

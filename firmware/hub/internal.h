@@ -36,6 +36,8 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_j
 /* recovery.c: 0, or the fault that remains (enum taxel_board_fault) */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
+/* Whether the transmit ring, empty, holds a taxel frame with that much snapshot. */
+bool taxel_hub_can_hold_snapshot(const struct taxel_hub *hub, size_t snapshot_size);
 /* Whether a taxel frame with that much snapshot would fit after the one that is still to be framed. */
 bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size);
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub);

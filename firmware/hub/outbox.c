@@ -66,6 +66,11 @@ bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
     return used_bytes(hub) + REPLY_ENCODED_MAX < hub->config->transmit_ring_size;
 }
 
+bool taxel_hub_can_hold_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
+{
+    return taxel_frame_size(snapshot_size) + TAXEL_HUB_REPLY_RESERVE < hub->config->transmit_ring_size;
+}
+
 bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
 {
     const size_t wanted = taxel_frame_size(snapshot_size) + taxel_frame_size(hub->unframed_size) + TAXEL_HUB_REPLY_RESERVE +

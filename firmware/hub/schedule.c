@@ -24,6 +24,7 @@ static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t ad
     const bool pass_through = kind == TAXEL_JOB_PASS_THROUGH;
     const size_t write_size = pass_through ? hub->command.transfer_size : job->write_size;
     const uint64_t bytes = ADDRESS_BYTES + write_size + read_size;
+    hub->cycle.launched = true;
     job->kind = kind;
     job->slot = slot;
     job->address = address;
@@ -153,6 +154,9 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     while (cycle->position < hub->slot_count) {
         const uint8_t slot = cycle->position;
         struct taxel_hub_slot *board = slot_at(hub, slot);
+        if (hub->unframed_size && hub->unframed_slot == slot) {
+            return LAUNCH_WAIT; /* its last snapshot is judged first: it may want a second attempt */
+        }
         if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
             (uint32_t)taxel_hub_clock(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
             board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
@@ -194,7 +198,8 @@ static bool launch_clock(struct taxel_hub *hub)
 
 static uint8_t next_address(uint8_t address)
 {
-    return address >= TAXEL_ADDRESS_MAX ? (uint8_t)TAXEL_ADDRESS_MIN : (uint8_t)(address + 1u);
+    const bool is_outside = address < TAXEL_ADDRESS_MIN || address >= TAXEL_ADDRESS_MAX;
+    return is_outside ? (uint8_t)TAXEL_ADDRESS_MIN : (uint8_t)(address + 1u);
 }
 
 static bool launch_unknown_probe(struct taxel_hub *hub)
@@ -217,6 +222,7 @@ static void begin_cycle(struct taxel_hub *hub)
     struct taxel_cycle *cycle = &hub->cycle;
     cycle->stage = TAXEL_STAGE_POLLS;
     cycle->position = 0;
+    cycle->launched = false;
     cycle->started_us = taxel_hub_clock(hub);
 }
 
@@ -258,7 +264,9 @@ static bool launch_from_cycle(struct taxel_hub *hub)
             end_cycle(hub);
             break;
         default: {
-            const uint64_t next = cycle->started_us + (hub->slot_count ? cycle->period_us : SWEEP_PERIOD_US);
+            /* A cycle that found nothing to transfer (no board can be polled and no slot is free) must not begin again at once. */
+            const bool is_idle = !hub->slot_count || (!cycle->launched && cycle->period_us < SWEEP_PERIOD_US);
+            const uint64_t next = cycle->started_us + (is_idle ? SWEEP_PERIOD_US : cycle->period_us);
             if (taxel_hub_clock(hub) < next) {
                 hal->wake_at(hal->context, next);
                 return launch_any_upkeep(hub); /* the host's commands do not wait for a slow cycle */

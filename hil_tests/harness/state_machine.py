@@ -28,6 +28,7 @@ OF_THE_HUB: Final = ("hub_restart", "hub_unplug", "hub_plug")
 DELAYS: Final = ("up_delay", "down_delay", "hub_stall")
 
 addresses = st.sampled_from(ADDRESSES)
+WAITING_BYTES: Final = 1000
 SETTLING_S: Final = 1.2
 """All faults over: hold lines are let go, a lost board is found within 28 cycles, delayed bytes arrive."""
 
@@ -188,6 +189,8 @@ class SkinMachine(RuleBasedStateMachine):
         self._inject("mute_host", 0, 0)
         self._inject("hub_plug")
         self.world.run(SETTLING_S)
+        self.world.send(bytes(WAITING_BYTES))  # what waits for its byte on the way down strikes these
+        self.world.run(0.1)
         self.begin()
         self.host.command(Command.SET_RATE, bytes(4))
         self.host.take()

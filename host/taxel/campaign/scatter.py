@@ -7,7 +7,7 @@ effects of first order vanish from the mean of a few repeats, and those of secon
 from __future__ import annotations
 
 import zlib
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ class Scatter:
     """Standard deviations of what nobody commands. All zero: every repeat is the same.
 
     object_m, object_rad: where the object stands, each grasp, each axis. grip: relative, of the torque, each grasp.
-    remount_m, remount_rad: of every bracket, each session, each axis. heading_rad: how the object is turned about its
-    own z where that differs from object_rad: what stands on its base turns more easily than it tilts.
+    remount_m, remount_rad: of every bracket, each session, each axis.
     """
 
     object_m: float = 0.7e-3
@@ -33,18 +32,10 @@ class Scatter:
     grip: float = 0.05
     remount_m: float = 0.15e-3
     remount_rad: float = 0.004
-    heading_rad: float | None = None
-
-    def __repr__(self) -> str:
-        """Datasets tell settings apart by it: a campaign begun before there was a heading goes on without one."""
-        told = {key: value for key, value in asdict(self).items() if key != "heading_rad" or value is not None}
-        return f"Scatter({', '.join(f'{key}={value!r}' for key, value in told.items())})"
 
     def moved(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Where the object is in its nominal frame, f64[4, 4], and the factor on the torque, of f64[7] unit draws."""
-        heading = self.object_rad if self.heading_rad is None else self.heading_rad
-        turn = np.array([self.object_rad, self.object_rad, heading]) * draw[3:6]
-        return shift(draw[:3], turn, self.object_m, 1.0), max(1.0 + self.grip * float(draw[6]), 0.0)
+        return shift(draw[:3], draw[3:6], self.object_m, self.object_rad), max(1.0 + self.grip * float(draw[6]), 0.0)
 
 
 def shift(place: NDArray[np.float64], turn: NDArray[np.float64], metres: float, radians: float) -> NDArray[np.float64]:

@@ -56,15 +56,10 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
     made = (
         f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
         f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
-        f"places{_heading()} (standard deviation, each axis, each grasp).",
+        "places (standard deviation, each axis, each grasp).",
         f"The simulated side is the simulator with its elastic layer ({simulated.sensing.level}), without any of that.",
     )
     return Campaign(real, sim, made)
-
-
-def _heading() -> str:
-    heading = SCATTER.heading_rad
-    return "" if heading is None else f", and are turned {np.degrees(heading):.1f} degrees about the vertical"
 
 
 def reproduce(

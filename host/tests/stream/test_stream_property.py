@@ -21,7 +21,7 @@ from taxel_protocol.layout import flatten
 from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "fuzz"
-NAMES = ("construct_oracle", "damaged_streams")
+NAMES = ("construct_oracle", "damage_campaign")
 WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
 bounded = settings(
     max_examples=int(WISHED or "150"), deadline=None, derandomize=WISHED is None, database=None,
@@ -81,17 +81,17 @@ def test_losses_of_any_sequences_are_those_of_the_definition(tool, sent, lost):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_few_thousand_damaged_streams_lose_the_frames_that_were_hit_and_no_more(tool, seed):
-    """The short form of tools/fuzz/damaged_streams.py."""
+    """The short form of tools/fuzz/damage_campaign.py."""
     count = int(WISHED or "1500")
     print(f"seed {seed}")
-    tally, _, wrong = tool.damaged_streams.check_range(seed, 0, count)
+    tally, _, wrong = tool.damage_campaign.check_range(seed, 0, count)
     assert wrong is None
     assert tally["streams"] == count
     assert 0 < tally["out"] < tally["frames"]
 
 
 def test_a_decoder_that_loses_a_frame_too_many_is_found(tool, monkeypatch):
-    check = tool.damaged_streams
+    check = tool.damage_campaign
     monkeypatch.setattr(check.Decoders, "streaming", lambda self, pieces: check.reference(pieces)[1:])
     _, _, wrong = check.check_range(1, 0, 50)
     assert wrong is not None

@@ -1,0 +1,56 @@
+#include "bootloader/bootloader.h"
+
+#include "bootloader/parts.h"
+
+void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *config)
+{
+    const struct taxel_boot_hal *const hal = config->flash.hal;
+    memset(boot, 0, sizeof *boot);
+    boot->config = config;
+    boot->started_us = hal->clock_us(hal->context);
+    boot->checksum = config->checksum == TAXEL_BOOT_CHECKSUM_CRC;
+    boot->keep = TAXEL_BOOT_SLOT_NONE;
+    boot->stay = hal->stay_requested(hal->context) ? TAXEL_BOOT_STAY_REQUESTED : TAXEL_BOOT_STAY_LISTENING;
+}
+
+/* A try is recorded before it is made. If it cannot be, it is not made. */
+static void start_image(struct taxel_boot *boot)
+{
+    const struct taxel_boot_flash *const flash = &boot->config->flash;
+    struct taxel_boot_metadata metadata;
+    taxel_boot_metadata_read(flash, &metadata);
+    for (;;) {
+        const uint8_t slot = taxel_boot_choose(flash, &metadata);
+        if (slot == TAXEL_BOOT_SLOT_NONE) {
+            boot->stay = TAXEL_BOOT_STAY_NO_IMAGE;
+            return;
+        }
+        if (slot != metadata.confirmed) {
+            metadata.pending = slot;
+            metadata.tries[slot]--;
+            if (taxel_boot_metadata_write(flash, &metadata)) {
+                metadata.tries[slot] = 0;
+                continue;
+            }
+        }
+        const uint8_t *const header = taxel_boot_row(flash, flash->layout->first_rows[slot]);
+        boot->started = true;
+        flash->hal->start(flash->hal->context, taxel_boot_u32(header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VECTORS));
+        return;
+    }
+}
+
+void taxel_boot_run(struct taxel_boot *boot)
+{
+    const struct taxel_boot_hal *const hal = boot->config->flash.hal;
+    if (boot->restart_wanted) {
+        boot->restart_wanted = false;
+        hal->restart(hal->context);
+        return;
+    }
+    if (boot->stay == TAXEL_BOOT_STAY_LISTENING && !boot->started &&
+        (hal->reset_cause(hal->context) == TAXEL_RESET_CAUSE_COMMAND ||
+         hal->clock_us(hal->context) - boot->started_us >= TAXEL_BOOT_LISTEN_US)) {
+        start_image(boot);
+    }
+}

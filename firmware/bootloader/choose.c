@@ -1,0 +1,22 @@
+/* An image that is not the confirmed one boots only while it has tries left. */
+#include "bootloader/parts.h"
+
+uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
+{
+    const uint8_t order[] = {metadata->pending, metadata->confirmed, 0, 1};
+    for (size_t i = 0; i < sizeof order; i++) {
+        const uint8_t slot = order[i];
+        if (slot <= 1u && (slot == metadata->confirmed || metadata->tries[slot]) && taxel_boot_image(flash, slot)) {
+            return slot;
+        }
+    }
+    return TAXEL_BOOT_SLOT_NONE;
+}
+
+uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash)
+{
+    struct taxel_boot_metadata metadata;
+    taxel_boot_metadata_read(flash, &metadata);
+    metadata.pending = TAXEL_BOOT_SLOT_NONE;
+    return taxel_boot_choose(flash, &metadata);
+}

@@ -1,0 +1,40 @@
+#include "bootloader/parts.h"
+
+const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
+{
+    const uint8_t *const record =
+        taxel_boot_record_newest(flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC);
+    return record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : NULL;
+}
+
+uint8_t taxel_boot_read_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const uint8_t *const configuration = taxel_boot_configuration(&boot->config->flash);
+    (void)packet;
+    if (!configuration) {
+        return TAXEL_BOOT_STATUS_DATA;
+    }
+    memcpy(reply, configuration, TAXEL_BOOT_CONFIGURATION_SIZE);
+    return TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_write_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const struct taxel_boot_flash *const flash = &boot->config->flash;
+    const uint8_t *const bytes = packet->data + TAXEL_BOOT_WRITE_CONFIGURATION_ARGUMENTS_OFFSET_CONFIGURATION_VERSION;
+    const unsigned address = bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS];
+    flash->hal->unique_id(flash->hal->context, reply);
+    if (memcmp(reply, packet->data, (size_t)(bytes - packet->data)) != 0) {
+        return TAXEL_BOOT_STATUS_DEVICE;
+    }
+    if (bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_VERSION] != TAXEL_BOOT_VERSION) {
+        return TAXEL_BOOT_STATUS_VERSION;
+    }
+    if (address - TAXEL_ADDRESS_MIN > TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN) {
+        return TAXEL_BOOT_STATUS_DATA;
+    }
+    return taxel_boot_record_write(flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC, bytes,
+                                   TAXEL_BOOT_CONFIGURATION_SIZE)
+               ? TAXEL_BOOT_STATUS_VERIFY
+               : TAXEL_BOOT_STATUS_OK;
+}

@@ -1,0 +1,84 @@
+/* One write transaction is one packet. A write that does not begin with a packet's first byte is the hub's talk with an
+ * application, and is passed over; so is a probe. The response stays until the next packet, whoever reads it. */
+#include <stdatomic.h>
+
+#include "bootloader/parts.h"
+
+#define TOO_MANY (TAXEL_BOOT_PACKET_MAX + 1u)
+
+void taxel_boot_i2c_init(struct taxel_boot_i2c *slave, struct taxel_boot *boot)
+{
+    memset(slave, 0, sizeof *slave);
+    slave->boot = boot;
+}
+
+uint8_t taxel_boot_i2c_address(const struct taxel_boot_flash *flash)
+{
+    const uint8_t *const configuration = taxel_boot_configuration(flash);
+    return configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
+}
+
+static void end_write(struct taxel_boot_i2c *slave)
+{
+    if (!slave->has_packet && slave->received && slave->packet[0] == TAXEL_BOOT_PACKET_START) {
+        slave->response_size = 0;
+        slave->has_packet = true;
+    }
+}
+
+bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
+{
+    end_write(slave);
+    if (reading) {
+        slave->readable = slave->has_packet ? 0 : slave->response_size;
+        slave->position = 0;
+        return slave->has_packet || !slave->boot->silent;
+    }
+    if (slave->has_packet) {
+        return false;
+    }
+    slave->received = 0;
+    return true;
+}
+
+bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
+{
+    if (slave->has_packet) {
+        return false;
+    }
+    if (slave->received >= TAXEL_BOOT_PACKET_MAX) {
+        slave->received = TOO_MANY;
+        return false;
+    }
+    slave->packet[slave->received++] = byte;
+    return true;
+}
+
+uint8_t taxel_boot_i2c_on_read(struct taxel_boot_i2c *slave)
+{
+    return slave->position < slave->readable ? slave->response[slave->position++] : 0xFFu;
+}
+
+void taxel_boot_i2c_on_stop(struct taxel_boot_i2c *slave)
+{
+    end_write(slave);
+}
+
+void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave)
+{
+    if (!slave->has_packet) {
+        slave->received = 0;
+    }
+}
+
+void taxel_boot_i2c_run(struct taxel_boot_i2c *slave)
+{
+    if (slave->has_packet) {
+        const size_t size = taxel_boot_take_packet(slave->boot, slave->packet, slave->received, slave->response);
+        slave->response_size = (uint8_t)size;
+        slave->received = 0;
+        atomic_signal_fence(memory_order_release);
+        slave->has_packet = false; /* from here on the interrupt owns the buffers */
+    }
+    taxel_boot_run(slave->boot);
+}

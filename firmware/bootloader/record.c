@@ -1,0 +1,94 @@
+/* A record lives in a pair of rows. A write never touches the row that holds the newest valid record, so whatever a cut
+ * leaves in the other one, either the old or the new record is there. */
+#include "bootloader/parts.h"
+#include "codec/crc32.h"
+
+#define WORD 4u
+
+uint32_t taxel_boot_u32(const uint8_t *bytes)
+{
+    uint32_t value = 0;
+    for (unsigned i = WORD; i > 0; i--) {
+        value = (value << 8) | bytes[i - 1u];
+    }
+    return value;
+}
+
+void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
+{
+    for (unsigned i = 0; i < WORD; i++) {
+        bytes[i] = (uint8_t)value;
+        value >>= 8;
+    }
+}
+
+const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row)
+{
+    return flash->hal->flash + (size_t)row * TAXEL_BOOT_ROW_SIZE;
+}
+
+int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, const uint8_t *bytes)
+{
+    const uint8_t *const stored = taxel_boot_row(flash, row);
+    if (memcmp(stored, bytes, TAXEL_BOOT_ROW_SIZE) != 0) { /* a row lives for so many writes only */
+        const int error = flash->hal->flash_write_row(flash->hal->context, row, bytes);
+        if (error || memcmp(stored, bytes, TAXEL_BOOT_ROW_SIZE) != 0) {
+            return TAXEL_BOOT_ERROR_FLASH;
+        }
+    }
+    return 0;
+}
+
+static bool is_valid(const uint8_t *row, uint32_t magic)
+{
+    return taxel_boot_u32(row) == magic &&
+           taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_CRC32) == taxel_crc32(0, row, TAXEL_BOOT_RECORD_OFFSET_CRC32);
+}
+
+static uint32_t sequence_of(const uint8_t *row)
+{
+    return taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_SEQUENCE);
+}
+
+const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic)
+{
+    const uint8_t *const first = taxel_boot_row(flash, first_row);
+    const uint8_t *const second = first + TAXEL_BOOT_ROW_SIZE;
+    const bool first_is_valid = is_valid(first, magic);
+    if (!is_valid(second, magic)) {
+        return first_is_valid ? first : NULL;
+    }
+    return first_is_valid && (int32_t)(sequence_of(first) - sequence_of(second)) > 0 ? first : second;
+}
+
+/* 1 if the words before the last would otherwise make a row whose words add up to zero. */
+static uint32_t balance_of(const uint8_t *row)
+{
+    uint32_t sum = 0;
+    for (size_t i = 0; i < TAXEL_BOOT_RECORD_OFFSET_BALANCE; i += WORD) {
+        sum += taxel_boot_u32(row + i);
+    }
+    return sum == 0;
+}
+
+int taxel_boot_record_write(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic,
+                            const uint8_t *content, uint8_t size)
+{
+    const uint8_t *const newest = taxel_boot_record_newest(flash, first_row, magic);
+    uint8_t row[TAXEL_BOOT_ROW_SIZE];
+    uint32_t sequence = 0;
+    memset(row, 0, sizeof row);
+    if (newest) {
+        if (memcmp(newest + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD, content, size) == 0) {
+            return 0;
+        }
+        sequence = sequence_of(newest) + 1u;
+        first_row = (uint16_t)(first_row + (newest == taxel_boot_row(flash, first_row)));
+    }
+    taxel_boot_put_u32(row, magic);
+    taxel_boot_put_u32(row + TAXEL_BOOT_RECORD_OFFSET_SEQUENCE, sequence);
+    memcpy(row + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD, content, size);
+    taxel_boot_put_u32(row + TAXEL_BOOT_RECORD_OFFSET_CRC32, taxel_crc32(0, row, TAXEL_BOOT_RECORD_OFFSET_CRC32));
+    taxel_boot_put_u32(row + TAXEL_BOOT_RECORD_OFFSET_BALANCE, balance_of(row));
+    return taxel_boot_write_row(flash, first_row, row);
+}

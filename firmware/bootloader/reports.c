@@ -1,0 +1,65 @@
+/* What a host asks about the flash, the images and the board. */
+#include "bootloader/parts.h"
+
+uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const struct taxel_boot_layout *const layout = boot->config->flash.layout;
+    const unsigned first = layout->first_rows[taxel_boot_target(boot)];
+    taxel_put_u16(reply, (uint16_t)first);
+    taxel_put_u16(reply + TAXEL_BOOT_FLASH_SIZE_REPLY_OFFSET_LAST_ROW, (uint16_t)(first + layout->slot_rows - 1u));
+    return packet->data[0] ? TAXEL_BOOT_STATUS_ARRAY : TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct taxel_boot_packet *packet,
+                                          uint8_t *reply)
+{
+    const uint8_t slot = packet->data[0];
+    if (slot > 1u) {
+        return TAXEL_BOOT_STATUS_APPLICATION;
+    }
+    reply[0] = taxel_boot_image(&boot->config->flash, slot) == NULL;
+    reply[1] = slot == boot->keep;
+    return TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const uint8_t *const image = taxel_boot_image(&boot->config->flash, packet->data[0]);
+    if (!image) {
+        return TAXEL_BOOT_STATUS_APPLICATION;
+    }
+    memset(reply, 0, TAXEL_BOOT_STOCK_METADATA_SIZE);
+    memcpy(reply + TAXEL_BOOT_STOCK_METADATA_OFFSET_ENTRY, image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VECTORS, 4);
+    memcpy(reply + TAXEL_BOOT_STOCK_METADATA_OFFSET_LENGTH, image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_LENGTH, 4);
+    memcpy(reply + TAXEL_BOOT_STOCK_METADATA_OFFSET_CUSTOM_ID, image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32, 4);
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_LAST_BOOTLOADER_ROW] = TAXEL_BOOT_BOOTLOADER_ROWS - 1u;
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_ACTIVE] = packet->data[0] == boot->keep;
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_VERIFIED] = 1;
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_BOOTLOADER_VERSION] = boot->config->version[1];
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_BOOTLOADER_VERSION + 1u] = boot->config->version[0];
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_APPLICATION_ID] = image[TAXEL_BOOT_IMAGE_HEADER_OFFSET_KIND];
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_APPLICATION_VERSION] = image[TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MINOR];
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_APPLICATION_VERSION + 1u] = image[TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR];
+    return TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const struct taxel_boot_flash *const flash = &boot->config->flash;
+    const uint8_t *const configuration = taxel_boot_configuration(flash);
+    struct taxel_boot_metadata metadata;
+    (void)packet;
+    taxel_boot_metadata_read(flash, &metadata);
+    if (!boot->entered) {
+        boot->keep = taxel_boot_kept_slot(flash);
+    }
+    reply[TAXEL_BOOT_INFO_OFFSET_VERSION] = TAXEL_BOOT_VERSION;
+    reply[TAXEL_BOOT_INFO_OFFSET_DEVICE] = flash->layout->device;
+    reply[TAXEL_BOOT_INFO_OFFSET_STAY] = boot->stay;
+    reply[TAXEL_BOOT_INFO_OFFSET_TARGET] = taxel_boot_target(boot);
+    taxel_boot_metadata_pack(&metadata, reply + TAXEL_BOOT_INFO_OFFSET_CONFIRMED);
+    reply[TAXEL_BOOT_INFO_OFFSET_ADDRESS] = taxel_boot_i2c_address(flash);
+    reply[TAXEL_BOOT_INFO_OFFSET_KIND] = configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0;
+    flash->hal->unique_id(flash->hal->context, reply + TAXEL_BOOT_INFO_OFFSET_UNIQUE_ID);
+    return TAXEL_BOOT_STATUS_OK;
+}

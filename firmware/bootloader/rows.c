@@ -1,0 +1,99 @@
+/* Writing the slot that is free. No other row can be reached from a wire. */
+#include "bootloader/parts.h"
+
+static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned size)
+{
+    if (size > TAXEL_BOOT_ROW_SIZE - boot->fill) {
+        boot->fill = 0;
+        return TAXEL_BOOT_STATUS_LENGTH;
+    }
+    memcpy(boot->row + boot->fill, data, size);
+    boot->fill = (uint8_t)(boot->fill + size);
+    return TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_send_data(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    (void)reply;
+    return append(boot, packet->data, packet->length);
+}
+
+static uint16_t row_of(const struct taxel_boot_packet *packet)
+{
+    return taxel_get_u16(packet->data + TAXEL_BOOT_ROW_ADDRESS_OFFSET_ROW);
+}
+
+static uint8_t address_status(const struct taxel_boot_packet *packet)
+{
+    if (packet->data[TAXEL_BOOT_ROW_ADDRESS_OFFSET_ARRAY] != 0) {
+        return TAXEL_BOOT_STATUS_ARRAY;
+    }
+    return row_of(packet) < TAXEL_BOOT_ROW_COUNT ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_ROW;
+}
+
+static bool is_in_slot(const struct taxel_boot *boot, uint8_t slot, unsigned row)
+{
+    const struct taxel_boot_layout *const layout = boot->config->flash.layout;
+    return row - layout->first_rows[slot] < layout->slot_rows;
+}
+
+/* Write boot->row, and empty it. */
+static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet)
+{
+    const uint16_t row = row_of(packet);
+    const uint8_t target = taxel_boot_target(boot);
+    uint8_t status = address_status(packet);
+    boot->fill = 0;
+    if (status) {
+        return status;
+    }
+    if (!is_in_slot(boot, target, row)) {
+        return is_in_slot(boot, target ^ 1u, row) ? TAXEL_BOOT_STATUS_ACTIVE : TAXEL_BOOT_STATUS_ROW_PROTECTED;
+    }
+    boot->programmed = true;
+    return taxel_boot_write_row(&boot->config->flash, row, boot->row) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
+}
+
+uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    (void)reply;
+    if (packet->length < TAXEL_BOOT_ROW_ADDRESS_SIZE) {
+        return TAXEL_BOOT_STATUS_LENGTH;
+    }
+    const uint8_t status = append(boot, packet->data + TAXEL_BOOT_ROW_ADDRESS_SIZE,
+                                  (unsigned)packet->length - TAXEL_BOOT_ROW_ADDRESS_SIZE);
+    if (status == TAXEL_BOOT_STATUS_OK && boot->fill != TAXEL_BOOT_ROW_SIZE) {
+        boot->fill = 0;
+        return TAXEL_BOOT_STATUS_LENGTH;
+    }
+    return status ? status : write_row(boot, packet);
+}
+
+uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    (void)reply;
+    memset(boot->row, 0, sizeof boot->row); /* what erased flash reads as */
+    return write_row(boot, packet);
+}
+
+uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const uint8_t status = address_status(packet);
+    if (status == TAXEL_BOOT_STATUS_OK) {
+        reply[0] = (uint8_t)taxel_boot_packet_checksum(taxel_boot_row(&boot->config->flash, row_of(packet)),
+                                                       TAXEL_BOOT_ROW_SIZE, TAXEL_BOOT_CHECKSUM_SUM);
+    }
+    return status;
+}
+
+uint8_t taxel_boot_verify_application(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const struct taxel_boot_flash *const flash = &boot->config->flash;
+    const uint8_t target = taxel_boot_target(boot);
+    (void)packet;
+    reply[0] = taxel_boot_image(flash, target) != NULL;
+    if (reply[0] && boot->programmed && taxel_boot_metadata_set_pending(flash, target)) {
+        return TAXEL_BOOT_STATUS_VERIFY;
+    }
+    return TAXEL_BOOT_STATUS_OK;
+}

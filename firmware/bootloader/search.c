@@ -1,0 +1,27 @@
+/* Boards that share an address are told apart by their unique ids: those that a search does not name fall silent. */
+#include "bootloader/parts.h"
+
+static bool begins_with(const uint8_t *id, const uint8_t *prefix, uint8_t bits)
+{
+    for (; bits >= 8u; bits = (uint8_t)(bits - 8u)) {
+        if (*id++ != *prefix++) {
+            return false;
+        }
+    }
+    return bits == 0 || ((unsigned)(*id ^ *prefix) >> (8u - bits)) == 0;
+}
+
+uint8_t taxel_boot_search(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+{
+    const struct taxel_boot_hal *const hal = boot->config->flash.hal;
+    const uint8_t bits = packet->data[TAXEL_BOOT_SEARCH_ARGUMENTS_OFFSET_BITS];
+    if (bits > 8u * sizeof(uint64_t)) {
+        return TAXEL_BOOT_STATUS_DATA;
+    }
+    hal->unique_id(hal->context, reply);
+    boot->silent = !begins_with(reply, packet->data + TAXEL_BOOT_SEARCH_ARGUMENTS_OFFSET_UNIQUE_ID, bits);
+    for (size_t i = 0; i < TAXEL_BOOT_SEARCH_REPLY_OFFSET_COMPLEMENT; i++) {
+        reply[TAXEL_BOOT_SEARCH_REPLY_OFFSET_COMPLEMENT + i] = (uint8_t)~reply[i];
+    }
+    return TAXEL_BOOT_STATUS_OK;
+}

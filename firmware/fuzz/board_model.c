@@ -1,0 +1,282 @@
+#include "fuzz/board_model.h"
+
+#include "fuzz/fuzz.h"
+
+#define FLAG_SETTINGS 0x01u
+#define FLAG_COMMAND 0x02u
+#define FLAG_SATURATED 0x08u
+#define FLAG_READ_ONLY 0x10u
+
+static void count(uint16_t *counter)
+{
+    *counter = (uint16_t)(*counter + (*counter < 0xFFFF));
+}
+
+static size_t snapshot_size(const struct board_model *model)
+{
+    return 10u + 2u * (size_t)model->taxel_count;
+}
+
+bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE])
+{
+    const uint64_t largest = (uint64_t)(settings[0] | settings[1] << 8) * (uint64_t)(settings[2] | settings[3] << 8);
+    return largest >= 1 && largest <= 65535 && settings[4] && settings[5];
+}
+
+void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kind, const uint8_t unique_id[8])
+{
+    const struct board_model old = *model;
+    memset(model, 0, sizeof *model);
+    model->address = old.address;
+    model->reset_cause = old.reset_cause;
+    model->rows = old.rows;
+    model->columns = old.columns;
+    model->taxel_count = old.taxel_count;
+    model->clock_us = old.clock_us;
+    memcpy(model->crossing_map, old.crossing_map, sizeof model->crossing_map);
+    memcpy(model->boot_settings, old.boot_settings, sizeof model->boot_settings);
+    memcpy(model->settings, old.boot_settings, sizeof model->settings);
+    uint8_t *const id = model->identity;
+    const uint8_t head[8] = {0x54, 1, version[0], version[1], version[2], kind, model->address, 0};
+    memcpy(id, head, sizeof head);
+    memcpy(id + 8, unique_id, 8);
+    id[16] = model->rows;
+    id[17] = model->columns;
+    fuzz_put_u16(id + 18, model->taxel_count);
+    fuzz_put_u16(id + 20, (uint32_t)snapshot_size(model));
+    memcpy(id + 22, model->crossing_map, 32);
+    fuzz_put_u32(id + 54, fuzz_crc32(0, id, 54));
+    model->configured = 1;
+}
+
+static void begin_scan(struct board_model *model)
+{
+    if (model->settings_wait) {
+        model->settings_wait = false;
+        model->settings_generation++;
+        model->configured++;
+        memcpy(model->settings, model->wanted_settings, sizeof model->settings);
+    }
+    model->taxel = 0;
+    model->started_us = model->clock_us;
+    fuzz_put_u16(model->being_scanned.bytes, model->scans);
+    fuzz_put_u32(model->being_scanned.bytes + 2, model->clock_us);
+    model->converting = true;
+    model->conversions_started++;
+}
+
+void model_start(struct board_model *model)
+{
+    if (model->scanning) {
+        return;
+    }
+    model->scanning = true;
+    if (model->converting) {
+        model->dropped_conversion = true;
+    } else {
+        begin_scan(model);
+    }
+}
+
+uint16_t model_crossing(const struct board_model *model)
+{
+    unsigned left = model->taxel;
+    for (uint16_t crossing = 0; crossing < 256; crossing++) {
+        if (model->crossing_map[crossing / 8] >> (crossing % 8) & 1 && left-- == 0) {
+            return crossing;
+        }
+    }
+    return 0xFFFF;
+}
+
+static void complete_scan(struct board_model *model)
+{
+    uint8_t *const bytes = model->being_scanned.bytes;
+    const size_t size = snapshot_size(model);
+    fuzz_put_u32(bytes + size - 4, fuzz_crc32(fuzz_crc32(0, &model->address, 1), bytes, size - 4));
+    model->scan_time_us = model->clock_us - model->started_us;
+    model->scans++;
+    memcpy(model->newest.bytes, bytes, size);
+    model->newest.exists = true;
+}
+
+void model_conversion(struct board_model *model, uint16_t raw_count)
+{
+    const bool is_dropped = model->dropped_conversion;
+    model->converting = model->dropped_conversion = false;
+    if (!model->scanning) {
+        return;
+    }
+    if (is_dropped) {
+        begin_scan(model);
+        return;
+    }
+    fuzz_put_u16(model->being_scanned.bytes + 6u + 2u * model->taxel, raw_count);
+    if (raw_count == 0) {
+        count(&model->saturated_conversions);
+        model->error_flags |= FLAG_SATURATED;
+    }
+    if (++model->taxel < model->taxel_count) {
+        model->converting = true;
+        model->conversions_started++;
+        return;
+    }
+    complete_scan(model);
+    begin_scan(model);
+}
+
+static void answer_with(struct board_model *model, const uint8_t *bytes, size_t size, size_t position)
+{
+    memcpy(model->answer, bytes, size);
+    model->answer_size = size;
+    model->answer_position = position;
+}
+
+static void answer_with_status(struct board_model *model)
+{
+    uint8_t bytes[28] = {model->scanning, model->error_flags, model->reset_cause, model->settings_generation};
+    fuzz_put_u32(bytes + 4, model->clock_us);
+    fuzz_put_u32(bytes + 8, model->scans);
+    fuzz_put_u32(bytes + 12, model->scan_time_us);
+    fuzz_put_u32(bytes + 16, model->snapshot_reads);
+    fuzz_put_u16(bytes + 20, model->bus_errors);
+    fuzz_put_u16(bytes + 22, model->rejected_writes);
+    fuzz_put_u16(bytes + 26, model->saturated_conversions);
+    answer_with(model, bytes, sizeof bytes, model->pointer - 0x40u);
+}
+
+static void answer_with_settings(struct board_model *model)
+{
+    uint8_t bytes[12];
+    memcpy(bytes, model->settings_wait ? model->wanted_settings : model->settings, 8);
+    fuzz_put_u32(bytes + 8, fuzz_crc32(fuzz_crc32(0, &model->address, 1), bytes, 8));
+    answer_with(model, bytes, sizeof bytes, model->pointer - 0x60u);
+}
+
+static bool answer_with_snapshot(struct board_model *model)
+{
+    if (model->pointer == 0x80 && model->newest.exists) {
+        memcpy(model->latched.bytes, model->newest.bytes, snapshot_size(model));
+        model->latched.exists = true;
+        model->newest.exists = false;
+    }
+    if (!model->latched.exists) {
+        return false;
+    }
+    model->snapshot_reads += model->pointer == 0x80;
+    answer_with(model, model->latched.bytes, snapshot_size(model), 32u * (model->pointer - 0x80u));
+    return true;
+}
+
+bool model_address(struct board_model *model, bool reading)
+{
+    model->refused = false;
+    model->written_size = 0;
+    model->pointer_next = !reading;
+    if (!reading) {
+        return true;
+    }
+    if (model->pointer >= 0x80 && model->pointer <= 0x8F) {
+        return answer_with_snapshot(model);
+    }
+    if (model->pointer < 0x3A) {
+        answer_with(model, model->identity, sizeof model->identity, model->pointer);
+    } else if (model->pointer >= 0x40 && model->pointer < 0x5C) {
+        answer_with_status(model);
+    } else if (model->pointer >= 0x60 && model->pointer < 0x6C) {
+        answer_with_settings(model);
+    } else {
+        answer_with(model, model->identity, 0, 0);
+    }
+    return true;
+}
+
+uint8_t model_read(struct board_model *model)
+{
+    return model->answer_position < model->answer_size ? model->answer[model->answer_position++] : 0xFF;
+}
+
+static void reject(struct board_model *model, uint8_t flag)
+{
+    count(&model->rejected_writes);
+    model->error_flags |= flag;
+}
+
+bool model_write(struct board_model *model, uint8_t byte)
+{
+    if (model->pointer_next) {
+        model->pointer_next = false;
+        model->pointer = byte;
+        return true;
+    }
+    if (model->refused) {
+        return false;
+    }
+    if (model->written_size == MODEL_WRITE_MAX) {
+        model->written_size = 0;
+        model->refused = true;
+        reject(model, FLAG_READ_ONLY);
+        return false;
+    }
+    model->written[model->written_size++] = byte;
+    return true;
+}
+
+static void take_settings(struct board_model *model)
+{
+    uint8_t crc[4];
+    fuzz_put_u32(crc, fuzz_crc32(fuzz_crc32(0, &model->address, 1), model->written, 8));
+    if (model->written_size != 12 || !model_settings_are_valid(model->written) || memcmp(crc, model->written + 8, 4) != 0) {
+        reject(model, FLAG_SETTINGS);
+        return;
+    }
+    memcpy(model->wanted_settings, model->written, sizeof model->wanted_settings);
+    model->settings_wait = true;
+}
+
+static void take_command(struct board_model *model)
+{
+    const bool is_whole = model->written_size == 2 && model->written[0] + model->written[1] == 0xFF;
+    switch (is_whole ? model->written[0] : 0) {
+    case 1:
+        model_start(model);
+        break;
+    case 2:
+        model->scanning = false;
+        break;
+    case 3:
+        model->error_flags = 0;
+        model->bus_errors = model->rejected_writes = model->saturated_conversions = 0;
+        model->snapshot_reads = 0;
+        break;
+    case 4:
+        model->restart_asked = true;
+        break;
+    case 5:
+        model->bootloader_asked = true;
+        break;
+    default:
+        reject(model, FLAG_COMMAND);
+        break;
+    }
+}
+
+void model_stop(struct board_model *model)
+{
+    if (model->written_size && model->pointer == 0x60) {
+        take_settings(model);
+    } else if (model->written_size && model->pointer == 0x70) {
+        take_command(model);
+    } else if (model->written_size) {
+        reject(model, FLAG_READ_ONLY);
+    }
+    model->written_size = 0;
+    model->pointer_next = false;
+}
+
+void model_bus_error(struct board_model *model)
+{
+    count(&model->bus_errors);
+    model->written_size = 0;
+    model->pointer_next = false;
+}

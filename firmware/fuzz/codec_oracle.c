@@ -1,0 +1,186 @@
+#include "fuzz/codec_oracle.h"
+
+#include "fuzz/fuzz.h"
+
+struct type_rule {
+    uint8_t type, has_address;
+    uint16_t minimum, maximum;
+};
+
+/* SPEC.md, "Frame types". */
+static const struct type_rule type_rules[] = {
+    {0x01, 0, 24, 24}, {0x02, 1, 20, 498}, {0x08, 0, 42, 42}, {0x09, 1, 39, 39}, {0x0A, 0, 66, 66}, {0x0B, 1, 10, 10},
+    {0x0C, 1, 13, 13}, {0x0D, 0, 7, 71},   {0x0E, 0, 3, 131}, {0x81, 0, 3, 3},   {0x82, 0, 2, 68},
+};
+
+static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
+{
+    for (size_t i = 0; i < sizeof type_rules / sizeof type_rules[0]; i++) {
+        if (type_rules[i].type == type && directions & (type < 0x80 ? TAXEL_DIRECTION_TO_HOST : TAXEL_DIRECTION_TO_HUB)) {
+            return &type_rules[i];
+        }
+    }
+    return NULL;
+}
+
+bool oracle_allows(uint8_t type, uint8_t directions, size_t length)
+{
+    const struct type_rule *rule = rule_of(type, directions);
+    return rule && length >= rule->minimum && length <= rule->maximum;
+}
+
+static uint32_t u32_at(const uint8_t *bytes)
+{
+    return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+}
+
+static uint16_t u16_at(const uint8_t *bytes)
+{
+    return (uint16_t)(bytes[0] | bytes[1] << 8);
+}
+
+static bool body_is_good(const uint8_t *body, size_t size, uint8_t directions)
+{
+    const struct type_rule *rule = rule_of(body[0], directions);
+    const size_t length = size - 9;
+    if (rule->has_address && (body[5] < 0x08 || body[5] > 0x77)) {
+        return false;
+    }
+    if (body[0] == 0x02 && length != 18u + 2u * body[6]) {
+        return false;
+    }
+    return fuzz_crc32(0, body, size - 4) == u32_at(body + size - 4);
+}
+
+/* Unstuff and unwhiten from `bytes` on; the body's length and the stuffed bytes it took, or 0. */
+static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uint8_t *body, size_t *taken)
+{
+    size_t length = 0, wanted = 0, position = 0;
+    uint8_t whitening = 0xA5;
+    if (size < 2 || bytes[0] == 1 || !rule_of(bytes[1] ^ whitening, directions)) {
+        return 0; /* whatever follows, its type is not one (a block of nothing but its code unstuffs to type A5) */
+    }
+    while (position < size) {
+        const size_t end = position + bytes[position];
+        const bool is_full = bytes[position] == 0xFF;
+        if (end > size) {
+            return 0;
+        }
+        for (size_t i = position + 1; i < end; i++) {
+            if (length == TAXEL_BODY_MAX) {
+                return 0;
+            }
+            body[length++] = bytes[i] ^ whitening;
+            whitening = (uint8_t)(5 * whitening + 0x6B);
+        }
+        position = end;
+        if (!wanted && length >= 5) {
+            if (!oracle_allows(body[0], directions, u16_at(body + 3))) {
+                return 0;
+            }
+            wanted = 9u + u16_at(body + 3);
+        }
+        if (wanted && length >= wanted) {
+            *taken = position;
+            return length == wanted && body_is_good(body, length, directions) ? length : 0;
+        }
+        if (!is_full) {
+            if (length == TAXEL_BODY_MAX) {
+                return 0;
+            }
+            body[length++] = whitening; /* a zero, unwhitened */
+            whitening = (uint8_t)(5 * whitening + 0x6B);
+        }
+    }
+    return 0;
+}
+
+static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size)
+{
+    FUZZ_CHECK(oracle->frame_count < ORACLE_FRAMES_MAX);
+    oracle->frames[oracle->frame_count++] = (struct oracle_frame){
+        .type = body[0],
+        .sequence = u16_at(body + 1),
+        .length = (uint16_t)(size - 9),
+        .offset = oracle->payload_size,
+    };
+    memcpy(oracle->payloads + oracle->payload_size, body + 5, size - 9);
+    oracle->payload_size += size - 9;
+}
+
+static void search_chunk(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions)
+{
+    uint8_t body[TAXEL_BODY_MAX];
+    size_t start = 0;
+    while (start < size) {
+        size_t taken = 0;
+        const size_t length = body_at(bytes + start, size - start, directions, body, &taken);
+        if (length) {
+            add_frame(oracle, body, length);
+            start += taken;
+        } else {
+            oracle->discarded_bytes++;
+            start++;
+        }
+    }
+}
+
+struct board_memory {
+    bool known;
+    uint16_t cycle, scan;
+};
+
+static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_memory *memory)
+{
+    struct taxel_batch_totals *totals = &oracle->totals;
+    const uint8_t *payload = oracle->payloads + frame->offset;
+    const uint8_t address = payload[0];
+    const uint16_t cycle = u16_at(payload + 2), scan = u16_at(payload + 8);
+    const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + 8, frame->length - 12u);
+    const bool is_damaged = crc != u32_at(payload + frame->length - 4);
+    frame->flags |= is_damaged ? TAXEL_BATCH_BOARD_CRC_BAD : 0;
+    totals->damaged[address] += is_damaged;
+    totals->received[address] += !is_damaged;
+    if (memory[address].known) {
+        const uint16_t cycles = (uint16_t)(cycle - memory[address].cycle), scans = (uint16_t)(scan - memory[address].scan);
+        const uint16_t steps = cycles < scans ? cycles : scans;
+        frame->missing_before = steps ? (uint16_t)(steps - 1) : 0;
+        totals->missing[address] += frame->missing_before;
+    }
+    memory[address] = (struct board_memory){true, cycle, scan};
+}
+
+static void count_losses(struct oracle *oracle)
+{
+    struct board_memory memory[TAXEL_BATCH_ADDRESSES] = {{0}};
+    for (size_t i = 0; i < oracle->frame_count; i++) {
+        struct oracle_frame *frame = &oracle->frames[i];
+        if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
+            memset(memory, 0, sizeof memory);
+            frame->flags |= i ? TAXEL_BATCH_HUB_RESTARTED : 0;
+            oracle->totals.restarts += i > 0;
+        } else if (i) {
+            frame->lost_before = (uint16_t)(frame->sequence - oracle->frames[i - 1].sequence - 1);
+            oracle->totals.lost += frame->lost_before;
+        }
+        if (frame->type == 0x02) {
+            count_board(oracle, frame, memory);
+        }
+    }
+    oracle->totals.frames = oracle->frame_count;
+}
+
+void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions)
+{
+    size_t start = 0;
+    oracle->frame_count = oracle->payload_size = 0;
+    oracle->discarded_bytes = 0;
+    memset(&oracle->totals, 0, sizeof oracle->totals);
+    while (start < size) {
+        const uint8_t *zero = memchr(bytes + start, 0, size - start);
+        const size_t end = zero ? (size_t)(zero - bytes) : size;
+        search_chunk(oracle, bytes + start, end - start, directions);
+        start = end + 1;
+    }
+    count_losses(oracle);
+}

@@ -1,0 +1,342 @@
+/* Bytes through every decoder of the codec.
+ *
+ * The input is either a stream as it is, or a script that builds one: frames of any type and payload, rubbish, and damage
+ * (flip, insert, delete, duplicate, truncate, delimiters lost), so that mutations need not guess a CRC. Invariants:
+ *   - the deframer, given the stream in pieces whose sizes the input chooses (or at once), finds the oracle's frames in the
+ *     oracle's order, and discards as many bytes (codec_oracle.h);
+ *   - the batch decoder, with arrays as small as it allows, finds the same and counts the same losses, of the wire and of boards;
+ *   - a frame that was believed is encoded again, into a ring that wraps anywhere, and decodes to itself;
+ *   - any payload at all is encoded without a zero inside, into no more bytes than promised;
+ *   - the small CRC and whitening of the boards equal the fast ones of the PC;
+ *   - every fixed layout packs what it has unpacked. */
+#include "codec/crc32.h"
+#include "codec/encoder.h"
+#include "codec/whitening.h"
+#include "fuzz/codec_oracle.h"
+#include "fuzz/fuzz.h"
+#include "generated_fields.h"
+
+/* The boards' versions beside the PC's, under names of their own. */
+#define taxel_crc32 small_crc32
+#define taxel_whiten small_whiten
+#include "codec/crc32_small.c"
+#include "codec/whitening_small.c"
+#undef taxel_crc32
+#undef taxel_whiten
+
+#define STEPS_MAX 96u
+#define WIRE_MAX (TAXEL_ENCODED_MAX + 2u)
+#define SIZES_MAX 8u
+#define ROWS_MIN 128u
+#define ROWS_MAX (ROWS_MIN + 64u)
+#define COUNTS_MIN (3u * TAXEL_BATCH_CHUNK_SIZE / 4u + 1u)
+#define PAYLOADS_MIN (3u * TAXEL_BATCH_CHUNK_SIZE / 2u + 1u)
+#define LAYOUT_MAX 256u
+
+static uint8_t stream[ORACLE_STREAM_MAX];
+static size_t stream_size;
+static uint8_t placed[ORACLE_STREAM_MAX]; /* the stream again, against the array's end: a sanitizer sees the byte beyond */
+static const uint8_t *data;
+static struct oracle oracle;
+static uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE], body[TAXEL_BODY_MAX];
+static struct taxel_batch batch;
+static struct taxel_batch_row taxel_rows[ROWS_MAX], other_rows[ROWS_MAX];
+static uint16_t counts[COUNTS_MIN];
+static uint8_t payloads[PAYLOADS_MIN];
+
+static void append(const uint8_t *bytes, size_t size)
+{
+    const size_t room = sizeof stream - stream_size;
+    const size_t taken = size < room ? size : room;
+    memcpy(stream + stream_size, bytes, taken);
+    stream_size += taken;
+}
+
+/* A payload that the type allows, mostly; its first bytes from the input, the rest from a seed, a constant or whole frames. */
+static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payload)
+{
+    const uint8_t form = fuzz_u8(input);
+    const uint16_t wish = fuzz_u16(input);
+    uint64_t state = wish;
+    size_t length = wish % (TAXEL_PAYLOAD_MAX + 1u);
+    for (size_t tries = 0; !oracle_allows(type, 3, length) && tries <= TAXEL_PAYLOAD_MAX; tries++) {
+        length = (length + 1u) % (TAXEL_PAYLOAD_MAX + 1u);
+    }
+    for (size_t i = 0; i < length; i++) {
+        payload[i] = form & 1u ? fuzz_next(&state) : (form & 2u) && i < stream_size ? stream[i] : (uint8_t)(form >> 4);
+    }
+    (void)fuzz_bytes(input, payload, length < (form >> 2 & 3u) * 4u ? length : (form >> 2 & 3u) * 4u);
+    if (type == TAXEL_FRAME_TYPE_TAXELS) {
+        payload[1] = (uint8_t)((length - TAXEL_TAXEL_HEADER_SIZE - TAXEL_SNAPSHOT_OVERHEAD) / 2u);
+        length = TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1];
+    }
+    if (wish & 0x8000u) {
+        payload[0] = (uint8_t)(TAXEL_ADDRESS_MIN + payload[0] % (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u));
+    }
+    if (type == TAXEL_FRAME_TYPE_TAXELS && wish & 0x4000u) {
+        fuzz_put_u32(payload + length - 4, fuzz_crc32(fuzz_crc32(0, payload, 1), payload + 8, length - 12u));
+    }
+    return length;
+}
+
+static void append_frame(struct fuzz_input *input, uint8_t op)
+{
+    static const uint8_t types[16] = {0x01, 0x02, 0x08, 0x09, 0x0A, 0x0B, 0x0C, 0x0D,
+                                      0x0E, 0x81, 0x82, 0x02, 0x02, 0x0E, 0x0D, 0x03};
+    uint8_t payload[TAXEL_PAYLOAD_MAX + 1u], wire[WIRE_MAX];
+    const uint8_t type = types[op >> 4];
+    const uint16_t sequence = fuzz_u16(input);
+    const size_t length = make_payload(input, type, payload);
+    const size_t size = taxel_batch_encode(type, sequence, payload, (uint16_t)length, wire, sizeof wire);
+    FUZZ_CHECK(size && size <= taxel_encoded_size_max(length));
+    FUZZ_CHECK(wire[0] == 0 && wire[size - 1u] == 0 && !memchr(wire + 1, 0, size - 2u));
+    FUZZ_CHECK(taxel_batch_encode(type, sequence, payload, (uint16_t)length, wire, taxel_encoded_size_max(length) - 1u) == 0);
+    append(wire + (op & 4u ? 1u : 0u), size - (op & 4u ? 1u : 0u) - (op & 8u ? 1u : 0u)); /* delimiters may be missing */
+}
+
+static void damage_stream(struct fuzz_input *input, uint8_t op)
+{
+    const size_t back = fuzz_u16(input);
+    const uint8_t value = fuzz_u8(input);
+    if (!stream_size) {
+        return;
+    }
+    const size_t at = stream_size - 1u - back % stream_size;
+    switch (op >> 4 & 7u) {
+    case 0:
+        stream[at] = (uint8_t)(stream[at] ^ value);
+        break;
+    case 1:
+        stream[at] = value;
+        break;
+    case 2:
+        memmove(stream + at, stream + at + 1u, stream_size - at - 1u);
+        stream_size--;
+        break;
+    case 3:
+        if (stream_size < sizeof stream) {
+            memmove(stream + at + 1u, stream + at, stream_size - at);
+            stream[at] = value;
+            stream_size++;
+        }
+        break;
+    case 4: {
+        uint8_t copy[256];
+        const size_t size = stream_size - at < value ? stream_size - at : value;
+        memcpy(copy, stream + at, size);
+        append(copy, size);
+        break;
+    }
+    case 5:
+        stream_size = at;
+        break;
+    default:
+        for (size_t i = at; i < stream_size && i < at + (value & 31u); i++) {
+            stream[i] = (uint8_t)(stream[i] + value);
+        }
+        break;
+    }
+}
+
+static void append_rubbish(struct fuzz_input *input, uint8_t op)
+{
+    uint64_t state = fuzz_u16(input);
+    uint8_t bytes[16];
+    if (op & 4u) {
+        append(bytes, fuzz_bytes(input, bytes, op >> 4));
+        return;
+    }
+    for (size_t i = 0; i < 8u * (op >> 4); i++) {
+        bytes[0] = (uint8_t)(fuzz_next(&state) | (op >> 3 & 1u)); /* half of the runs hold no zero */
+        append(bytes, 1);
+    }
+}
+
+static void build_stream(struct fuzz_input *input)
+{
+    for (unsigned step = 0; input->left && step < STEPS_MAX; step++) {
+        const uint8_t op = fuzz_u8(input);
+        switch (op & 3u) {
+        case 0:
+        case 1:
+            append_frame(input, op);
+            break;
+        case 2:
+            damage_stream(input, op);
+            break;
+        default:
+            append_rubbish(input, op);
+            break;
+        }
+    }
+}
+
+static size_t frames_taken; /* by the decoder that runs now */
+
+static void expect_frame(void *context, const struct taxel_frame *frame)
+{
+    (void)context;
+    FUZZ_CHECK(frames_taken < oracle.frame_count);
+    const struct oracle_frame *expected = &oracle.frames[frames_taken++];
+    FUZZ_CHECK(frame->type == expected->type && frame->sequence == expected->sequence && frame->length == expected->length);
+    FUZZ_CHECK(memcmp(frame->payload, oracle.payloads + expected->offset, frame->length) == 0);
+}
+
+static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size_count)
+{
+    const struct taxel_deframer_config config = {chunk, sizeof chunk, body, TAXEL_PAYLOAD_MAX, directions, expect_frame, NULL};
+    struct taxel_deframer deframer;
+    size_t position = 0;
+    taxel_deframer_init(&deframer, &config);
+    frames_taken = 0;
+    for (size_t i = 0; position < stream_size; i++) {
+        const size_t wish = size_count ? (size_t)sizes[i % size_count] * sizes[i % size_count] / 8u + 1u : stream_size;
+        const size_t size = wish < stream_size - position ? wish : stream_size - position;
+        taxel_deframer_push(&deframer, data + position, size);
+        position += size;
+        FUZZ_CHECK(deframer.fill <= sizeof chunk && deframer.position == position);
+    }
+    taxel_deframer_finish(&deframer);
+    FUZZ_CHECK(frames_taken == oracle.frame_count && deframer.frames == oracle.frame_count);
+    FUZZ_CHECK(deframer.discarded_bytes == oracle.discarded_bytes && deframer.fill == 0);
+}
+
+static void check_row(const struct taxel_batch_row *row, const struct oracle_frame *expected,
+                      const struct taxel_batch_output *output)
+{
+    const uint8_t *payload = oracle.payloads + expected->offset;
+    FUZZ_CHECK(row->type == expected->type && row->sequence == expected->sequence && row->flags == expected->flags);
+    FUZZ_CHECK(row->lost_before == expected->lost_before && row->missing_before == expected->missing_before);
+    FUZZ_CHECK(row->stream_position <= stream_size);
+    if (row->type != TAXEL_FRAME_TYPE_TAXELS) {
+        FUZZ_CHECK(row->size == expected->length && row->offset + row->size <= output->payload_count);
+        FUZZ_CHECK(memcmp(payloads + row->offset, payload, row->size) == 0);
+        return;
+    }
+    FUZZ_CHECK(row->address == payload[0] && row->size == payload[1] && row->offset + row->size <= output->count_count);
+    FUZZ_CHECK(row->cycle == (payload[2] | payload[3] << 8) && row->board_sequence == (payload[8] | payload[9] << 8));
+    for (size_t i = 0; i < row->size; i++) {
+        FUZZ_CHECK(counts[row->offset + i] == (payload[14u + 2u * i] | payload[15u + 2u * i] << 8));
+    }
+}
+
+/* The two tables of one call, each in the order of the stream. */
+static void check_rows(const struct taxel_batch_output *output, size_t *taxels, size_t *others)
+{
+    FUZZ_CHECK(output->taxel_count <= output->row_capacity && output->other_count <= output->row_capacity);
+    FUZZ_CHECK(output->count_count <= output->count_capacity && output->payload_count <= output->payload_capacity);
+    for (size_t i = 0; i < output->taxel_count; i++, (*taxels)++) {
+        while (*taxels < oracle.frame_count && oracle.frames[*taxels].type != TAXEL_FRAME_TYPE_TAXELS) {
+            (*taxels)++;
+        }
+        FUZZ_CHECK(*taxels < oracle.frame_count);
+        check_row(&taxel_rows[i], &oracle.frames[*taxels], output);
+    }
+    for (size_t i = 0; i < output->other_count; i++, (*others)++) {
+        while (*others < oracle.frame_count && oracle.frames[*others].type == TAXEL_FRAME_TYPE_TAXELS) {
+            (*others)++;
+        }
+        FUZZ_CHECK(*others < oracle.frame_count);
+        check_row(&other_rows[i], &oracle.frames[*others], output);
+    }
+}
+
+static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
+{
+    struct taxel_batch_output output = {taxel_rows, other_rows, counts, payloads, rows, COUNTS_MIN, PAYLOADS_MIN, 0, 0, 0, 0};
+    size_t position = 0, taxels = 0, others = 0;
+    taxel_batch_init(&batch, directions);
+    for (size_t i = 0; position < stream_size; i++) {
+        const size_t wish = size_count ? (size_t)sizes[i % size_count] * sizes[i % size_count] / 8u + 1u : stream_size;
+        const size_t size = wish < stream_size - position ? wish : stream_size - position;
+        const size_t taken = taxel_batch_decode(&batch, data + position, size, &output);
+        FUZZ_CHECK(taken && taken <= size); /* empty arrays always have room for a step */
+        check_rows(&output, &taxels, &others);
+        position += taken;
+    }
+    FUZZ_CHECK(taxel_batch_finish(&batch, &output));
+    check_rows(&output, &taxels, &others);
+    FUZZ_CHECK(memcmp(taxel_batch_totals(&batch), &oracle.totals, sizeof oracle.totals) == 0);
+    FUZZ_CHECK(taxel_batch_discarded_bytes(&batch) == oracle.discarded_bytes);
+}
+
+/* What was believed, encoded again into a ring that wraps somewhere inside, is believed again. */
+static void check_encoded_again(size_t wrap)
+{
+    uint8_t ring[WIRE_MAX], wire[WIRE_MAX], again[WIRE_MAX];
+    struct oracle_frame *const frames = oracle.frames;
+    const struct taxel_deframer_config config = {chunk, sizeof chunk, body, TAXEL_PAYLOAD_MAX, 3, expect_frame, NULL};
+    struct taxel_deframer deframer;
+    taxel_deframer_init(&deframer, &config);
+    frames_taken = 0;
+    for (size_t i = 0; i < oracle.frame_count; i++) {
+        struct taxel_encoder encoder;
+        const uint8_t *payload = oracle.payloads + frames[i].offset;
+        const size_t half = frames[i].length / 2u;
+        const size_t size = taxel_batch_encode(frames[i].type, frames[i].sequence, payload, frames[i].length, wire, sizeof wire);
+        taxel_encoder_begin(&encoder, ring, sizeof ring, wrap % sizeof ring, frames[i].type, frames[i].sequence, frames[i].length);
+        taxel_encoder_put(&encoder, payload, half);
+        taxel_encoder_put(&encoder, payload + half, frames[i].length - half);
+        FUZZ_CHECK(taxel_encoder_end(&encoder) == size && encoder.position == (wrap % sizeof ring + size) % sizeof ring);
+        for (size_t n = 0; n < size; n++) {
+            again[n] = ring[(wrap + n) % sizeof ring];
+        }
+        FUZZ_CHECK(memcmp(wire, again, size) == 0);
+        taxel_deframer_push(&deframer, wire, size);
+        FUZZ_CHECK(frames_taken == i + 1u && deframer.discarded_bytes == 0);
+    }
+}
+
+static void check_arithmetic(void)
+{
+    uint8_t fast[TAXEL_BODY_MAX], small[TAXEL_BODY_MAX];
+    const size_t size = stream_size < sizeof fast ? stream_size : sizeof fast;
+    const size_t first = size / 3u;
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, data, first), data + first, size - first);
+    FUZZ_CHECK(crc == small_crc32(0, data, size) && crc == fuzz_crc32(0, data, size));
+    memcpy(fast, data, size);
+    memcpy(small, data, size);
+    taxel_whiten(fast + first, first, size - first);
+    small_whiten(small + first, first, size - first);
+    FUZZ_CHECK(memcmp(fast, small, size) == 0);
+}
+
+static void check_layouts(void)
+{
+    for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
+        union {
+            uint64_t aligned;
+            uint8_t bytes[LAYOUT_MAX];
+        } value;
+        uint8_t packed[LAYOUT_MAX];
+        if (stream_size >= layouts[i].size) {
+            layouts[i].unpack(&value, data);
+            layouts[i].pack(&value, packed);
+            FUZZ_CHECK(memcmp(packed, data, layouts[i].size) == 0);
+        }
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
+{
+    struct fuzz_input input = {bytes, size};
+    uint8_t sizes[SIZES_MAX];
+    const uint8_t mode = fuzz_u8(&input);
+    const uint8_t directions = (uint8_t)(1u + (mode & 3u) % 3u);
+    const size_t size_count = fuzz_bytes(&input, sizes, mode >> 5);
+    const size_t rows = ROWS_MIN + (mode >> 2 & 3u) * 16u;
+    stream_size = 0;
+    if (mode & 0x10u) {
+        append(input.bytes, input.left);
+    } else {
+        build_stream(&input);
+    }
+    data = memcpy(placed + sizeof placed - stream_size, stream, stream_size);
+    oracle_decode(&oracle, data, stream_size, directions);
+    check_deframer(directions, sizes, size_count);
+    check_batch(directions, rows, sizes, size_count);
+    check_encoded_again(mode * 7u);
+    check_arithmetic();
+    check_layouts();
+    return 0;
+}

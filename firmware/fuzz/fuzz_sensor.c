@@ -1,0 +1,343 @@
+/* A sensor board's register machine and scan, driven by a script of bus events, conversions and time.
+ *
+ * The first bytes of the input draw the board (lines, crossing map, settings, how long it has run); the rest are events: single
+ * ones in any order, also such as a bus cannot produce, and whole transfers with a right CRC, so that deep states are reached.
+ * Invariants, after each event:
+ *   - every byte read is the one that the model gives (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a
+ *     snapshot is one whole scan with its sequence, time, counts and CRC; the identity never changes; settings are those last
+ *     accepted; counters stop or wrap as they should, which boards near the end of their counters show soon;
+ *   - every acknowledge is the model's;
+ *   - at most one conversion runs, of the crossing that comes next; the front end is set between scans only;
+ *   - the three snapshot buffers are three, and nothing is written beside them;
+ *   - a board that cannot be is refused at boot, and no other. */
+#include "fuzz/board_model.h"
+#include "fuzz/fuzz.h"
+#include "sensor/sensor.h"
+
+#define EVENTS_MAX 160u
+#define CONVERSIONS_MAX 1500u
+
+static struct taxel_sensor sensor;
+static struct taxel_sensor_config config;
+static struct board_model model;
+static uint8_t *snapshots[3];
+static unsigned started, configured, restarts, bootloader_entries, conversions;
+static bool converting;
+static uint16_t crossing;
+static uint8_t front_end[MODEL_SETTINGS_SIZE];
+
+static void on_configure(void *context, const struct taxel_scan_settings *settings)
+{
+    (void)context;
+    FUZZ_CHECK(!converting);
+    taxel_scan_settings_pack(settings, front_end);
+    configured++;
+}
+
+static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
+{
+    (void)context;
+    FUZZ_CHECK(!converting && tx < config.rows && rx < config.columns);
+    converting = true;
+    crossing = (uint16_t)(tx * config.columns + rx);
+    started++;
+}
+
+static uint32_t on_clock_us(void *context)
+{
+    (void)context;
+    return model.clock_us;
+}
+
+static uint32_t on_interrupts_disable(void *context)
+{
+    (void)context;
+    return 7;
+}
+
+static void on_interrupts_restore(void *context, uint32_t state)
+{
+    (void)context;
+    FUZZ_CHECK(state == 7);
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+    restarts++;
+}
+
+static void on_bootloader(void *context)
+{
+    (void)context;
+    bootloader_entries++;
+}
+
+static const struct taxel_sensor_hal hal = {
+    .front_end_configure = on_configure,
+    .conversion_start = on_conversion_start,
+    .clock_us = on_clock_us,
+    .interrupts_disable = on_interrupts_disable,
+    .interrupts_restore = on_interrupts_restore,
+    .restart = on_restart,
+    .enter_bootloader = on_bootloader,
+};
+
+static void check_state(void)
+{
+    FUZZ_CHECK(converting == model.converting && started == model.conversions_started && configured == model.configured);
+    FUZZ_CHECK(memcmp(front_end, model.settings, sizeof front_end) == 0);
+    FUZZ_CHECK(!converting || model.dropped_conversion || !model.scanning || crossing == model_crossing(&model));
+    FUZZ_CHECK(sensor.slave.pointer == model.pointer && sensor.slave.written == model.written_size);
+    FUZZ_CHECK(sensor.slave.bus_errors == model.bus_errors && sensor.slave.rejected_writes == model.rejected_writes);
+    FUZZ_CHECK(sensor.slave.snapshot_reads == model.snapshot_reads && sensor.scan.scans == model.scans);
+    FUZZ_CHECK(sensor.scan.saturated_conversions == model.saturated_conversions && sensor.error_flags == model.error_flags);
+    FUZZ_CHECK(memcmp(sensor.identity, model.identity, sizeof model.identity) == 0);
+    FUZZ_CHECK(sensor.scan.scanning != sensor.scan.newest && sensor.scan.newest != sensor.scan.latched &&
+               sensor.scan.latched != sensor.scan.scanning);
+}
+
+static bool boot(void)
+{
+    converting = false;
+    started = configured = 0;
+    if (taxel_sensor_init(&sensor, &config)) {
+        return false;
+    }
+    model_boot(&model, config.firmware_version, config.kind, config.unique_id);
+    taxel_scan_start(&sensor);
+    model_start(&model);
+    check_state();
+    return true;
+}
+
+static void address(bool reading)
+{
+    FUZZ_CHECK(taxel_sensor_on_address(&sensor, reading) == model_address(&model, reading));
+}
+
+static void write(uint8_t byte)
+{
+    FUZZ_CHECK(taxel_sensor_on_write(&sensor, byte) == model_write(&model, byte));
+}
+
+static void read(size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        FUZZ_CHECK(taxel_sensor_on_read(&sensor) == model_read(&model));
+    }
+}
+
+static void stop(void)
+{
+    taxel_sensor_on_stop(&sensor);
+    model_stop(&model);
+    FUZZ_CHECK((restarts != 0) == model.restart_asked && (bootloader_entries != 0) == model.bootloader_asked);
+    if (restarts || bootloader_entries) { /* neither returns on silicon: the next thing is a boot */
+        restarts = bootloader_entries = 0;
+        FUZZ_CHECK(boot());
+    }
+}
+
+static void convert(unsigned wanted, uint16_t first, uint8_t step)
+{
+    for (unsigned i = 0; i < wanted && conversions < CONVERSIONS_MAX && converting; i++, conversions++) {
+        const uint16_t value = (uint16_t)(first + i * step);
+        model.clock_us += step;
+        converting = false;
+        model_conversion(&model, value);
+        taxel_sensor_on_conversion(&sensor, value);
+    }
+}
+
+static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
+{
+    address(false);
+    write(pointer);
+    for (size_t i = 0; i < size; i++) {
+        write(bytes[i]);
+    }
+    stop();
+}
+
+static void write_settings(struct fuzz_input *input, uint8_t flags)
+{
+    uint8_t bytes[12];
+    const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF)); /* one in sixteen is meant for another board */
+    (void)fuzz_bytes(input, bytes, 8);
+    if (flags & 1u) {
+        bytes[1] = bytes[3] = 0; /* small enough to be right */
+    }
+    fuzz_put_u32(bytes + 8, fuzz_crc32(fuzz_crc32(0, &for_board, 1), bytes, 8));
+    write_whole(0x60, bytes, sizeof bytes - (flags == 8));
+}
+
+static void read_whole(uint8_t which, size_t extra)
+{
+    static const uint8_t pointers[16] = {0x80, 0x80, 0x80, 0x81, 0x82, 0x8F, 0x00, 0x10,
+                                         0x39, 0x40, 0x44, 0x5B, 0x60, 0x6B, 0x70, 0xA0};
+    const size_t size = which < 6 ? 10u + 2u * (size_t)config.taxel_count : 64u;
+    address(false);
+    write(pointers[which]);
+    address(true);
+    read(size + extra);
+    stop();
+}
+
+static void event(struct fuzz_input *input)
+{
+    const uint8_t op = fuzz_u8(input), high = op >> 4;
+    switch (op & 15u) {
+    case 0:
+        address(false);
+        break;
+    case 1:
+        address(true);
+        break;
+    case 2:
+    case 3:
+        write(fuzz_u8(input));
+        break;
+    case 4:
+        read(high + 1u);
+        break;
+    case 5:
+        read(16u * (high + 1u));
+        break;
+    case 6:
+        stop();
+        break;
+    case 7:
+        taxel_sensor_on_bus_error(&sensor);
+        model_bus_error(&model);
+        break;
+    case 8:
+        convert(high + 1u, fuzz_u16(input), high);
+        break;
+    case 9:
+        convert(config.taxel_count * (1u + (high & 3u)) + (high >> 2), fuzz_u16(input), fuzz_u8(input));
+        break;
+    case 10:
+        model.clock_us += (uint32_t)fuzz_u16(input) << high;
+        break;
+    case 11: {
+        const uint8_t bytes[2] = {high, (uint8_t)~high};
+        write_whole(0x70, bytes, 2);
+        break;
+    }
+    case 12:
+        write_settings(input, high);
+        break;
+    case 13:
+        read_whole(high, 2);
+        break;
+    case 14: /* a poll: the pointer stands where it stood */
+        address(true);
+        read(10u + 2u * (size_t)config.taxel_count);
+        stop();
+        break;
+    default:
+        stop();
+        break;
+    }
+    check_state();
+}
+
+/* The last counts before counters stop or wrap. */
+static void grow_old(void)
+{
+    sensor.scan.scans = model.scans = 0xFFFFFFFEu;
+    sensor.slave.snapshot_reads = model.snapshot_reads = 0xFFFFFFFEu;
+    sensor.slave.bus_errors = model.bus_errors = 0xFFFE;
+    sensor.slave.rejected_writes = model.rejected_writes = 0xFFFE;
+    sensor.scan.saturated_conversions = model.saturated_conversions = 0xFFFE;
+    fuzz_put_u16(model.being_scanned.bytes, 0xFFFE); /* the scan under way knows its number already */
+    fuzz_put_u16(sensor.scan.scanning, 0xFFFE);
+    sensor.scan.crc = fuzz_crc32(fuzz_crc32(0, &model.address, 1), sensor.scan.scanning, 6);
+}
+
+static void draw_map(struct fuzz_input *input, uint8_t form)
+{
+    const unsigned crossings = (unsigned)model.rows * model.columns;
+    uint64_t state = form;
+    (void)fuzz_bytes(input, model.crossing_map, form & 3u ? 0u : 32u);
+    for (unsigned i = 0; i < crossings && i < 256 && form & 3u; i++) {
+        const bool taxel = (form & 3u) == 1u || fuzz_next(&state) & 1u;
+        model.crossing_map[i / 8] |= (uint8_t)(taxel << (i % 8));
+    }
+    model.taxel_count = 0;
+    for (unsigned i = 0; i < 256; i++) {
+        model.taxel_count = (uint16_t)(model.taxel_count + (model.crossing_map[i / 8] >> (i % 8) & 1));
+    }
+}
+
+static bool board_can_be(uint16_t claimed_taxels)
+{
+    for (unsigned i = (unsigned)model.rows * model.columns; i < 256; i++) {
+        if (model.crossing_map[i / 8] >> (i % 8) & 1) {
+            return false;
+        }
+    }
+    return model.rows >= 1 && model.rows <= 16 && model.columns >= 1 && model.columns <= 16 && model.taxel_count >= 1 &&
+           model.taxel_count <= MODEL_TAXELS_MAX && claimed_taxels == model.taxel_count && model.address >= 0x08 &&
+           model.address <= 0x77 && model_settings_are_valid(model.boot_settings);
+}
+
+static bool draw_board(struct fuzz_input *input)
+{
+    static const uint8_t usual[MODEL_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
+    const uint8_t form = fuzz_u8(input);
+    memset(&model, 0, sizeof model);
+    model.address = form & 4u ? fuzz_u8(input) : 0x20;
+    model.rows = form & 8u ? fuzz_u8(input) % 20u : 3;
+    model.columns = form & 8u ? fuzz_u8(input) % 20u : 4;
+    model.reset_cause = form & 3u;
+    model.clock_us = form & 0x10u ? 0xFFFFFF00u : 1000u;
+    memcpy(model.boot_settings, usual, sizeof usual);
+    if (form & 0x20u) {
+        (void)fuzz_bytes(input, model.boot_settings, sizeof model.boot_settings);
+    }
+    draw_map(input, form);
+    config = (struct taxel_sensor_config){
+        .hal = &hal,
+        .address = model.address,
+        .kind = form,
+        .reset_cause = model.reset_cause,
+        .firmware_version = {1, 2, 3},
+        .unique_id = {form, 2, 3, 4, 5, 6, 7, 8},
+        .rows = model.rows,
+        .columns = model.columns,
+        .taxel_count = (uint16_t)(model.taxel_count + (form == 0x43)), /* one form claims a taxel too many */
+        .crossing_map = model.crossing_map,
+        .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
+    };
+    taxel_scan_settings_unpack(&config.settings, model.boot_settings);
+    return form & 0x80u;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
+{
+    struct fuzz_input input = {bytes, size};
+    started = configured = restarts = bootloader_entries = conversions = 0;
+    const bool is_old = draw_board(&input);
+    const bool can_be = board_can_be(config.taxel_count);
+    for (size_t i = 0; i < 3; i++) { /* exactly as long as the firmware asks for */
+        snapshots[i] = malloc(TAXEL_SNAPSHOT_SIZE((size_t)config.taxel_count));
+        config.snapshots[i] = snapshots[i];
+    }
+    if (boot()) {
+        FUZZ_CHECK(can_be);
+        if (is_old) {
+            grow_old();
+        }
+        for (unsigned i = 0; input.left && i < EVENTS_MAX; i++) {
+            event(&input);
+        }
+    } else {
+        FUZZ_CHECK(!can_be);
+    }
+    for (size_t i = 0; i < 3; i++) {
+        free(snapshots[i]);
+    }
+    return 0;
+}

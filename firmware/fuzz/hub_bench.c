@@ -1,0 +1,344 @@
+#include "fuzz/hub_bench.h"
+
+#include "codec/encoder.h"
+
+#define RUN_COST_US 5u
+#define SPIN_CALLS 512u /* of the clock in one pass of the main loop: a pass asks fewer than a hundred times */
+#define ENDED_COUNTERS(s) \
+    ((s)->forwarded + (s)->repeated + (s)->nacks + (s)->timeouts + (s)->crc_errors + (s)->bus_errors + (s)->dropped)
+
+struct bench bench;
+
+/* What a bus owns, each exactly as long as the hub is told, so that a sanitizer sees the byte beyond. */
+struct blocks {
+    struct taxel_hub_slot *slots;
+    uint8_t *buffers[2];
+    uint8_t *ring;
+};
+
+struct saved {
+    bool exists;
+    struct bench bench;
+    struct blocks copies;
+};
+
+static struct blocks blocks[BENCH_BUSES];
+static struct saved saved[BENCH_BUSES][BENCH_STATES];
+
+static uint64_t on_clock_us(void *context)
+{
+    (void)context;
+    FUZZ_CHECK(++bench.clock_calls <= SPIN_CALLS); /* else the main loop does not come back */
+    return bench.now_us;
+}
+
+static void end_transfer(void)
+{
+    const struct taxel_i2c_transfer *transfer = &bench.transfer;
+    int8_t result = TAXEL_I2C_OK;
+    const int verdict = bench.verdict;
+    bench.verdict = BENCH_PROCEED;
+    bench.done_us = BENCH_NEVER;
+    FUZZ_CHECK(memcmp(transfer->write_bytes, bench.transfer_write, transfer->write_size) == 0);
+    if (verdict <= 0) {
+        result = (int8_t)verdict;
+    } else {
+        result = bench_transfer(transfer);
+    }
+    if (transfer->read_size && (verdict == BENCH_FLIP || verdict == BENCH_NOISE)) {
+        transfer->read_bytes[bench.verdict_place % transfer->read_size] ^= bench.verdict_value;
+        for (size_t i = 0; verdict == BENCH_NOISE && i < transfer->read_size; i++) {
+            transfer->read_bytes[i] = (uint8_t)(bench.verdict_value + i * bench.verdict_place);
+        }
+    }
+    taxel_hub_on_i2c_done(&bench.hub, result);
+}
+
+static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
+{
+    (void)context;
+    const uint8_t *const *buffers = (const uint8_t *const *)bench.config.transfer_buffers;
+    FUZZ_CHECK(bench.done_us == BENCH_NEVER && bench.scl && bench.sda);
+    FUZZ_CHECK(transfer->address >= TAXEL_ADDRESS_MIN);
+    FUZZ_CHECK(transfer->address <= TAXEL_ADDRESS_MAX);
+    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= bench.config.transfer_buffer_size);
+    FUZZ_CHECK(transfer->read_bytes == buffers[0] || transfer->read_bytes == buffers[1]);
+    bench.transfer = *transfer;
+    memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
+    memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
+    bench.done_us = bench.now_us + 5u + (2u + transfer->write_size + transfer->read_size) * 9u * 1000000u / bench.config.scl_hz;
+    if (bench.scl_held || bench.sda_held_clocks) {
+        bench.verdict = TAXEL_I2C_BUSY;
+    }
+    if (bench.verdict == BENCH_HANG) {
+        bench.verdict = BENCH_PROCEED;
+        bench.done_us = BENCH_NEVER - 1u;
+    } else if (bench.ends_at_once) {
+        end_transfer();
+    }
+}
+
+static void on_i2c_abort(void *context)
+{
+    (void)context;
+    FUZZ_CHECK(bench.done_us != BENCH_NEVER);
+    bench.done_us = BENCH_NEVER;
+}
+
+static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
+{
+    (void)context;
+    FUZZ_CHECK(bench.done_us == BENCH_NEVER);
+    if (bench.scl && !scl_high && bench.sda_held_clocks) {
+        bench.sda_held_clocks--;
+    }
+    bench.scl = scl_high;
+    bench.sda = sda_high;
+}
+
+static bool on_i2c_scl(void *context)
+{
+    (void)context;
+    return bench.scl && !bench.scl_held;
+}
+
+static bool on_i2c_sda(void *context)
+{
+    (void)context;
+    return bench.sda && !bench.sda_held_clocks;
+}
+
+static void on_uart_kick(void *context)
+{
+    (void)context;
+}
+
+static void on_delay_us(void *context, uint32_t microseconds)
+{
+    (void)context;
+    bench.now_us += microseconds;
+}
+
+static void on_wake_at(void *context, uint64_t clock_us)
+{
+    (void)context;
+    bench.wake_us = clock_us < bench.wake_us ? clock_us : bench.wake_us;
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+    bench.restarted = true;
+}
+
+static const struct taxel_hub_hal hal = {
+    .i2c_start = on_i2c_start,
+    .i2c_abort = on_i2c_abort,
+    .i2c_drive = on_i2c_drive,
+    .i2c_scl = on_i2c_scl,
+    .i2c_sda = on_i2c_sda,
+    .uart_kick = on_uart_kick,
+    .clock_us = on_clock_us,
+    .delay_us = on_delay_us,
+    .wake_at = on_wake_at,
+    .restart = on_restart,
+};
+
+/* What the host sees of one frame. */
+static void on_frame(void *context, const struct taxel_frame *frame)
+{
+    const uint8_t *payload = frame->payload;
+    (void)context;
+    FUZZ_CHECK(frame->sequence == (uint16_t)bench.frames_pulled);
+    bench.frames_pulled++;
+    if (frame->type == TAXEL_FRAME_TYPE_TAXELS) {
+        const size_t size = frame->length - TAXEL_TAXEL_HEADER_SIZE;
+        const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + TAXEL_TAXEL_HEADER_SIZE, size - 4u);
+        FUZZ_CHECK(crc == taxel_get_u32(payload + frame->length - 4));
+    } else if (frame->type == TAXEL_FRAME_TYPE_BOARD_INFO) {
+        FUZZ_CHECK(fuzz_crc32(0, payload, 54) == taxel_get_u32(payload + 54));
+    } else if (frame->type == TAXEL_FRAME_TYPE_HUB_STATUS) {
+        struct taxel_hub_status status;
+        taxel_hub_status_unpack(&status, payload);
+        FUZZ_CHECK((uint16_t)status.frames_sent == frame->sequence && status.boards_streaming <= bench.config.slot_capacity);
+    } else if (frame->type == TAXEL_FRAME_TYPE_BOARD_STATUS) {
+        struct taxel_board_status status;
+        taxel_board_status_unpack(&status, payload);
+        const uint32_t open_polls = status.polls - ENDED_COUNTERS(&status);
+        FUZZ_CHECK(open_polls <= 1u);
+        FUZZ_CHECK(status.state <= TAXEL_BOARD_STATE_INCOMPATIBLE);
+    } else if (frame->type == TAXEL_FRAME_TYPE_REPLY) {
+        bench.replies++;
+        bench.replies_bad += payload[2] != TAXEL_REPLY_STATUS_OK;
+        bench.replies_busy += payload[2] == TAXEL_REPLY_STATUS_BUSY;
+    }
+}
+
+void bench_pull(size_t size)
+{
+    uint8_t bytes[64];
+    while (size) {
+        const size_t pulled = taxel_hub_uart_pull(&bench.hub, bytes, size < sizeof bytes ? size : sizeof bytes);
+        taxel_deframer_push(&bench.deframer, bytes, pulled);
+        bench.bytes_pulled += pulled;
+        size = pulled ? size - pulled : 0;
+    }
+    FUZZ_CHECK(bench.deframer.discarded_bytes == 0);
+}
+
+static void check_slots(void)
+{
+    const struct taxel_hub *hub = &bench.hub;
+    FUZZ_CHECK(hub->slot_count <= bench.config.slot_capacity);
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        const struct taxel_hub_slot *slot = &bench.config.slots[i];
+        const bool is_polled = hub->job.slot == i && (hub->job.kind == TAXEL_JOB_POLL || hub->job.kind == TAXEL_JOB_PROBE_SLOT);
+        const unsigned in_flight = (slot->retry ? 1u : 0u) + (is_polled ? 1u : 0u);
+        FUZZ_CHECK(in_flight <= 1u);
+        FUZZ_CHECK(slot->address >= TAXEL_ADDRESS_MIN && slot->address <= TAXEL_ADDRESS_MAX);
+        FUZZ_CHECK(i == 0 || slot->address > slot[-1].address);
+        FUZZ_CHECK(slot->state <= TAXEL_BOARD_STATE_INCOMPATIBLE && slot->polls == ENDED_COUNTERS(slot) + in_flight);
+        FUZZ_CHECK(slot->state != TAXEL_BOARD_STATE_STREAMING || (slot->taxel_count >= 1 && slot->taxel_count <= TAXEL_TAXELS_MAX &&
+                   10u + 2u * (size_t)slot->taxel_count <= bench.config.transfer_buffer_size));
+    }
+}
+
+static void check_hub(void)
+{
+    const struct taxel_hub *hub = &bench.hub;
+    check_slots();
+    FUZZ_CHECK(hub->outbox.head < bench.config.transmit_ring_size && hub->outbox.tail < bench.config.transmit_ring_size);
+    FUZZ_CHECK(taxel_hub_uart_pending(hub) == hub->outbox.bytes_sent - (uint32_t)bench.bytes_pulled);
+    FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job.slot == TAXEL_NO_SLOT || hub->job.slot < hub->slot_count);
+    FUZZ_CHECK(hub->cycle.position <= hub->slot_count && hub->inbox.commands_rejected <= hub->inbox.commands);
+    FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job_done || bench.done_us != BENCH_NEVER);
+}
+
+void bench_pass(void)
+{
+    bench.wake_us = BENCH_NEVER;
+    bench.clock_calls = 0;
+    taxel_hub_run(&bench.hub);
+    bench.now_us += RUN_COST_US;
+    if (bench.host_reads) {
+        bench_pull(SIZE_MAX);
+    }
+    check_hub();
+    /* A hub that has a transfer, a reply or a board to wait for must ask to be woken: otherwise it sleeps for ever. */
+    FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u || bench.hub.job_done);
+}
+
+bool bench_step(uint64_t until_us)
+{
+    const uint64_t next = bench.hub.job_done ? bench.now_us : bench.wake_us < bench.done_us ? bench.wake_us : bench.done_us;
+    if (next > until_us) {
+        return false;
+    }
+    bench.now_us = next > bench.now_us ? next : bench.now_us;
+    if (bench.done_us <= bench.now_us) {
+        end_transfer();
+    }
+    bench_pass();
+    return true;
+}
+
+void bench_receive(const uint8_t *bytes, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        taxel_hub_on_uart_byte(&bench.hub, bytes[i]);
+    }
+    bench_pass();
+}
+
+size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity)
+{
+    struct taxel_encoder encoder;
+    FUZZ_CHECK(capacity >= taxel_encoded_size_max(size));
+    taxel_encoder_begin(&encoder, wire, capacity, 0, type, 0, (uint16_t)size);
+    taxel_encoder_put(&encoder, payload, size);
+    return taxel_encoder_end(&encoder);
+}
+
+static void boot(unsigned bus)
+{
+    memset(&bench, 0, sizeof bench);
+    bench_populate(bus);
+    const struct taxel_deframer_config host = {
+        .chunk = bench.chunk,
+        .chunk_capacity = sizeof bench.chunk,
+        .body = bench.body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = TAXEL_DIRECTION_TO_HOST,
+        .handler = on_frame,
+    };
+    taxel_deframer_init(&bench.deframer, &host);
+    bench.config.hal = &hal;
+    bench.config.scl_hz = 400000;
+    bench.config.slots = blocks[bus].slots;
+    bench.config.transfer_buffers[0] = blocks[bus].buffers[0];
+    bench.config.transfer_buffers[1] = blocks[bus].buffers[1];
+    bench.config.transmit_ring = blocks[bus].ring;
+    bench.scl = bench.sda = bench.host_reads = true;
+    bench.now_us = 1000;
+    bench.done_us = BENCH_NEVER;
+    bench.verdict = BENCH_PROCEED;
+    taxel_hub_init(&bench.hub, &bench.config);
+    bench_pass();
+}
+
+static void run_for(uint64_t microseconds)
+{
+    const uint64_t until = bench.now_us + microseconds;
+    while (bench.now_us <= until && bench_step(until)) {
+    }
+}
+
+static void warm_up(enum bench_state state)
+{
+    static const uint8_t hello[3] = {77, 1, 1}, start[2] = {78, TAXEL_COMMAND_START};
+    uint8_t wire[64];
+    if (state >= BENCH_WARM) {
+        run_for(60000);
+        bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello, wire, sizeof wire));
+    }
+    if (state >= BENCH_STREAMING) {
+        bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_COMMAND, start, sizeof start, wire, sizeof wire));
+        run_for(30000);
+    }
+}
+
+static void copy_blocks(const struct blocks *to, const struct blocks *from)
+{
+    memcpy(to->slots, from->slots, bench.config.slot_capacity * sizeof *to->slots);
+    memcpy(to->buffers[0], from->buffers[0], bench.config.transfer_buffer_size);
+    memcpy(to->buffers[1], from->buffers[1], bench.config.transfer_buffer_size);
+    memcpy(to->ring, from->ring, bench.config.transmit_ring_size);
+}
+
+static struct blocks new_blocks(void)
+{
+    return (struct blocks){
+        .slots = calloc(bench.config.slot_capacity, sizeof(struct taxel_hub_slot)),
+        .buffers = {calloc(1, bench.config.transfer_buffer_size), calloc(1, bench.config.transfer_buffer_size)},
+        .ring = calloc(1, bench.config.transmit_ring_size),
+    };
+}
+
+void bench_restore(unsigned bus, enum bench_state state)
+{
+    struct saved *const kept = &saved[bus][state];
+    if (!kept->exists) {
+        bench_populate(bus);
+        if (!blocks[bus].ring) {
+            blocks[bus] = new_blocks();
+        }
+        boot(bus);
+        warm_up(state);
+        kept->copies = new_blocks();
+        kept->bench = bench;
+        kept->exists = true;
+        copy_blocks(&kept->copies, &blocks[bus]);
+    }
+    bench = kept->bench;
+    copy_blocks(&blocks[bus], &kept->copies);
+}

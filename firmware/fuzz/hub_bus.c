@@ -1,0 +1,145 @@
+/* The devices on the bench's bus. */
+#include "fuzz/hub_bench.h"
+
+#define FOREIGN_BYTE 0x33u
+
+struct bus {
+    uint8_t slot_capacity;
+    size_t buffer_size, ring_size;
+    struct {
+        uint8_t address, taxel_count;
+        bool foreign;
+    } devices[BENCH_BOARDS];
+};
+
+#define ROOMY 1280u
+#define LARGEST TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXEL_TAXELS_MAX
+
+static const struct bus buses[BENCH_BUSES] = {
+    {4, LARGEST, ROOMY, {{0x20, 2, false}}},
+    {8, LARGEST, ROOMY, {{0x10, 2, false}, {0x20, 63, false}, {0x30, 5, false}}},
+    {4, LARGEST, ROOMY, {{0x08, 123, false}, {0x20, 3, false}, {0x21, 4, false}, {0x77, 12, false}}},
+    {4, LARGEST, 272, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* as little room as a ring may have */
+    {1, 64, 400, {{0}}},
+    {2, LARGEST, ROOMY, {{0x20, 4, false}, {0x40, 0, true}, {0x41, 0, true}}}, /* more devices than slots */
+    {32, LARGEST, ROOMY,
+     {{0x11, 7, false}, {0x12, 7, false}, {0x13, 7, false}, {0x14, 7, false}, {0x15, 7, false}, {0x16, 7, false}}},
+    {3, 70, 500, {{0x20, 30, false}, {0x21, 31, false}, {0x22, 5, false}}}, /* one is too large for the buffers */
+};
+
+void bench_populate(unsigned bus)
+{
+    static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
+    const struct bus *chosen = &buses[bus];
+    bench.config.slot_capacity = chosen->slot_capacity;
+    bench.config.transfer_buffer_size = chosen->buffer_size;
+    bench.config.transmit_ring_size = chosen->ring_size;
+    for (size_t i = 0; i < BENCH_BOARDS; i++) {
+        struct bench_board *board = &bench.boards[i];
+        board->address = chosen->devices[i].address;
+        board->taxel_count = chosen->devices[i].taxel_count;
+        board->foreign = chosen->devices[i].foreign;
+        board->map_version = TAXEL_REGISTER_MAP_VERSION;
+        board->sequence = 0xFFF0;
+        memcpy(board->settings, settings, sizeof settings);
+    }
+}
+
+static struct bench_board *board_at(uint8_t address)
+{
+    for (size_t i = 0; i < BENCH_BOARDS; i++) {
+        if (bench.boards[i].address == address && !bench.boards[i].unplugged) {
+            return &bench.boards[i];
+        }
+    }
+    return NULL;
+}
+
+static uint32_t crc_with_address(const struct bench_board *board, const uint8_t *bytes, size_t size)
+{
+    return fuzz_crc32(fuzz_crc32(0, &board->address, 1), bytes, size);
+}
+
+static void read_identity(const struct bench_board *board, uint8_t *bytes)
+{
+    memset(bytes, 0, TAXEL_IDENTITY_SIZE);
+    bytes[0] = TAXEL_WHO_AM_I;
+    bytes[1] = board->map_version;
+    bytes[6] = board->address;
+    bytes[16] = 16;
+    bytes[17] = 16;
+    fuzz_put_u16(bytes + 18, board->taxel_count);
+    fuzz_put_u16(bytes + 20, 10u + 2u * board->taxel_count);
+    fuzz_put_u32(bytes + 54, fuzz_crc32(0, bytes, 54));
+}
+
+static void read_snapshot(struct bench_board *board, uint8_t *bytes)
+{
+    const size_t size = 10u + 2u * (size_t)board->taxel_count;
+    board->sequence = (uint16_t)(board->sequence + !board->holds_scan);
+    fuzz_put_u16(bytes, board->sequence);
+    fuzz_put_u32(bytes + 2, (uint32_t)bench.now_us + board->clock_offset_us);
+    memset(bytes + 6, board->sequence & 0xFF, size - 10);
+    fuzz_put_u32(bytes + size - 4, crc_with_address(board, bytes, size - 4));
+}
+
+static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
+{
+    uint8_t registers[LARGEST];
+    size_t known = 0;
+    if (board->foreign) {
+        memset(bytes, FOREIGN_BYTE, size);
+        return;
+    }
+    switch (board->pointer) {
+    case 0x00:
+        read_identity(board, registers);
+        known = TAXEL_IDENTITY_SIZE;
+        break;
+    case 0x44:
+        fuzz_put_u32(registers, (uint32_t)bench.now_us + board->clock_offset_us);
+        known = 4;
+        break;
+    case 0x60:
+        memcpy(registers, board->settings, 8);
+        fuzz_put_u32(registers + 8, crc_with_address(board, registers, 8));
+        known = 12;
+        break;
+    case 0x80:
+        read_snapshot(board, registers);
+        known = 10u + 2u * (size_t)board->taxel_count;
+        break;
+    default:
+        break;
+    }
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] = i < known ? registers[i] : 0xFF;
+    }
+}
+
+static void take_settings(struct bench_board *board, const uint8_t *bytes)
+{
+    uint8_t crc[4];
+    fuzz_put_u32(crc, crc_with_address(board, bytes, 8));
+    if (!board->rejects_settings && memcmp(crc, bytes + 8, sizeof crc) == 0) {
+        memcpy(board->settings, bytes, sizeof board->settings);
+    }
+}
+
+int8_t bench_transfer(const struct taxel_i2c_transfer *transfer)
+{
+    struct bench_board *board = board_at(transfer->address);
+    if (!board) {
+        return TAXEL_I2C_NACK_ADDRESS;
+    }
+    if (transfer->write_size) {
+        board->pointer = transfer->write_bytes[0];
+    }
+    if (transfer->write_size == 13 && board->pointer == 0x60) {
+        take_settings(board, transfer->write_bytes + 1);
+    }
+    if (transfer->read_size) {
+        answer(board, transfer->read_bytes, transfer->read_size);
+    }
+    return TAXEL_I2C_OK;
+}

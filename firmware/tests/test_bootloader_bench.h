@@ -1,0 +1,69 @@
+/* A board, or a hub, with the real bootloader on a fake flash, and a host that speaks to it as a stock tool does. */
+#ifndef TEST_BOOTLOADER_BENCH_H
+#define TEST_BOOTLOADER_BENCH_H
+
+#include "bootloader/bootloader.h"
+#include "fake_flash.h"
+
+#define BENCH_IMAGE_MAX (104u * TAXEL_BOOT_ROW_SIZE)
+#define BENCH_NO_SLOT 0xFF
+#define BENCH_NO_REPLY 0x100
+#define BENCH_NOT_A_PACKET 0x101
+
+struct bench_image {
+    uint8_t slot;
+    unsigned size; /* whole rows */
+    uint8_t bytes[BENCH_IMAGE_MAX];
+};
+
+struct bench {
+    struct fake_flash flash;
+    struct taxel_boot_hal hal;
+    struct taxel_boot_config config;
+    struct taxel_boot boot;
+    struct taxel_boot_i2c i2c;
+    struct taxel_boot_uart uart;
+    bool over_uart;
+    unsigned (*wire)(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response); /* another way to it */
+    bool refuses_i2c_writes; /* an address NACK was seen where none belongs */
+    uint32_t clock_us;
+    uint8_t reset_cause;
+    bool stay_flag;
+    bool restart_asked;
+    unsigned restarts;
+    uint8_t running; /* slot, or BENCH_NO_SLOT while the bootloader runs */
+    uint8_t unique_id[8];
+    uint8_t checksum; /* which the host uses */
+    uint8_t confirmed; /* slot that must not be written; BENCH_NO_SLOT: any may */
+    unsigned forbidden_writes;
+    uint8_t reply[TAXEL_BOOT_PACKET_MAX]; /* data of the last response */
+    unsigned reply_size;
+};
+
+void bench_init(struct bench *bench, const struct taxel_boot_layout *layout, uint64_t seed);
+/* A reset, and the bootloader's first pass. */
+void bench_reset(struct bench *bench, uint8_t cause);
+/* The bootloader's main loop, until it has let the time to listen go by. */
+void bench_settle(struct bench *bench);
+void bench_run(struct bench *bench);
+
+/* Bytes on the wire as they are. Returns the response's size, 0 if there is none. */
+unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response);
+/* A packet; returns the response's status, or BENCH_NO_REPLY. */
+unsigned bench_send(struct bench *bench, uint8_t command, const void *data, unsigned size);
+/* A packet's bytes. Returns their number. */
+unsigned bench_packet(const struct bench *bench, uint8_t command, const void *data, unsigned size, uint8_t *bytes);
+
+/* An image of that many rows (the last one not full) for a slot, its content drawn from `seed`. */
+void bench_make_image(struct bench_image *image, const struct taxel_boot_layout *layout, uint8_t slot, unsigned rows,
+                      uint8_t version, uint64_t seed);
+/* Put it into the flash as a programmer at the factory does; and confirm it as a running application does. */
+void bench_install(struct bench *bench, const struct bench_image *image, bool confirmed);
+bool bench_holds(const struct bench *bench, const struct bench_image *image);
+
+unsigned bench_program_row(struct bench *bench, uint16_t row, const uint8_t *bytes);
+/* What a stock tool sends for a .cyacd: 38, 32, three packets and a check a row, 31, 3B. Returns the first status that is
+ * not OK; BENCH_NO_SLOT + 1 if sums or sizes differ from what it expects. */
+unsigned bench_program(struct bench *bench, const struct bench_image *image);
+
+#endif

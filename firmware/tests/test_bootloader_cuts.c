@@ -1,0 +1,270 @@
+/* The power fails in every write of an update, at every word of the row, and again in every write of what follows: the
+ * board always boots, the old image or the new one.
+ *
+ * test_bootloader_cuts [tears of each second cut [seed]]     4 if nothing is said; 148 for all of them */
+#include <stdlib.h>
+
+#include "check.h"
+#include "test_bootloader_bench.h"
+
+#define SMALL_ROWS 4u
+#define ANY_TEARS 16u /* how often FAKE_TEAR_ANY is drawn */
+#define TEARS (4u * (FAKE_FLASH_WORDS + 1u) + ANY_TEARS)
+#define OPERATIONS_MAX 120u
+
+static struct bench bench, start, after_first;
+static struct bench_image old_image, new_image;
+static jmp_buf power;
+static unsigned second_tears = 4, bricked, unfinished, resumed;
+static uint64_t seed = 20, cuts;
+static struct random_source random_tears;
+
+static struct fake_cut cut_at(unsigned operation, unsigned tear)
+{
+    const unsigned points = FAKE_FLASH_WORDS + 1u;
+    return tear < 4u * points ? (struct fake_cut){operation, (uint8_t)(tear / points), (uint8_t)(tear % points)}
+                              : (struct fake_cut){operation, FAKE_TEAR_ANY, 0};
+}
+
+static unsigned random_tear(void)
+{
+    return (unsigned)(random_u64(&random_tears) % TEARS);
+}
+
+static void power_on(void)
+{
+    bench_reset(&bench, TAXEL_RESET_CAUSE_POWER_ON);
+    bench_settle(&bench);
+}
+
+static bool new_is_confirmed(void)
+{
+    return taxel_boot_is_confirmed(&bench.config.flash, new_image.slot);
+}
+
+static void confirm_if_new_runs(void)
+{
+    if (bench.running == new_image.slot) {
+        CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, new_image.slot), 0);
+    }
+}
+
+/* From a power-up: the host asks whoever runs for the bootloader, writes the new image, and it confirms itself. */
+static void update(void)
+{
+    bench.confirmed = new_is_confirmed() ? new_image.slot : old_image.slot;
+    power_on();
+    if (bench.running != new_image.slot) {
+        bench.stay_flag = true;
+        bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
+        CHECK_EQUAL(bench_program(&bench, &new_image), 0);
+        bench_settle(&bench);
+    }
+    confirm_if_new_runs();
+}
+
+/* Returns whether the power failed on the way. */
+static bool update_with_cut(struct fake_cut cut)
+{
+    bench.flash.power = &power;
+    fake_flash_plan(&bench.flash, cut);
+    if (setjmp(power)) {
+        cuts++;
+        return true;
+    }
+    update();
+    fake_flash_plan(&bench.flash, (struct fake_cut){0});
+    return false;
+}
+
+static bool boots_old_or_new(void)
+{
+    const struct fake_flash before = bench.flash;
+    power_on();
+    const bool holds = bench.forbidden_writes == 0 &&
+                       ((bench.running == old_image.slot && bench_holds(&bench, &old_image)) ||
+                        (bench.running == new_image.slot && bench_holds(&bench, &new_image)));
+    bricked += !holds;
+    bench.flash = before; /* it was a look: the tries it took are given back */
+    return holds;
+}
+
+static void check_case(struct fake_cut first, struct fake_cut second)
+{
+    if (!boots_old_or_new()) {
+        CHECK(false);
+        printf("  replay: seed %llu, old slot %u, cut 1: write %u tear %u word %u; cut 2: write %u tear %u word %u\n",
+               (unsigned long long)seed, old_image.slot, first.operation, first.tear, first.word, second.operation,
+               second.tear, second.word);
+    }
+}
+
+static unsigned count_operations(void)
+{
+    bench = start;
+    bench.flash.power = &power;
+    fake_flash_plan(&bench.flash, (struct fake_cut){0});
+    update();
+    return bench.flash.operations;
+}
+
+static void cut_again(struct fake_cut first)
+{
+    after_first = bench;
+    for (unsigned operation = 1; operation < OPERATIONS_MAX; operation++) {
+        bool was_cut = false;
+        for (unsigned i = 0; i < second_tears; i++) {
+            bench = after_first;
+            const struct fake_cut second = cut_at(operation, second_tears < TEARS ? random_tear() : i);
+            was_cut = update_with_cut(second);
+            check_case(first, second);
+        }
+        if (!was_cut) { /* past the last write: it came to its end */
+            power_on();
+            unfinished += !bench_holds(&bench, &new_image) || bench.running != new_image.slot || !new_is_confirmed();
+            resumed++;
+            return;
+        }
+    }
+}
+
+static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, unsigned rows)
+{
+    bench_init(&bench, layout, seed);
+    bench_make_image(&old_image, layout, old_slot, rows, 1, seed);
+    bench_make_image(&new_image, layout, old_slot ^ 1u, rows, 2, seed + 1u);
+    bench_install(&bench, &old_image, true);
+    start = bench; /* its pointers lead into `bench`, where it is copied back to */
+}
+
+static void cut_everywhere(const struct taxel_boot_layout *layout, uint8_t old_slot)
+{
+    prepare(layout, old_slot, SMALL_ROWS);
+    const unsigned operations = count_operations();
+    CHECK_EQUAL(operations, SMALL_ROWS + 3u); /* rows, pending, first try, confirmed */
+    for (unsigned operation = 1; operation <= operations; operation++) {
+        for (unsigned tear = 0; tear < TEARS; tear++) {
+            const struct fake_cut cut = cut_at(operation, tear);
+            bench = start;
+            CHECK(update_with_cut(cut));
+            check_case(cut, (struct fake_cut){0});
+            cut_again(cut);
+        }
+    }
+    CHECK_EQUAL(bricked, 0);
+    CHECK_EQUAL(unfinished, 0);
+}
+
+static void a_board_that_runs_a(void)
+{
+    cut_everywhere(&taxel_boot_layout_board, 0);
+}
+
+static void a_board_that_runs_b(void)
+{
+    cut_everywhere(&taxel_boot_layout_board, 1);
+}
+
+static void the_hub_over_its_uart(void)
+{
+    cut_everywhere(&taxel_boot_layout_hub, 0);
+}
+
+/* The new image never confirms itself, and the power fails while its tries are recorded. */
+static void an_image_that_hangs_is_left_whatever_is_cut(void)
+{
+    prepare(&taxel_boot_layout_board, 0, SMALL_ROWS);
+    bench.stay_flag = true;
+    bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
+    CHECK_EQUAL(bench_program(&bench, &new_image), 0);
+    start = bench;
+    for (volatile unsigned cut_try = 0; cut_try < TAXEL_BOOT_TRIES - 1u; cut_try++) {
+        for (volatile unsigned tear = 0; tear < TEARS; tear++) {
+            bench = start;
+            bench.flash.power = &power;
+            for (volatile unsigned boots = 0; boots < TAXEL_BOOT_TRIES + 1u; boots++) {
+                fake_flash_plan(&bench.flash, cut_at(boots == cut_try, tear));
+                if (setjmp(power)) {
+                    cuts++;
+                    bricked += !boots_old_or_new();
+                } else {
+                    bench_reset(&bench, TAXEL_RESET_CAUSE_WATCHDOG);
+                    bench_settle(&bench);
+                    CHECK(boots != cut_try);
+                }
+            }
+            CHECK_EQUAL(bench.running, old_image.slot);
+            CHECK(bench_holds(&bench, &old_image));
+        }
+    }
+    CHECK_EQUAL(bricked, 0);
+}
+
+/* There is no old image to go back to: the bootloader must stay within reach. */
+static void the_first_image_of_a_blank_board(void)
+{
+    prepare(&taxel_boot_layout_board, 1, SMALL_ROWS);
+    bench_init(&bench, &taxel_boot_layout_board, seed);
+    start = bench;
+    for (volatile unsigned operation = 1; operation <= SMALL_ROWS + 3u; operation++) {
+        for (volatile unsigned tear = 0; tear < TEARS; tear++) {
+            bench = start;
+            bench.flash.power = &power;
+            fake_flash_plan(&bench.flash, cut_at(operation, tear));
+            if (setjmp(power)) {
+                cuts++;
+            } else {
+                power_on();
+                CHECK_EQUAL(bench_program(&bench, &new_image), 0);
+                confirm_if_new_runs();
+                CHECK(false);
+            }
+            power_on();
+            if (bench.running == BENCH_NO_SLOT) {
+                CHECK_EQUAL(bench_program(&bench, &new_image), 0);
+            }
+            CHECK_EQUAL(bench.running, new_image.slot);
+            CHECK(bench_holds(&bench, &new_image));
+        }
+    }
+}
+
+static void images_that_fill_their_slots(void)
+{
+    static const struct {
+        const struct taxel_boot_layout *layout;
+        unsigned rows;
+    } devices[] = {{&taxel_boot_layout_board, 96}, {&taxel_boot_layout_hub, 104}};
+    for (unsigned i = 0; i < 2; i++) {
+        prepare(devices[i].layout, 0, devices[i].rows);
+        const unsigned operations = count_operations();
+        CHECK_EQUAL(operations, devices[i].rows + 3u);
+        for (unsigned operation = 1; operation <= operations; operation++) {
+            const struct fake_cut cut = cut_at(operation, random_tear());
+            bench = start;
+            CHECK(update_with_cut(cut));
+            check_case(cut, (struct fake_cut){0});
+        }
+        CHECK(!update_with_cut((struct fake_cut){0}));
+        CHECK_EQUAL(bench.running, new_image.slot);
+        CHECK(bench_holds(&bench, &new_image));
+    }
+    CHECK_EQUAL(bricked, 0);
+}
+
+int main(int argc, char **argv)
+{
+    second_tears = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : second_tears;
+    seed = argc > 2 ? strtoull(argv[2], NULL, 0) : seed;
+    random_init(&random_tears, seed, 1);
+    RUN(a_board_that_runs_a);
+    RUN(a_board_that_runs_b);
+    RUN(the_hub_over_its_uart);
+    RUN(an_image_that_hangs_is_left_whatever_is_cut);
+    RUN(the_first_image_of_a_blank_board);
+    RUN(images_that_fill_their_slots);
+    printf("%llu cuts, %u bricked; %u updates taken up again, %u unfinished; seed %llu\n", (unsigned long long)cuts,
+           bricked, resumed, unfinished, (unsigned long long)seed);
+    CHECK(cuts >= 10000);
+    return check_summary();
+}

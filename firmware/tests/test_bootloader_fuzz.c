@@ -1,0 +1,212 @@
+/* Random packets, torn ones, cuts and resets in any order: nothing but the free slot and the records is ever written, and
+ * the confirmed image always starts.
+ *
+ * test_bootloader_fuzz [packets [seed]] */
+#include <stdlib.h>
+
+#include "check.h"
+#include "codec/crc32.h"
+#include "test_bootloader_bench.h"
+
+#define OTHERS 4u
+
+static struct bench bench;
+static const uint8_t bytes_of_zero[TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE];
+static struct bench_image image, others[OTHERS];
+static struct random_source draw;
+static jmp_buf power;
+static unsigned packets = 100000;
+static uint64_t seed = 22;
+
+static unsigned below(unsigned limit)
+{
+    return (unsigned)(random_u64(&draw) % limit);
+}
+
+static uint8_t any_command(void)
+{
+    static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39, 0x39,
+                                    0x39, 0x3A, 0x3B, 0x3C, 0x50, 0x51, 0x52, 0x53, 0x53};
+    return below(20) ? known[below(sizeof known)] : (uint8_t)below(256);
+}
+
+static unsigned any_length(uint8_t command)
+{
+    static const uint8_t lengths[] = {0, 1, 3, 6, 9, 44, 57};
+    switch (below(4)) {
+    case 0:
+        return below(58);
+    case 1:
+        return command == TAXEL_BOOT_COMMAND_PROGRAM_ROW ? 3u + TAXEL_BOOT_ROW_SIZE - bench.boot.fill
+               : command == TAXEL_BOOT_COMMAND_SEND_DATA ? 40u
+                                                         : 3u;
+    default:
+        return lengths[below(sizeof lengths)];
+    }
+}
+
+static void send_any(void)
+{
+    uint8_t data[256], bytes[256], response[TAXEL_BOOT_PACKET_MAX];
+    const uint8_t command = any_command();
+    unsigned size = any_length(command);
+    size = size > 57u ? 57u : size;
+    for (unsigned i = 0; i < sizeof data; i++) {
+        data[i] = (uint8_t)random_u64(&draw);
+    }
+    if (below(2)) { /* a row that exists, a slot, no search for others */
+        data[0] = (uint8_t)below(2);
+        data[1] = (uint8_t)below(256);
+        data[2] = 0;
+        data[0] = command == TAXEL_BOOT_COMMAND_SEARCH || below(2) ? 0 : data[0];
+    }
+    if (command == TAXEL_BOOT_COMMAND_WRITE_CONFIGURATION) {
+        memcpy(data, bench.unique_id, 8);
+        data[8] = TAXEL_BOOT_VERSION;
+        data[9] = (uint8_t)(TAXEL_ADDRESS_MIN + below(112));
+        data[10] = 0;
+    }
+    bench.checksum = below(16) ? bench.boot.checksum : (uint8_t)below(2);
+    unsigned packet_size = bench_packet(&bench, command, data, size, bytes);
+    for (unsigned damage = below(8) == 0 ? 1u + below(3) : 0; damage; damage--) {
+        bytes[below(packet_size)] = (uint8_t)random_u64(&draw);
+    }
+    if (below(16) == 0) {
+        packet_size = 1u + below(200);
+    }
+    (void)bench_exchange(&bench, bytes, packet_size, response);
+}
+
+static void program_any_row(void)
+{
+    uint8_t bytes[TAXEL_BOOT_ROW_SIZE];
+    const unsigned first = bench.config.flash.layout->first_rows[image.slot ^ 1u];
+    for (unsigned i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (uint8_t)random_u64(&draw);
+    }
+    bench.checksum = bench.boot.checksum;
+    (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SYNC, NULL, 0);
+    (void)bench_program_row(&bench, (uint16_t)(below(2) ? first + below(96) : below(260)), bytes);
+}
+
+static void step(void)
+{
+    switch (below(60)) {
+    case 4:
+    case 5: /* another image comes, and hangs or not */
+        bench.checksum = bench.boot.checksum;
+        (void)bench_program(&bench, &others[below(OTHERS)]);
+        break;
+    case 6:
+    case 7:
+    case 8:
+    case 9:
+    case 10:
+    case 11:
+        program_any_row();
+        break;
+    case 12:
+        (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SEARCH, bytes_of_zero, TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE);
+        break;
+    case 0:
+        bench_reset(&bench, (uint8_t)below(4));
+        break;
+    case 1:
+        bench.clock_us += below(2u * TAXEL_BOOT_LISTEN_US);
+        bench_run(&bench);
+        break;
+    case 2:
+        fake_flash_plan(&bench.flash,
+                        (struct fake_cut){1u + below(3), (uint8_t)below(FAKE_TEAR_COUNT), (uint8_t)below(33)});
+        break;
+    case 3: /* whoever runs goes back to the bootloader */
+        if (bench.running != BENCH_NO_SLOT) {
+            bench.stay_flag = true;
+            bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
+        }
+        break;
+    default:
+        send_any();
+        break;
+    }
+    if (bench.running != BENCH_NO_SLOT && below(4)) {
+        bench.stay_flag = true;
+        bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
+    }
+}
+
+static void check_invariants(void)
+{
+    struct fake_flash before = bench.flash;
+    CHECK_EQUAL(bench.forbidden_writes, 0);
+    CHECK(!bench.refuses_i2c_writes);
+    CHECK(bench_holds(&bench, &image));
+    fake_flash_plan(&bench.flash, (struct fake_cut){0});
+    bench.stay_flag = false;
+    bench_reset(&bench, TAXEL_RESET_CAUSE_POWER_ON);
+    bench_settle(&bench);
+    bool is_whole = bench.running == image.slot;
+    for (unsigned i = 0; i < OTHERS && bench.running == (image.slot ^ 1u); i++) {
+        is_whole |= bench_holds(&bench, &others[i]);
+    }
+    CHECK(is_whole);
+    for (unsigned i = 0; i < TAXEL_BOOT_TRIES; i++) { /* another hangs */
+        bench_reset(&bench, TAXEL_RESET_CAUSE_WATCHDOG);
+        bench_settle(&bench);
+    }
+    CHECK_EQUAL(bench.running, image.slot);
+    bench.flash = before;
+}
+
+static void fuzz(const struct taxel_boot_layout *layout, uint8_t slot)
+{
+    bench_init(&bench, layout, seed);
+    bench_make_image(&image, layout, slot, 3, 1, seed);
+    bench_install(&bench, &image, true);
+    for (unsigned i = 0; i < OTHERS; i++) {
+        bench_make_image(&others[i], layout, slot ^ 1u, 2u + i / 2u, 2, seed + 1u + i);
+    }
+    bench.flash.power = &power;
+    for (volatile unsigned i = 0; i < packets; i++) {
+        if (setjmp(power)) {
+            bench_reset(&bench, TAXEL_RESET_CAUSE_BROWN_OUT);
+        } else {
+            step();
+        }
+        if (i % 64u == 0) {
+            check_invariants();
+            bench.stay_flag = true;
+            bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
+        }
+    }
+    for (unsigned row = 0; row < FAKE_FLASH_ROWS; row++) {
+        const bool is_free = row - layout->first_rows[slot ^ 1u] < layout->slot_rows;
+        const bool is_record = row >= TAXEL_BOOT_CONFIGURATION_ROW;
+        CHECK(is_free || is_record || bench.flash.wear[row] == 0);
+    }
+    CHECK(bench.flash.operations || bench.flash.cuts);
+}
+
+static void random_packets_to_a_board(void)
+{
+    fuzz(&taxel_boot_layout_board, 0);
+    const uint32_t *const wear = bench.flash.wear;
+    printf("  %u cuts; writes of slot B's first row %u, of the configuration %u, of the metadata %u\n", bench.flash.cuts,
+           wear[128], wear[252] + wear[253], wear[254] + wear[255]);
+}
+
+static void random_packets_to_the_hub(void)
+{
+    fuzz(&taxel_boot_layout_hub, 1);
+}
+
+int main(int argc, char **argv)
+{
+    packets = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : packets;
+    seed = argc > 2 ? strtoull(argv[2], NULL, 0) : seed;
+    random_init(&draw, seed, 1);
+    printf("replay: test_bootloader_fuzz %u %llu\n", packets, (unsigned long long)seed);
+    RUN(random_packets_to_a_board);
+    RUN(random_packets_to_the_hub);
+    return check_summary();
+}

@@ -1,0 +1,386 @@
+"""The bootloader's bytes: packets, image header, flash map, metadata and configuration records. All little-endian.
+
+A packet is ``01 | command or status | length u16 | data | checksum u16 | 17``, the Cypress bootloader's, and at most 64
+bytes long. Commands 31 to 3C are Cypress's; 50 to 53 are ours, beyond those of the later protocol of the same maker.
+`firmware/bootloader/SPEC.md` explains every byte.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from construct import Bytes, Int8ul, Int16ul, Int32ul, Struct
+
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import pack, unpack
+
+BOOT_VERSION = 1
+"""Version of the records, the image header and commands 50 to 53."""
+
+BOOT_ROW_SIZE = 128
+"""Bytes of a flash row, the smallest thing that is written."""
+
+BOOT_ROW_COUNT = 256
+"""Rows of the PSoC 4200's one flash array: 32,768 bytes."""
+
+BOOT_BOOTLOADER_ROWS = 32
+"""Rows of the bootloader itself: 4 KiB from address 0."""
+
+BOOT_CONFIGURATION_ROW = 252
+BOOT_METADATA_ROW = 254
+"""First of two rows each, written in turn."""
+
+BOOT_SLOT_NONE = 0xFF
+"""In place of a slot, 0 (A) or 1 (B)."""
+
+BOOT_TRIES = 3
+"""Starts that an image gets before it has confirmed itself."""
+
+BOOT_DEFAULT_ADDRESS = 0x77
+"""7-bit I2C address of a board without a configuration."""
+
+BOOT_LISTEN_US = 100_000
+"""How long a bootloader listens before it starts an image, after any reset but a commanded one."""
+
+BOOT_GAP_US = 50_000
+"""Silence that ends a half packet on a UART."""
+
+BOOT_SILICON_ID = 0x04C81193
+"""Of a CY8C4245AXI-483."""
+
+BOOT_PACKET_START = 0x01
+BOOT_PACKET_END = 0x17
+BOOT_PACKET_OVERHEAD = 7
+BOOT_PACKET_MAX = 64
+BOOT_KEY_SIZE = 6
+
+BOOT_IMAGE_MAGIC = int.from_bytes(b"TXLI", "little")
+BOOT_METADATA_MAGIC = int.from_bytes(b"TXLM", "little")
+BOOT_CONFIGURATION_MAGIC = int.from_bytes(b"TXLC", "little")
+
+
+class BootCommand(IntEnum):
+    """What a host asks of a bootloader."""
+
+    VERIFY_APPLICATION = 0x31
+    GET_FLASH_SIZE = 0x32
+    GET_APPLICATION_STATUS = 0x33
+    ERASE_ROW = 0x34
+    SYNC = 0x35
+    SET_ACTIVE = 0x36
+    SEND_DATA = 0x37
+    ENTER = 0x38
+    PROGRAM_ROW = 0x39
+    VERIFY_ROW = 0x3A
+    EXIT = 0x3B
+    GET_METADATA = 0x3C
+    GET_INFO = 0x50
+    SEARCH = 0x51
+    READ_CONFIGURATION = 0x52
+    WRITE_CONFIGURATION = 0x53
+
+
+class BootStatus(IntEnum):
+    """How a packet was taken."""
+
+    OK = 0x00
+    KEY = 0x01
+    VERIFY = 0x02
+    LENGTH = 0x03
+    DATA = 0x04
+    COMMAND = 0x05
+    DEVICE = 0x06
+    VERSION = 0x07
+    CHECKSUM = 0x08
+    ARRAY = 0x09
+    ROW = 0x0A
+    ROW_PROTECTED = 0x0B
+    APPLICATION = 0x0C
+    ACTIVE = 0x0D
+    CALLBACK = 0x0E
+    UNKNOWN = 0x0F
+
+
+class BootDevice(IntEnum):
+    """What an image runs on."""
+
+    BOARD = 1
+    HUB = 2
+
+
+class BootChecksum(IntEnum):
+    """Of a packet; the numbers are those of a .cyacd header. ANY: whichever the host begins with."""
+
+    SUM = 0
+    CRC = 1
+    ANY = 2
+
+
+class BootStay(IntEnum):
+    """Why a bootloader has not started an image."""
+
+    LISTENING = 0
+    REQUESTED = 1
+    NO_IMAGE = 2
+    HOST = 3
+
+
+ImageHeader = Struct(
+    "magic" / Int32ul,
+    "header_version" / Int8ul,
+    "device" / Int8ul,
+    "kind" / Int8ul,
+    "slot" / Int8ul,
+    "version_major" / Int8ul,
+    "version_minor" / Int8ul,
+    "version_patch" / Int8ul,
+    "reserved_a" / Int8ul,
+    "length" / Int32ul,
+    "vectors" / Int32ul,
+    "reserved_b" / Bytes(8),
+    "crc32" / Int32ul,
+)
+"""The first 32 bytes of an image. kind: design of the board, 0 for any. length: of the image with this header, a
+multiple of 4. vectors: address of its vector table. crc32: of bytes 0 to 27, then of bytes 32 to length - 1."""
+
+Record = Struct(
+    "magic" / Int32ul,
+    "sequence" / Int32ul,
+    "payload" / Bytes(112),
+    "crc32" / Int32ul,
+    "balance" / Int32ul,
+)
+"""One row of a pair that is written in turn. crc32: of the 120 bytes before it. balance: 1 if the row's 32-bit words
+would add up to zero without it, which the processor's flash needs special care for; otherwise 0."""
+
+Metadata = Struct(
+    "confirmed" / Int8ul,
+    "pending" / Int8ul,
+    "tries" / Bytes(2),
+)
+"""Front of a metadata record's payload. confirmed, pending: a slot or FF. tries: starts that each slot has left."""
+
+Configuration = Struct(
+    "version" / Int8ul,
+    "address" / Int8ul,
+    "kind" / Int8ul,
+    "reserved" / Int8ul,
+    "serial_number" / Bytes(16),
+    "idac_codes" / Bytes(16),
+)
+"""Front of a configuration record's payload. serial_number: ASCII, filled up with zeros. idac_codes: calibrated
+current of each RX line, 0 where the scan settings' code holds."""
+
+EnterReply = Struct(
+    "silicon_id" / Int32ul,
+    "revision" / Int8ul,
+    "bootloader_version" / Bytes(3),
+)
+
+FlashSizeReply = Struct(
+    "first_row" / Int16ul,
+    "last_row" / Int16ul,
+)
+"""The rows that this session may write: those of the slot that is not kept."""
+
+RowAddress = Struct(
+    "array" / Int8ul,
+    "row" / Int16ul,
+)
+
+StockMetadata = Struct(
+    "checksum" / Int8ul,
+    "entry" / Int32ul,
+    "last_bootloader_row" / Int16ul,
+    "reserved_a" / Bytes(2),
+    "length" / Int32ul,
+    "reserved_b" / Bytes(3),
+    "active" / Int8ul,
+    "verified" / Int8ul,
+    "bootloader_version" / Int16ul,
+    "application_id" / Int16ul,
+    "application_version" / Int16ul,
+    "custom_id" / Int32ul,
+    "reserved_c" / Bytes(28),
+)
+"""Reply to GET_METADATA, in the stock bootloader's form. custom_id: the image's CRC-32; checksum is 0."""
+
+Info = Struct(
+    "version" / Int8ul,
+    "device" / Int8ul,
+    "stay" / Int8ul,
+    "target" / Int8ul,
+    "confirmed" / Int8ul,
+    "pending" / Int8ul,
+    "tries" / Bytes(2),
+    "address" / Int8ul,
+    "kind" / Int8ul,
+    "unique_id" / Bytes(8),
+)
+"""Reply to GET_INFO. target: the slot that a host would write."""
+
+SearchArguments = Struct(
+    "bits" / Int8ul,
+    "unique_id" / Bytes(8),
+)
+"""Boards whose unique id begins with these bits, most significant bit of byte 0 first, answer from now on; all others
+keep silent until a search includes them."""
+
+SearchReply = Struct(
+    "unique_id" / Bytes(8),
+    "complement" / Bytes(8),
+)
+"""Of several boards at once the bus shows the AND: where they differ both bits are 0."""
+
+WriteConfigurationArguments = Struct(
+    "unique_id" / Bytes(8),
+    "configuration" / Configuration,
+)
+"""unique_id: of the board that is meant."""
+
+
+@dataclass(frozen=True)
+class FlashLayout:
+    """Where the slots lie: first rows of A and B, rows of each."""
+
+    device: BootDevice
+    first_rows: tuple[int, int]
+    slot_rows: int
+
+    @property
+    def slot_size(self) -> int:
+        """Bytes of a slot."""
+        return self.slot_rows * BOOT_ROW_SIZE
+
+    def slot_address(self, slot: int) -> int:
+        """Where a slot begins in flash."""
+        return self.first_rows[slot] * BOOT_ROW_SIZE
+
+
+LAYOUTS = {
+    BootDevice.BOARD: FlashLayout(BootDevice.BOARD, (32, 128), 96),
+    BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 136), 104),
+}
+"""12 KiB slots on a board, 13 KiB on the hub."""
+
+
+def checksum_of(kind: BootChecksum, data: bytes) -> int:
+    """Checksum of a packet from its start byte to its last data byte.
+
+    SUM: two's complement of the 16-bit sum. CRC: CRC-16/X-25 (polynomial 0x1021 reflected), its two bytes swapped.
+    """
+    if kind == BootChecksum.SUM:
+        return -sum(data) & 0xFFFF
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    crc ^= 0xFFFF
+    return (crc & 0xFF) << 8 | crc >> 8
+
+
+def build_packet(command: int, data: bytes = b"", kind: BootChecksum = BootChecksum.SUM) -> bytes:
+    """A packet; for a response, `command` is its status. Raises ValueError if it would be longer than 64 bytes."""
+    if len(data) > BOOT_PACKET_MAX - BOOT_PACKET_OVERHEAD:
+        raise ValueError(f"a bootloader packet has room for 57 bytes of data, not {len(data)}")
+    body = bytes([BOOT_PACKET_START, command]) + len(data).to_bytes(2, "little") + data
+    return body + checksum_of(kind, body).to_bytes(2, "little") + bytes([BOOT_PACKET_END])
+
+
+def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[int, bytes]:
+    """(command or status, data) of one packet; bytes after it are not looked at, as a read is often too long.
+
+    Raises ValueError that says what is wrong: too short, no start or end byte, length, checksum.
+    """
+    if len(packet) < BOOT_PACKET_OVERHEAD:
+        raise ValueError(f"a bootloader packet has at least 7 bytes, not {len(packet)}")
+    if packet[0] != BOOT_PACKET_START:
+        raise ValueError(f"a bootloader packet begins with 01, not {packet[0]:02X}")
+    length = int.from_bytes(packet[2:4], "little")
+    if length > len(packet) - BOOT_PACKET_OVERHEAD:
+        raise ValueError(f"a bootloader packet of {len(packet)} bytes claims {length} bytes of data")
+    if packet[length + 6] != BOOT_PACKET_END:
+        raise ValueError(f"a bootloader packet ends with 17, not {packet[length + 6]:02X}")
+    found, expected = int.from_bytes(packet[length + 4 : length + 6], "little"), checksum_of(kind, packet[: length + 4])
+    if found != expected:
+        raise ValueError(f"the checksum of a bootloader packet should be {expected:04X}, not {found:04X}")
+    return packet[1], packet[4 : 4 + length]
+
+
+def row_sum(row: bytes) -> int:
+    """What VERIFY_ROW answers: two's complement of the sum of the row's bytes, modulo 256."""
+    return -sum(row) & 0xFF
+
+
+def image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int], content: bytes) -> bytes:
+    """An image with its header: `content` begins with the vector table and is filled up with zeros to a multiple of 4.
+
+    Raises ValueError if it does not fit the slot.
+    """
+    layout = LAYOUTS[device]
+    header_size = 32
+    padded = content + bytes(-len(content) % 4)
+    if len(padded) < 8 or header_size + len(padded) > layout.slot_size:
+        raise ValueError(f"an image for this slot has 40 to {layout.slot_size} bytes, not {header_size + len(padded)}")
+    values = {
+        "magic": BOOT_IMAGE_MAGIC,
+        "header_version": BOOT_VERSION,
+        "device": device,
+        "kind": kind,
+        "slot": slot,
+        "version_major": version[0],
+        "version_minor": version[1],
+        "version_patch": version[2],
+        "reserved_a": 0,
+        "length": header_size + len(padded),
+        "vectors": layout.slot_address(slot) + header_size,
+        "reserved_b": bytes(8),
+        "crc32": 0,
+    }
+    front = pack(ImageHeader, values)[:28]
+    return front + crc32(front + padded).to_bytes(4, "little") + padded
+
+
+def record(magic: int, sequence: int, content: bytes) -> bytes:
+    """The 128 bytes of a row that holds a record. Raises ValueError for more than 112 bytes of content."""
+    if len(content) > 112:
+        raise ValueError(f"a record holds 112 bytes, not {len(content)}")
+    front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))
+    row = front + crc32(front).to_bytes(4, "little")
+    words = sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4))
+    return row + int(words % 2**32 == 0).to_bytes(4, "little")
+
+
+def search_ids(ask: Callable[[int, bytes], bytes | None]) -> list[bytes]:
+    """Unique ids of all boards that share one address, found by asking for prefixes.
+
+    `ask(bits, prefix)` sends a SEARCH and returns the data of its reply, 16 bytes, or None if nobody acknowledged the
+    read; its checksum is not to be looked at. Where two boards differ the bus shows 0 in id and complement: at the
+    first such bit the set is split. n boards take 2 n - 1 questions, and one more each to be sure. A board that
+    vanishes or a bit that both sides deny ends in ValueError.
+    """
+    found: list[bytes] = []
+    open_prefixes = [(0, bytes(8))]
+    while open_prefixes:
+        bits, prefix = open_prefixes.pop()
+        reply = ask(bits, prefix)
+        if reply is None:
+            continue
+        fields, _ = unpack(SearchReply, reply)
+        ones, zeros = (int.from_bytes(fields[name], "big") for name in ("unique_id", "complement"))
+        if ones & zeros:
+            raise ValueError(f"the reply to a search denies itself: {reply.hex()}")
+        differing = ~(ones | zeros) & (2**64 - 1)
+        if not differing:
+            if bits < 64:
+                open_prefixes.append((64, fields["unique_id"]))
+                continue
+            found.append(prefix)
+            continue
+        split = 64 - differing.bit_length()
+        if split < bits:
+            raise ValueError(f"the boards differ in bit {split} but agreed on {bits} bits: {reply.hex()}")
+        known = ones & ~(2 ** (64 - split) - 1)
+        open_prefixes += [(split + 1, (known | half).to_bytes(8, "big")) for half in (1 << (63 - split), 0)]
+    return found

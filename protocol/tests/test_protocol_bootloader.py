@@ -1,0 +1,207 @@
+"""Bootloader: what the definitions make, what they refuse, and that SPEC.md and the C header say the same."""
+
+import random
+import re
+import subprocess
+import sys
+from enum import IntEnum
+from pathlib import Path
+
+import pytest
+from construct import Struct
+
+from taxel_protocol import bootloader as boot
+from taxel_protocol.bootloader import BootChecksum, BootCommand, BootDevice, build_packet, parse_packet
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import fields_of, pack, unpack
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+ROOM = REPOSITORY / "firmware" / "bootloader"
+SPEC = (ROOM / "SPEC.md").read_text()
+SEED = 23
+STRUCTS = {name: value for name, value in vars(boot).items() if isinstance(value, Struct)}
+ENUMS = {name: value for name, value in vars(boot).items() if isinstance(value, type) and issubclass(value, IntEnum)}
+ENUMS.pop("IntEnum", None)
+
+
+def table_after(mark: str) -> list[list[str]]:
+    _, found, rest = SPEC.partition(f"<!-- {mark} -->")
+    assert found, f"SPEC.md has no table marked {mark}"
+    lines = rest.lstrip().splitlines()
+    rows = lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]
+    return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
+
+
+@pytest.mark.parametrize("name", sorted(set(STRUCTS) - {"WriteConfigurationArguments"}))
+def test_layout_tables(name: str) -> None:
+    rows = [(int(offset), int(size), field) for offset, size, field, *_ in table_after(f"layout: bootloader.{name}")]
+    assert rows == [(field.offset, field.size, field.name) for field in fields_of(STRUCTS[name])]
+
+
+@pytest.mark.parametrize("name", sorted(ENUMS))
+def test_tables_of_names(name: str) -> None:
+    rows = table_after(f"names: {name}")
+    assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in ENUMS[name]}
+
+
+@pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB)])
+def test_table_of_the_flash(column: int, device: BootDevice) -> None:
+    layout = boot.LAYOUTS[device]
+    rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in table_after("layouts")}
+    ends = [first + layout.slot_rows - 1 for first in layout.first_rows]
+    assert rows["bootloader"] == [0, boot.BOOT_BOOTLOADER_ROWS - 1]
+    assert rows["slot A"] == [layout.first_rows[0], ends[0]]
+    assert rows["slot B"] == [layout.first_rows[1], ends[1]]
+    assert rows["reserved"] == [ends[1] + 1, boot.BOOT_CONFIGURATION_ROW - 1]
+    assert rows["configuration"] == [boot.BOOT_CONFIGURATION_ROW, boot.BOOT_CONFIGURATION_ROW + 1]
+    assert rows["metadata"] == [boot.BOOT_METADATA_ROW, boot.BOOT_ROW_COUNT - 1]
+    assert layout.slot_size == {BootDevice.BOARD: 12, BootDevice.HUB: 13}[device] * 1024
+
+
+def test_generated_files_are_not_stale() -> None:
+    run = subprocess.run(
+        [sys.executable, REPOSITORY / "tools" / "codegen" / "bootloader_header.py", "--check"],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_known_checksums() -> None:
+    assert boot.checksum_of(BootChecksum.CRC, b"123456789") == 0x6E90  # X-25 says 906E
+    assert boot.checksum_of(BootChecksum.SUM, b"123456789") == 0x10000 - 0x01DD
+    assert build_packet(BootCommand.ENTER) == bytes.fromhex("01 38 00 00 C7 FF 17")
+
+
+@pytest.mark.parametrize("kind", [BootChecksum.SUM, BootChecksum.CRC])
+def test_packets_come_back(kind: BootChecksum) -> None:
+    draw = random.Random(SEED)
+    for size in range(58):
+        data = draw.randbytes(size)
+        packet = build_packet(BootCommand.SEND_DATA, data, kind)
+        assert len(packet) == size + boot.BOOT_PACKET_OVERHEAD
+        assert parse_packet(packet + b"\xff" * 9, kind) == (BootCommand.SEND_DATA, data)
+
+
+@pytest.mark.parametrize("kind", [BootChecksum.SUM, BootChecksum.CRC])
+def test_every_flipped_bit_is_refused(kind: BootChecksum) -> None:
+    packet = build_packet(BootCommand.PROGRAM_ROW, bytes(range(20)), kind)
+    for bit in range(8 * len(packet)):
+        if bit // 8 in {1, 2, 3} and kind == BootChecksum.SUM:
+            continue
+        damaged = bytearray(packet)
+        damaged[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(ValueError, match="bootloader packet"):
+            parse_packet(bytes(damaged), kind)
+
+
+@pytest.mark.parametrize(
+    ("packet", "message"),
+    [
+        (b"", "at least 7 bytes"),
+        (b"\x01\x38\x00\x00\xc7\xff", "at least 7 bytes"),
+        (b"\xff" * 8, "begins with 01, not FF"),
+        (b"\x01\x38\x01\x00\xc7\xff\x17", "claims 1 bytes"),
+        (b"\x01\x38\x00\x00\xc7\xff\x18", "ends with 17, not 18"),
+        (b"\x01\x38\x00\x00\xc8\xff\x17", "should be FFC7, not FFC8"),
+    ],
+)
+def test_refusals_say_why(packet: bytes, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        parse_packet(packet)
+
+
+def test_a_packet_has_room_for_57_bytes() -> None:
+    with pytest.raises(ValueError, match="57 bytes of data, not 58"):
+        build_packet(BootCommand.SEND_DATA, bytes(58))
+
+
+@pytest.mark.parametrize("device", list(BootDevice))
+@pytest.mark.parametrize("slot", [0, 1])
+def test_an_image_has_a_header_that_fits(device: BootDevice, slot: int) -> None:
+    content = random.Random(SEED).randbytes(333)
+    data = boot.image(device, slot, 5, (1, 2, 3), content)
+    header, rest = unpack(boot.ImageHeader, data)
+    assert rest == content + bytes(3)
+    assert header["length"] == len(data) == 368
+    assert header["vectors"] == boot.LAYOUTS[device].slot_address(slot) + 32
+    assert header["crc32"] == crc32(data[:28] + data[32:])
+    assert (header["device"], header["slot"], header["kind"]) == (device, slot, 5)
+    parsed = boot.ImageHeader.parse(data)
+    assert (parsed.version_major, parsed.version_minor, parsed.version_patch) == (1, 2, 3)
+
+
+def test_an_image_fits_its_slot() -> None:
+    assert len(boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(12288 - 32))) == 12288
+    for size in (0, 4, 12288 - 31):
+        with pytest.raises(ValueError, match="an image for this slot has 40 to 12288 bytes"):
+            boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(size))
+
+
+def test_a_record_is_a_row_that_never_adds_up_to_zero() -> None:
+    content = b"\x02" + bytes(107) + (0xEFAAAE75).to_bytes(4, "little")  # found by search: its words add up to zero
+    row = boot.record(boot.BOOT_CONFIGURATION_MAGIC, 0, content)
+    fields, rest = unpack(boot.Record, row)
+    assert len(row) == boot.BOOT_ROW_SIZE
+    assert not rest
+    assert fields["crc32"] == crc32(row[:120])
+    assert fields["balance"] == 1
+    assert sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4)) % 2**32 == 0
+    metadata = pack(boot.Metadata, {"confirmed": 0, "pending": 1, "tries": bytes([3, 2])})
+    assert unpack(boot.Record, boot.record(boot.BOOT_METADATA_MAGIC, 9, metadata))[0]["balance"] == 0
+    with pytest.raises(ValueError, match="112 bytes, not 113"):
+        boot.record(boot.BOOT_METADATA_MAGIC, 0, bytes(113))
+
+
+def test_row_sum_is_the_one_of_a_cyacd_line() -> None:
+    row = random.Random(SEED).randbytes(128)
+    array, number = 0, 0x0123
+    line = bytes([array]) + number.to_bytes(2, "big") + len(row).to_bytes(2, "big") + row
+    line_sum = -sum(line) & 0xFF
+    assert boot.row_sum(row) == (line_sum + array + number + (number >> 8) + len(row) + (len(row) >> 8)) & 0xFF
+
+
+class Bus:
+    """Boards at one address: reads show the AND of all that acknowledge."""
+
+    def __init__(self, ids: list[int]) -> None:
+        self.ids = ids
+        self.questions = 0
+
+    def ask(self, bits: int, prefix: bytes) -> bytes | None:
+        self.questions += 1
+        shift = 64 - bits
+        answering = [i for i in self.ids if i >> shift == int.from_bytes(prefix, "big") >> shift]
+        if not answering:
+            return None
+        ones = zeros = 2**64 - 1
+        for identity in answering:
+            ones &= identity
+            zeros &= ~identity
+        return ones.to_bytes(8, "big") + zeros.to_bytes(8, "big")
+
+
+def id_sets() -> dict[str, list[int]]:
+    draw = random.Random(SEED)
+    return {
+        "none": [],
+        "one": [draw.getrandbits(64)],
+        "random": [draw.getrandbits(64) for _ in range(17)],
+        "of one wafer": [0x0123456700001000 + i for i in range(17)],
+        "each within the next": [(1 << 3 * i) - 1 for i in range(17)],
+        "first and last bit": [0, 1, 1 << 63, (1 << 63) + 1],
+    }
+
+
+@pytest.mark.parametrize("name", id_sets())
+def test_every_board_at_a_shared_address_is_found(name: str) -> None:
+    ids = id_sets()[name]
+    bus = Bus(ids)
+    found = boot.search_ids(bus.ask)
+    assert [int.from_bytes(identity, "big") for identity in found] == sorted(ids)
+    assert bus.questions <= max(1, 3 * len(ids) - 1)
+
+
+def test_a_reply_that_denies_itself_ends_the_search() -> None:
+    with pytest.raises(ValueError, match="denies itself"):
+        boot.search_ids(lambda bits, prefix: b"\xff" * 16)

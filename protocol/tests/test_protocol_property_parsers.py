@@ -1,0 +1,241 @@
+"""Every parser of every language against construct: any bytes, any fields, any frames, any damage, any pieces.
+
+The long form: TAXEL_PROPERTY_EXAMPLES=20000 pytest --hypothesis-seed=7 and this file. Without the variable the examples
+are the same in every run.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from construct import Array, Bytes, BytesInteger, Const, FormatField, GreedyBytes, Int16ul, Renamed, Struct
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from taxel_protocol import ReferenceDecoder, encode_frame, frames, registers
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.layout import fields_of, flatten, pack, unpack
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, TAXELS_MAX, WHO_AM_I
+from taxel_protocol.names import FrameType
+from taxel_protocol.wire import WireFrame
+
+FOLDER = Path(__file__).resolve().parents[2] / "tools" / "fuzz"
+WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
+EXAMPLES = int(WISHED or "150")
+bounded = settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    derandomize=WISHED is None,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+
+LAYOUTS = {
+    **{spec.payload: f"payload of {kind.name}" for kind, spec in FRAMES.items() if kind != FrameType.TAXELS},
+    **{
+        getattr(module, name): name
+        for module, names in (
+            (
+                registers,
+                ("Identity", "Status", "ScanSettings", "SettingsRegister", "CommandRegister", "SnapshotHeader"),
+            ),
+            (
+                frames,
+                (
+                    "TaxelHeader",
+                    "SetRateArguments",
+                    "TransferArguments",
+                    "SetScanSettingsArguments",
+                    "GetBoardInfoArguments",
+                    "GetTimeReply",
+                ),
+            ),
+        )
+        for name in names
+    },
+}
+every_layout = pytest.mark.parametrize("definition", [pytest.param(d, id=name) for d, name in LAYOUTS.items()])
+
+
+@pytest.fixture(scope="session")
+def oracle() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(FOLDER))
+    yield importlib.import_module("construct_oracle")
+    while str(FOLDER) in sys.path:
+        sys.path.remove(str(FOLDER))
+
+
+def with_constants(definition: Struct, data: bytes) -> bytes:
+    """The bytes with every constant field as it must be: construct refuses others."""
+    out = bytearray(data)
+    for field in fields_of(definition):
+        if field.constant is not None:
+            out[field.offset : field.offset + field.size] = field.constant.to_bytes(field.size, "little")
+    return bytes(out)
+
+
+def without_io(value: Any) -> Any:
+    return {k: without_io(v) for k, v in value.items() if k != "_io"} if isinstance(value, dict) else value
+
+
+@every_layout
+@bounded
+@given(data=st.data())
+def test_any_bytes_mean_the_same_to_construct_and_to_the_layout(definition: Struct, data: st.DataObject) -> None:
+    size = sum(field.size for field in fields_of(definition))
+    has_tail = any(part.subcon is GreedyBytes for part in definition.subcons)
+    tail = data.draw(st.binary(max_size=40)) if has_tail else b""
+    wire = with_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail
+    parsed = without_io(definition.parse(wire))
+    fields, rest = unpack(definition, wire)
+    flat = flatten(parsed)
+    assert rest == tail
+    assert {name: flat[name] for name in fields} == fields
+    assert definition.build(parsed) == pack(definition, fields, rest) == wire
+
+
+def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
+    """Any values of the fields of a struct whose parts have a fixed size, and of a tail."""
+    parts = {}
+    for renamed in definition.subcons:
+        assert isinstance(renamed, Renamed)
+        inner: Any = renamed.subcon
+        if isinstance(inner, Const):
+            continue
+        if isinstance(inner, Struct):
+            parts[renamed.name] = values_of(inner)
+        elif isinstance(inner, (FormatField, BytesInteger)):
+            parts[renamed.name] = st.integers(0, 256 ** inner.sizeof() - 1)
+        elif isinstance(inner, Bytes):
+            parts[renamed.name] = st.binary(min_size=inner.sizeof(), max_size=inner.sizeof())
+        else:
+            assert inner is GreedyBytes, f"{renamed.name}: a part that this test does not know"
+            parts[renamed.name] = st.binary(max_size=64)
+    return st.fixed_dictionaries(parts)
+
+
+@st.composite
+def taxel_fields(draw: st.DrawFn) -> dict[str, Any]:
+    counts = draw(st.lists(st.integers(0, 65535), min_size=1, max_size=8) | st.just([7] * TAXELS_MAX))
+    header = draw(values_of(frames.TaxelHeader)) | {"taxel_count": len(counts)}
+    snapshot = {"header": draw(values_of(registers.SnapshotHeader)), "raw_counts": counts}
+    return {"header": header, "snapshot": snapshot | {"crc32": draw(st.integers(0, 2**32 - 1))}}
+
+
+@st.composite
+def contents(draw: st.DrawFn) -> dict[str, Any]:
+    """Fields of any frame that may be sent."""
+    kind = draw(st.sampled_from(list(FRAMES)))
+    payload = draw(taxel_fields() if kind == FrameType.TAXELS else values_of(FRAMES[kind].payload))
+    if FRAMES[kind].has_address:
+        inner = payload["header"] if kind == FrameType.TAXELS else payload
+        inner["address"] = ADDRESS_MIN + inner["address"] % (ADDRESS_MAX - ADDRESS_MIN + 1)
+    return {"type": int(kind), "sequence": draw(st.integers(0, 65535)), "payload": payload}
+
+
+def test_the_fields_of_a_taxel_frame_are_the_ones_drawn_here() -> None:
+    content = FRAMES[FrameType.TAXELS].payload.parse(bytes([0x20, 1]) + bytes(18))
+    assert list(without_io(content)) == ["header", "snapshot"]
+    assert list(without_io(content.snapshot)) == ["header", "raw_counts", "crc32"]
+    assert isinstance(registers.snapshot(1).subcons[1].subcon, type(Array(1, Int16ul)))
+
+
+@bounded
+@given(content=contents())
+def test_what_construct_builds_every_decoder_reads(codec: Any, oracle: ModuleType, content: dict[str, Any]) -> None:
+    wire = WireFrame.build(content)
+    payload = FRAMES[FrameType(content["type"])].payload.build(content["payload"])
+    frame = (content["type"], content["sequence"], payload)
+    assert encode_frame(*frame) == codec.encode(*frame) == wire
+    assert oracle.parse_stream(wire) == ReferenceDecoder().push(wire) == codec.decode([wire]) == [frame]
+    assert codec.decode_batch([wire]) == codec.as_batch([frame])
+
+
+@st.composite
+def wires(draw: st.DrawFn) -> bytes:
+    """Frames one after the other, glued or not."""
+    parts = [WireFrame.build(content) for content in draw(st.lists(contents(), max_size=5))]
+    return b"".join(part[draw(st.integers(0, 1)) : len(part) - draw(st.integers(0, 1))] for part in parts)
+
+
+DAMAGES = ("flip", "insert", "delete", "duplicate", "truncate", "burst")
+
+
+@st.composite
+def damaged_streams(draw: st.DrawFn) -> bytes:
+    stream = draw(wires())
+    for kind in draw(st.lists(st.sampled_from(DAMAGES), max_size=4)):
+        at = draw(st.integers(0, max(len(stream) - 1, 0)))
+        size = draw(st.integers(1, 40))
+        noise = draw(st.binary(min_size=size, max_size=size))
+        part = stream[at : at + size]
+        stream = {
+            "flip": stream[:at] + bytes(byte ^ (noise[0] or 1) for byte in part[:1]) + stream[at + 1 :],
+            "insert": stream[:at] + noise[:1] + stream[at:],
+            "delete": stream[:at] + stream[at + 1 :],
+            "duplicate": stream[:at] + part + stream[at:],
+            "truncate": stream[:at],
+            "burst": stream[:at] + noise[: len(part)] + stream[at + size :],
+        }[kind]
+    return stream
+
+
+def cut(stream: bytes, cuts: list[int]) -> list[bytes]:
+    places = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
+    return [stream[a:b] for a, b in pairwise(places)]
+
+
+def is_refused_by_construct_alone(frame: tuple[int, int, bytes]) -> bool:
+    return frame[0] == FrameType.BOARD_INFO and frame[2][0] != WHO_AM_I
+
+
+def agree(
+    codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], directions: int
+) -> list[tuple[int, int, bytes]]:
+    pieces = cut(stream, cuts)
+    found: list[tuple[int, int, bytes]] = codec.decode(pieces, directions)
+    discarded = codec.discarded_bytes
+    reference = ReferenceDecoder()
+    plain = [frame for piece in pieces for frame in reference.push(piece)] + reference.finish()
+    if directions == 3:
+        assert discarded == reference.discarded_bytes
+        assert found == plain
+    assert codec.decode([stream], directions) == found
+    assert codec.discarded_bytes == discarded
+    assert codec.decode_batch(pieces, directions) == codec.as_batch(found)
+    assert oracle.parse_stream(stream, directions) == [f for f in found if not is_refused_by_construct_alone(f)]
+    return found
+
+
+places = st.lists(st.integers(0, 1 << 20), max_size=6)
+
+
+@bounded
+@given(stream=damaged_streams(), cuts=places, directions=st.sampled_from([1, 2, 3, 3]))
+def test_all_decoders_agree_on_a_damaged_stream(
+    codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], directions: int
+) -> None:
+    agree(codec, oracle, stream, cuts, directions)
+
+
+@bounded
+@given(stream=st.binary(max_size=700), cuts=places)
+def test_all_decoders_agree_on_any_bytes(codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int]) -> None:
+    agree(codec, oracle, stream, cuts, 3)
+
+
+@settings(bounded, max_examples=max(EXAMPLES // 5, 1))
+@given(stream=wires(), cuts=places, length=st.integers(1000, 2600), filling=st.binary(min_size=1, max_size=9))
+def test_all_decoders_agree_where_no_delimiter_is_in_sight(
+    codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], length: int, filling: bytes
+) -> None:
+    """More bytes without a zero than a receiver's buffer holds, frames in the middle of them."""
+    rubbish = bytes(byte or 0xFF for byte in filling) * (length // len(filling) + 1)
+    wire = bytes(byte for byte in stream if byte)
+    agree(codec, oracle, rubbish[: length // 2] + wire + rubbish[: length // 2], cuts, 3)

@@ -1,0 +1,105 @@
+"""One damaged byte loses the frame that it hits and no other: every place, every kind, nothing left to chance."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from taxel_protocol import ReferenceDecoder, crc32, encode_frame
+from taxel_protocol.names import FrameType
+
+Frame = tuple[int, int, bytes]
+
+REFERENCE_EVERY = 97
+"""Streams of which one is also put to the slow Python decoder."""
+
+
+def taxels(sequence: int, count: int, fill: int) -> Frame:
+    snapshot = sequence.to_bytes(2, "little") + bytes(4) + bytes([fill, 0x0F]) * count
+    crc = crc32(snapshot, crc32(b"\x20")).to_bytes(4, "little")
+    return int(FrameType.TAXELS), sequence, bytes([0x20, count]) + bytes(6) + snapshot + crc
+
+
+SHORT: list[Frame] = [
+    (int(FrameType.HOST_HELLO), 0, b"\7\1\1"),
+    (int(FrameType.COMMAND), 1, b"\1\2"),
+    (int(FrameType.TIME_SYNC), 2, bytes([0x31]) + bytes(range(12))),
+    (int(FrameType.REPLY), 3, b"\5\1\0"),
+]
+"""Blocks of a few bytes: much of the wire is code bytes."""
+
+LONG: list[Frame] = [
+    (int(FrameType.LOG), 0xFFFE, b"\1\0\0\0\0\0\0text"),
+    taxels(0xFFFF, 3, 0xA0),
+    taxels(0, 125, 0x11),
+    (int(FrameType.BOARD_FAULT), 1, bytes([0x21]) + bytes(9)),
+    taxels(2, 1, 0xFF),
+]
+"""A full block of 254 bytes among them."""
+
+STREAMS = {"short frames": SHORT, "long frames": LONG}
+every_stream = pytest.mark.parametrize("sent", [pytest.param(frames, id=name) for name, frames in STREAMS.items()])
+
+
+def wire_of(sent: list[Frame], delimiters: str) -> tuple[bytes, list[range]]:
+    """The stream, and where each frame's own bytes lie. Delimiters `both`, or `none`: frames glued together."""
+    stream, places = b"", []
+    for frame in sent:
+        body = encode_frame(*frame)[1:-1]
+        stream += b"" if delimiters == "none" else b"\0"
+        places.append(range(len(stream), len(stream) + len(body)))
+        stream += body + (b"" if delimiters == "none" else b"\0")
+    return stream, places
+
+
+def check(codec: Any, stream: bytes, expected: list[Frame], number: int, what: str) -> None:
+    assert codec.decode([stream]) == expected, what
+    assert codec.decode_batch([stream]) == codec.as_batch(expected), what
+    if number % REFERENCE_EVERY == 0:
+        reference = ReferenceDecoder()
+        assert reference.push(stream) + reference.finish() == expected, what
+
+
+def changes(byte: int, is_short: bool) -> Iterator[int]:
+    """Other values of a byte: all of them, or every flipped bit, the neighbours and the extremes."""
+    if is_short:
+        yield from (value for value in range(256) if value != byte)
+        return
+    yield from {*(byte ^ (1 << bit) for bit in range(8)), 0, 0xFF, (byte + 1) % 256, (byte - 1) % 256} - {byte}
+
+
+@every_stream
+@pytest.mark.parametrize("delimiters", ["both", "none"])
+def test_a_changed_byte_loses_the_frame_that_it_is_part_of(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, places = wire_of(sent, delimiters)
+    for at, byte in enumerate(stream):
+        expected = [frame for frame, place in zip(sent, places, strict=True) if at not in place]
+        assert len(expected) >= len(sent) - 1
+        for number, value in enumerate(changes(byte, sent is SHORT and delimiters == "both"), start=at):
+            damaged = stream[:at] + bytes([value]) + stream[at + 1 :]
+            check(codec, damaged, expected, number, f"byte {at} became {value:#04x}")
+
+
+@every_stream
+@pytest.mark.parametrize("delimiters", ["both", "none"])
+def test_a_lost_byte_loses_the_frame_that_it_was_part_of(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, places = wire_of(sent, delimiters)
+    for at in range(len(stream)):
+        expected = [frame for frame, place in zip(sent, places, strict=True) if at not in place]
+        check(codec, stream[:at] + stream[at + 1 :], expected, at, f"byte {at} lost")
+
+
+@every_stream
+@pytest.mark.parametrize("delimiters", ["both", "none"])
+def test_an_added_byte_loses_the_frame_that_it_cuts_in_two(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, places = wire_of(sent, delimiters)
+    for at in range(len(stream) + 1):
+        neighbours = {*stream[max(at - 1, 0) : at + 1]}
+        for value in {0, 1, 2, 0x7F, 0xFE, 0xFF} | neighbours:
+            damaged = stream[:at] + bytes([value]) + stream[at:]
+            cut = [i for i, place in enumerate(places) if place.start < at < place.stop]
+            # A byte like its neighbour may as well have been added beside the frame: then all of it still stands.
+            lost = {i for i in cut if stream[places[i].start : places[i].stop] not in damaged}
+            assert len(cut) <= 1
+            expected = [frame for i, frame in enumerate(sent) if i not in lost]
+            check(codec, damaged, expected, at, f"{value:#04x} added before byte {at}")

@@ -1,0 +1,105 @@
+"""Write firmware/generated/taxel_bootloader.h and the vectors of its C test from taxel_protocol.bootloader.
+
+python tools/codegen/bootloader_header.py            write them
+python tools/codegen/bootloader_header.py --check    exit status 1 if a file on disk is stale
+"""
+
+import random
+import sys
+from pathlib import Path
+
+from c_header import enumeration, structure
+
+from taxel_protocol import bootloader as boot
+from taxel_protocol.layout import pack
+
+FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
+
+HEADER = FIRMWARE / "generated" / "taxel_bootloader.h"
+VECTORS = FIRMWARE / "tests" / "test_bootloader_vectors.h"
+MARK = "Generated from protocol/taxel_protocol/bootloader.py by tools/codegen/bootloader_header.py. Do not edit."
+SEED = 20
+STRUCTS = {
+    "boot_image_header": boot.ImageHeader,
+    "boot_record": boot.Record,
+    "boot_metadata": boot.Metadata,
+    "boot_configuration": boot.Configuration,
+    "boot_enter_reply": boot.EnterReply,
+    "boot_flash_size_reply": boot.FlashSizeReply,
+    "boot_row_address": boot.RowAddress,
+    "boot_stock_metadata": boot.StockMetadata,
+    "boot_info": boot.Info,
+    "boot_search_arguments": boot.SearchArguments,
+    "boot_search_reply": boot.SearchReply,
+    "boot_write_configuration_arguments": boot.WriteConfigurationArguments,
+}
+ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, boot.BootStay)
+
+
+def header() -> str:
+    """Constants, names, the table of flash layouts, packed structs."""
+    lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
+    lines += ['#include "generated/taxel_protocol.h"', ""]
+    for name, value in vars(boot).items():
+        if name.startswith("BOOT_"):
+            lines.append(f"#define TAXEL_{name} {value if value < 2**16 else f'0x{value:08X}'}u")
+    lines += ["", "/* X(device, first row of slot A, first row of slot B, rows of a slot) */"]
+    lines.append("#define TAXEL_BOOT_LAYOUTS(X) \\")
+    rows = [f"    X({d.name}, {s.first_rows[0]}u, {s.first_rows[1]}u, {s.slot_rows}u)" for d, s in boot.LAYOUTS.items()]
+    lines += [" \\\n".join(rows), ""]
+    for enum in ENUMS:
+        lines += enumeration(enum)
+    for name, definition in STRUCTS.items():
+        lines += structure(name, definition)
+    return "\n".join([*lines, "#endif", ""])
+
+
+def _array(name: str, data: bytes) -> list[str]:
+    body = [", ".join(f"0x{byte:02X}" for byte in data[i : i + 16]) for i in range(0, len(data), 16)]
+    return [f"static const uint8_t {name}[{len(data)}] = {{", *[f"    {line}," for line in body], "};"]
+
+
+def vectors() -> str:
+    """Packets of both checksums, an image, a metadata and a configuration row, as Python makes them."""
+    draw = random.Random(SEED)
+    lines = [f"/* {MARK} Seed {SEED}. */", "#ifndef TEST_BOOTLOADER_VECTORS_H", "#define TEST_BOOTLOADER_VECTORS_H", ""]
+    lines += ["#include <stdint.h>", ""]
+    commands = [(boot.BootCommand.ENTER, b""), (boot.BootCommand.SYNC, b"123456789")]
+    commands += [(boot.BootCommand.SEND_DATA, draw.randbytes(size)) for size in (1, 56, 57)]
+    for kind in (boot.BootChecksum.SUM, boot.BootChecksum.CRC):
+        for i, (command, data) in enumerate(commands):
+            lines += _array(f"packet_{kind.name.lower()}_{i}", boot.build_packet(command, data, kind))
+    lines += _array("image_a", boot.image(boot.BootDevice.BOARD, 0, 3, (1, 2, 3), draw.randbytes(301)))
+    lines += _array("image_b", boot.image(boot.BootDevice.HUB, 1, 0, (4, 5, 6), draw.randbytes(96)))
+    metadata = pack(boot.Metadata, {"confirmed": 1, "pending": 0, "tries": bytes([2, 3])})
+    lines += _array("metadata_row", boot.record(boot.BOOT_METADATA_MAGIC, 7, metadata))
+    configuration = pack(
+        boot.Configuration,
+        {
+            "version": boot.BOOT_VERSION,
+            "address": 0x23,
+            "kind": 3,
+            "reserved": 0,
+            "serial_number": b"TX-0003".ljust(16, b"\0"),
+            "idac_codes": draw.randbytes(16),
+        },
+    )
+    lines += _array("configuration", configuration)
+    lines += _array("configuration_row", boot.record(boot.BOOT_CONFIGURATION_MAGIC, 0xFFFFFFFF, configuration))
+    return "\n".join([*lines, "", "#endif", ""])
+
+
+def main() -> int:
+    """Write or check both files."""
+    stale = 0
+    for path, text in ((HEADER, header()), (VECTORS, vectors())):
+        if "--check" not in sys.argv[1:]:
+            path.write_text(text)
+        elif not path.exists() or path.read_text() != text:
+            print(f"{path.name} is stale: run tools/codegen/bootloader_header.py", file=sys.stderr)
+            stale = 1
+    return stale
+
+
+if __name__ == "__main__":
+    sys.exit(main())

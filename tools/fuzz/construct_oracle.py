@@ -1,0 +1,142 @@
+"""What should come out of a stream, by the construct definition of a frame: the slow oracle of all decoders.
+
+Construct refuses one thing that a receiver does not look at: a BOARD_INFO whose identity does not begin with 54.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from construct import ConstructError
+
+from taxel_protocol import crc32
+from taxel_protocol.frames import FRAMES
+from taxel_protocol.framing import whiten
+from taxel_protocol.limits import (
+    ADDRESS_MAX,
+    ADDRESS_MIN,
+    BODY_MAX,
+    ENCODED_MAX,
+    FRAME_CRC_SIZE,
+    FRAME_HEADER_SIZE,
+    WHITENING_SEED,
+)
+from taxel_protocol.names import FrameType
+from taxel_protocol.wire import WireFrame
+
+Frame = tuple[int, int, bytes]
+"""(type, sequence, payload)"""
+
+_TYPES = frozenset(int(kind) for kind in FRAMES)
+
+TO_HOST = 1
+TO_HUB = 2
+
+
+def _block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
+    """(stuffed bytes, body so far) at the end of each block from the start of `chunk`, while blocks end within it."""
+    body = bytearray()
+    position = 0
+    while position < len(chunk) and len(body) <= BODY_MAX:
+        end = position + chunk[position]
+        if end > len(chunk):
+            return
+        body += chunk[position + 1 : end]
+        if len(body) > BODY_MAX:
+            return
+        yield end, whiten(bytes(body))
+        if chunk[position] < 0xFF:
+            body.append(0)
+        position = end
+
+
+def _frame_of(wire: bytes, body: bytes, directions: int) -> Frame | None:
+    """The frame, if construct believes these stuffed bytes and the rules of its type allow it."""
+    try:
+        content = WireFrame.parse(b"\0" + wire + b"\0")
+        spec = FRAMES[FrameType(content.type)]
+    except (ConstructError, ValueError, KeyError):
+        return None
+    payload = body[FRAME_HEADER_SIZE:-FRAME_CRC_SIZE]
+    if not directions & (TO_HUB if content.type & 0x80 else TO_HOST):
+        return None
+    if not spec.minimum <= len(payload) <= spec.maximum or (
+        spec.has_address and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX
+    ):
+        return None
+    built = spec.payload.build(content.payload)
+    return (content.type, content.sequence, payload) if built == payload else None
+
+
+def _first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
+    if len(chunk) < 2 or chunk[0] == 1 or chunk[1] ^ WHITENING_SEED not in _TYPES:
+        return None  # whatever follows, its type is none (a block of its code alone unstuffs to type A5)
+    for end, body in _block_ends(chunk):
+        if len(body) >= FRAME_HEADER_SIZE:
+            wanted = FRAME_HEADER_SIZE + int.from_bytes(body[3:5], "little") + FRAME_CRC_SIZE
+            if len(body) >= wanted:
+                frame = _frame_of(chunk[:end], body, directions) if len(body) == wanted else None
+                return None if frame is None else (end, frame)
+    return None
+
+
+def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Frame]:
+    """Every frame in a whole stream, in order: construct is asked at each byte whether a frame begins there."""
+    frames: list[Frame] = []
+    for chunk in stream.split(b"\0"):
+        start = 0
+        while start < len(chunk):
+            found = _first_frame(chunk[start : start + ENCODED_MAX], directions)
+            if found is not None:
+                frames.append(found[1])
+            start += found[0] if found is not None else 1
+    return frames
+
+
+@dataclass
+class Losses:
+    """SPEC.md, "Counting losses": on the wire, and by board address."""
+
+    frames: int = 0
+    lost: int = 0
+    restarts: int = 0
+    received: dict[int, int] = field(default_factory=dict)
+    missing: dict[int, int] = field(default_factory=dict)
+    damaged: dict[int, int] = field(default_factory=dict)
+
+    def totals(self) -> list[int]:
+        """As `struct taxel_batch_totals` has them: 3 numbers, then 3 x 128 by address."""
+        totals = [self.frames, self.lost, self.restarts] + [0] * (3 * 128)
+        for number, table in enumerate((self.received, self.missing, self.damaged)):
+            for address, count in table.items():
+                totals[3 + 128 * number + address] = count
+        return totals
+
+
+def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: bytes) -> None:
+    address = payload[0]
+    cycle, scan = int.from_bytes(payload[2:4], "little"), int.from_bytes(payload[8:10], "little")
+    is_right = crc32(payload[8:-4], crc32(payload[:1])) == int.from_bytes(payload[-4:], "little")
+    table = losses.received if is_right else losses.damaged
+    table[address] = table.get(address, 0) + 1
+    if address in last:
+        steps = min((cycle - last[address][0]) % 65536, (scan - last[address][1]) % 65536)
+        losses.missing[address] = losses.missing.get(address, 0) + max(steps - 1, 0)
+    last[address] = (cycle, scan)
+
+
+def losses_of(frames: Iterable[Frame]) -> Losses:
+    """What a host should have counted after these frames."""
+    losses = Losses()
+    previous: int | None = None
+    last: dict[int, tuple[int, int]] = {}
+    for frame_type, sequence, payload in frames:
+        if frame_type == FrameType.HUB_HELLO and sequence == 0 and payload[0] == 0:
+            losses.restarts += previous is not None
+            last.clear()
+        elif previous is not None:
+            losses.lost += (sequence - previous - 1) % 65536
+        previous = sequence
+        losses.frames += 1
+        if frame_type == FrameType.TAXELS:
+            _count_board(losses, last, payload)
+    return losses

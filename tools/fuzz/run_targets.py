@@ -1,0 +1,203 @@
+"""Build the libFuzzer targets of firmware/fuzz, run them one after another, and write down what they did.
+
+python tools/fuzz/run_targets.py --seconds 60            a minute for each target (make fuzz SECONDS=60)
+python tools/fuzz/run_targets.py --runs 10000000         so many executions of each instead
+python tools/fuzz/run_targets.py --keep                  and keep what reaches something new in firmware/fuzz/corpus
+
+Inputs that were found to be of use are kept in out/fuzz/corpus between runs. Needs clang and its runtime.
+"""
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "fuzz"
+OUT = ROOT / "out" / "fuzz"
+SEEDS = ROOT / "firmware" / "fuzz" / "corpus"
+MISSING = "clang or its runtime is missing: apt-get install clang libclang-rt-14-dev"
+LONGEST_INPUT = {"fuzz_codec": 320, "fuzz_sensor": 192, "fuzz_hub": 96}
+"""Bytes of an input: what longer ones reach, shorter ones reach in less time (the hub's script has 48 events)."""
+
+SLOWEST_S = 20
+"""A single input that takes so long is a finding: the firmware does not come back."""
+
+
+KEPT = 50
+"""Inputs of each target in the repository's corpus, about."""
+
+
+class FuzzError(Exception):
+    """What keeps the targets from being built or run, in one line."""
+
+
+@dataclass
+class Outcome:
+    """What one target did. `edges`: control-flow edges reached; `features`: those with their counts."""
+
+    target: str
+    executions: int
+    seconds: float
+    edges: int
+    features: int
+    inputs: int
+    findings: list[str]
+
+    @property
+    def executions_per_second(self) -> float:
+        """Of the whole run, reading the corpus included."""
+        return self.executions / max(self.seconds, 1e-9)
+
+
+def _output_of(command: list[str]) -> str:
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode:
+        lines = (result.stdout + result.stderr).strip().splitlines()
+        raise FuzzError(f"{Path(command[0]).name} failed: {lines[-1] if lines else 'no output'}")
+    return result.stdout
+
+
+def find_clang() -> str:
+    """A clang that can link a libFuzzer target. Raises FuzzError if there is none."""
+    clang = shutil.which("clang")
+    if not clang:
+        raise FuzzError(MISSING)
+    BUILD.mkdir(parents=True, exist_ok=True)
+    probe = BUILD / "probe.c"
+    probe.write_text("int LLVMFuzzerTestOneInput(const unsigned char *b, unsigned long n) { return b && n ? 0 : 0; }\n")
+    try:
+        _output_of([clang, "-fsanitize=fuzzer,address,undefined", str(probe), "-o", str(BUILD / "probe")])
+    except FuzzError:
+        raise FuzzError(MISSING) from None
+    return clang
+
+
+def build(clang: str) -> Path:
+    """The folder of the built targets. Raises FuzzError."""
+    tools = Path(sys.executable).parent
+    cmake = str(tools / "cmake") if (tools / "cmake").exists() else "cmake"
+    folder = BUILD / "cmake"
+    configure = [
+        cmake,
+        "-S",
+        str(ROOT / "firmware"),
+        "-B",
+        str(folder),
+        "-DTAXEL_BUILD_FUZZ=ON",
+        f"-DCMAKE_C_COMPILER={clang}",
+    ]
+    if (tools / "ninja").exists():
+        configure += ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={tools / 'ninja'}"]
+    _output_of(configure)
+    _output_of([cmake, "--build", str(folder), "--target", "fuzz_targets"])
+    return folder / "fuzz"
+
+
+def _last_number(pattern: str, text: str) -> int:
+    found = re.findall(pattern, text)
+    return int(found[-1]) if found else 0
+
+
+def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
+    """Run one target within `limits` (libFuzzer options). Findings are files in out/fuzz/findings."""
+    corpus, findings = OUT / "corpus" / binary.name, OUT / "findings"
+    for folder in (corpus, findings):
+        folder.mkdir(parents=True, exist_ok=True)
+    before = set(findings.glob(f"{binary.name}-*"))
+    options = [
+        f"-max_len={LONGEST_INPUT[binary.name]}",
+        f"-timeout={SLOWEST_S}",
+        f"-seed={seed}",
+        "-print_final_stats=1",
+    ]
+    options += [f"-artifact_prefix={findings / binary.name}-", "-reload=0", *limits]
+    begin = time.monotonic()
+    log = OUT / f"{binary.name}.log"
+    with log.open("wb") as output:
+        command = [str(binary), *options, str(corpus), str(SEEDS / binary.name)]
+        result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=output, check=False)
+    seconds = time.monotonic() - begin
+    text = log.read_text(errors="replace")
+    found = sorted(str(path.relative_to(ROOT)) for path in set(findings.glob(f"{binary.name}-*")) - before)
+    if result.returncode and not found:
+        found = [f"no file; see {log.relative_to(ROOT)}"]
+    return Outcome(
+        binary.name,
+        _last_number(r"stat::number_of_executed_units:\s+(\d+)", text) or _last_number(r"#(\d+)\s", text),
+        round(seconds, 1),
+        _last_number(r"cov: (\d+)", text),
+        _last_number(r"ft: (\d+)", text),
+        len(list(corpus.iterdir())),
+        found,
+    )
+
+
+def _cover(binary: Path, name: str, options: list[str], sources: list[Path]) -> list[Path]:
+    """The few inputs of `sources` that reach all that they reach together."""
+    chosen = OUT / "merged" / binary.name / name
+    shutil.rmtree(chosen, ignore_errors=True)
+    chosen.mkdir(parents=True)
+    _output_of([str(binary), "-set_cover_merge=1", *options, str(chosen), *map(str, sources)])
+    return sorted(chosen.iterdir())
+
+
+def keep(binary: Path) -> int:
+    """Merge what was found into the corpus of the repository. Returns its number of files.
+
+    First the inputs that reach every edge, then the longest of those that reach edges more often: they go deepest.
+    """
+    kept, found = SEEDS / binary.name, OUT / "merged" / binary.name / "found"
+    shutil.rmtree(found, ignore_errors=True)
+    shutil.copytree(OUT / "corpus" / binary.name, found)
+    edges = _cover(binary, "edges", ["-use_counters=0"], [kept, found])
+    counts = sorted(_cover(binary, "counts", [], [kept, found]), key=lambda path: (-path.stat().st_size, path.name))
+    chosen = {path.name: path for path in (*edges, *counts[: max(KEPT - len(edges), 0)])}
+    for path in kept.iterdir():
+        path.unlink()
+    for name, path in chosen.items():
+        shutil.copyfile(path, kept / name)
+    return len(chosen)
+
+
+def main() -> int:
+    """Run the targets and print one line for each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=int, default=60, help="for each target (default: 60)")
+    parser.add_argument("--runs", type=int, help="executions of each target instead of a time")
+    parser.add_argument("--target", choices=sorted(LONGEST_INPUT), action="append", help="only this one")
+    parser.add_argument("--seed", type=int, default=1, help="of the mutations (default: 1)")
+    parser.add_argument("--if-possible", action="store_true", help="without clang, say so and succeed")
+    parser.add_argument("--keep", action="store_true", help="keep new inputs in firmware/fuzz/corpus")
+    arguments = parser.parse_args()
+    limits = [f"-runs={arguments.runs}"] if arguments.runs else [f"-max_total_time={arguments.seconds}"]
+    try:
+        folder = build(find_clang())
+        outcomes = []
+        print(f"seed {arguments.seed}")
+        for name in arguments.target or list(LONGEST_INPUT):
+            outcome = run_target(folder / name, limits, arguments.seed)
+            outcomes.append(outcome)
+            print(
+                f"{name:12s} {outcome.executions:10d} executions in {outcome.seconds:7.1f} s,"
+                f" {outcome.executions_per_second:7.0f}/s, {outcome.edges} edges, {len(outcome.findings)} findings",
+                flush=True,
+            )
+            for path in outcome.findings:
+                print(f"  finding; replay: {(folder / name).relative_to(ROOT)} {path}")
+            if arguments.keep and not outcome.findings:
+                print(f"  firmware/fuzz/corpus/{name}: {keep(folder / name)} inputs")
+    except FuzzError as error:
+        print(f"fuzz: {error}", file=sys.stderr)
+        return 0 if arguments.if_possible and str(error) == MISSING else 2
+    (OUT / "fuzz.json").write_text(json.dumps([asdict(outcome) for outcome in outcomes], indent=1) + "\n")
+    return 1 if any(outcome.findings for outcome in outcomes) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
