@@ -98,14 +98,14 @@ int taxel_bench_press(struct taxel_bench *bench, const float *values)
     return world_press(&bench->world, values);
 }
 
-static bool has_board(const struct taxel_bench *bench, uint8_t address)
+static const struct board_node *board_of(const struct taxel_bench *bench, uint8_t address)
 {
     for (size_t i = 0; i < bench->description.board_count; i++) {
         if (bench->description.boards[i].address == address) {
-            return true;
+            return &bench->world.boards[i];
         }
     }
-    return false;
+    return NULL;
 }
 
 int taxel_bench_inject(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second)
@@ -115,7 +115,7 @@ int taxel_bench_inject(struct taxel_bench *bench, const char *name, uint8_t addr
     if (fault.kind == FAULT_KINDS) {
         return TAXEL_BENCH_UNKNOWN_FAULT;
     }
-    if (fault_target_of(fault.kind) == FAULT_TARGET_BOARD && !has_board(bench, address)) {
+    if (fault_target_of(fault.kind) == FAULT_TARGET_BOARD && !board_of(bench, address)) {
         return TAXEL_BENCH_NO_SUCH_BOARD;
     }
     return world_inject(&bench->world, &fault) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
@@ -163,4 +163,28 @@ size_t taxel_bench_strikes(const struct taxel_bench *bench, uint64_t first, stru
 int taxel_bench_statistics(const struct taxel_bench *bench, const char *path)
 {
     return world_write_statistics(&bench->world, path, 0.0);
+}
+
+const uint8_t *taxel_bench_flash(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct board_node *board = board_of(bench, address);
+    return board ? board->boot->flash.bytes : NULL;
+}
+
+const uint32_t *taxel_bench_wear(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct board_node *board = board_of(bench, address);
+    return board ? board->boot->flash.wear : NULL;
+}
+
+uint64_t taxel_bench_torn(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct board_node *board = board_of(bench, address);
+    return board ? board->boot->flash.torn : 0;
+}
+
+int taxel_bench_runs(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct board_node *board = board_of(bench, address);
+    return board ? (int)board->runs : -1;
 }

@@ -47,6 +47,14 @@ int taxel_bench_transfer(struct taxel_bench *bench, uint8_t address, const uint8
 /* What has struck, from number `first` on; how many were written. `lost`: forgotten ones among them. */
 size_t taxel_bench_strikes(const struct taxel_bench *bench, uint64_t first, struct fault_strike *strikes, size_t size,
                            uint64_t *lost);
+
+/* A board's flash: 256 rows of 128 bytes, how often each was written, and how many writes the power has torn. `address` is
+ * that of the world file, whatever the board has been given since. NULL for a board that is not there. */
+const uint8_t *taxel_bench_flash(const struct taxel_bench *bench, uint8_t address);
+const uint32_t *taxel_bench_wear(const struct taxel_bench *bench, uint8_t address);
+uint64_t taxel_bench_torn(const struct taxel_bench *bench, uint8_t address);
+/* 0: an application runs, 1: the bootloader, 2: an image that does not answer; -1: no such board. */
+int taxel_bench_runs(const struct taxel_bench *bench, uint8_t address);
 int taxel_bench_statistics(const struct taxel_bench *bench, const char *path);
 
 #endif

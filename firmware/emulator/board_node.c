@@ -8,6 +8,7 @@
 #include "emulator/costs.h"
 
 #define CORRUPTED_BIT 0x10u
+#define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read */
 
 static vtime cycles(const struct board_node *board, unsigned count)
 {
@@ -75,6 +76,13 @@ static void on_restart(void *context)
     ((struct board_node *)context)->restart_wanted = true;
 }
 
+static void on_enter_bootloader(void *context)
+{
+    struct board_node *board = context;
+    board->boot->stay = true;
+    board->restart_wanted = true;
+}
+
 static void fill_taxel_table(struct board_node *board)
 {
     uint8_t taxel = 0;
@@ -117,6 +125,8 @@ static int open_effects(struct board_node *board, const struct world_description
 void board_node_free(struct board_node *board)
 {
     free(board->electronics);
+    free(board->boot);
+    board->boot = NULL;
     late_history_free(board->fields.history);
     board->electronics = NULL;
     board->fields.history = NULL;
@@ -137,6 +147,12 @@ int board_node_init(struct board_node *board, const struct board_description *de
         .taxels = description->taxel_count,
     };
     board->loads = loads;
+    board->boot = malloc(sizeof *board->boot);
+    if (!board->boot) {
+        fprintf(stderr, "board 0x%02X: out of memory\n", description->address);
+        return -1;
+    }
+    board_boot_init(board->boot, world, description);
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     random_init(&board->random, world->seed, description->address);
@@ -153,7 +169,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
         .interrupts_disable = on_interrupts_disable,
         .interrupts_restore = on_interrupts_restore,
         .restart = on_restart,
-        .enter_bootloader = on_restart,
+        .enter_bootloader = on_enter_bootloader,
     };
     board->config = (struct taxel_sensor_config){
         .hal = &board->hal,
@@ -186,6 +202,45 @@ static void claim_map_version(struct board_node *board)
     }
 }
 
+static void start_application(struct board_node *board)
+{
+    const struct board_boot *boot = board->boot;
+    const vtime rest = (vtime)(board->description->boot_ms * (double)VTIME_MS) - boot->init_time;
+    board->runs = BOARD_RUNS_APPLICATION;
+    board->has_confirmed = false;
+    board->flash_until = 0;
+    board->boot_end = boot->now + rest;
+    board->now = board->boot_end;
+    board->cpu_free = board->boot_end;
+    board->config.reset_cause = boot->cause;
+    board->config.address = board->address = board_boot_address(boot);
+    board->config.kind = board_boot_kind(boot);
+    memcpy(board->config.firmware_version, board_boot_version(boot), sizeof board->config.firmware_version);
+    (void)taxel_sensor_init(&board->sensor, &board->config); /* was valid at board_node_init() */
+    claim_map_version(board);
+    taxel_scan_start(&board->sensor);
+}
+
+static void after_boot(struct board_node *board, enum board_boot_outcome outcome)
+{
+    board->conversion_end = VTIME_NEVER;
+    switch (outcome) {
+    case BOARD_BOOT_STARTS:
+        start_application(board);
+        break;
+    case BOARD_BOOT_HANGS:
+        board->runs = BOARD_HANGS;
+        board->watchdog_at = board->boot->now + BOARD_BOOT_WATCHDOG;
+        break;
+    case BOARD_BOOT_RESTARTS:
+        board_power(board, true, board->boot->now, TAXEL_RESET_CAUSE_COMMAND);
+        break;
+    default:
+        board->runs = BOARD_RUNS_BOOTLOADER;
+        break;
+    }
+}
+
 void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     board->powered = on;
@@ -195,18 +250,28 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board->scl_held_until = 0;
     board->stretch = 0;
     if (!on) {
+        board_boot_power_off(board->boot, now);
         return;
     }
     if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
         board->powered_at = now;
     }
-    board->boot_end = now + (vtime)(board->description->boot_ms * (double)VTIME_MS);
-    board->now = board->boot_end;
-    board->cpu_free = board->boot_end;
-    board->config.reset_cause = reset_cause;
-    (void)taxel_sensor_init(&board->sensor, &board->config); /* was valid at board_node_init() */
-    claim_map_version(board);
-    taxel_scan_start(&board->sensor);
+    board->address = board_boot_address(board->boot);
+    after_boot(board, board_boot_reset(board->boot, now, reset_cause));
+}
+
+/* What has happened in a board that runs no application: its bootloader has waited long enough, its watchdog has bitten. */
+static void catch_up(struct board_node *board, vtime until)
+{
+    for (;;) {
+        if (board->runs == BOARD_RUNS_BOOTLOADER && board_boot_deadline(board->boot) <= until) {
+            after_boot(board, board_boot_run(board->boot, board_boot_deadline(board->boot)));
+        } else if (board->runs == BOARD_HANGS && board->watchdog_at <= until) {
+            board_power(board, true, board->watchdog_at, TAXEL_RESET_CAUSE_WATCHDOG);
+        } else {
+            return;
+        }
+    }
 }
 
 static double rise_of(const void *source, size_t taxel, vtime time)
@@ -254,6 +319,9 @@ void board_advance(struct board_node *board, vtime until)
     if (!board->powered) {
         return;
     }
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        catch_up(board, until);
+    }
     while (board->conversion_end <= until) {
         const vtime start = vtime_max(board->conversion_end, board->cpu_free);
         if (start > until) {
@@ -276,9 +344,32 @@ static vtime enter(struct board_node *board, vtime now, unsigned cost)
     return board->now;
 }
 
-bool board_answers(const struct board_node *board, vtime now, uint8_t address)
+bool board_answers(struct board_node *board, vtime now, uint8_t address)
 {
-    return board->powered && now >= board->boot_end && board->description->address == address;
+    if (!board->powered) {
+        return false;
+    }
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        catch_up(board, now);
+    }
+    if (board->address != address) {
+        return false;
+    }
+    if (board->runs == BOARD_RUNS_APPLICATION) {
+        return now >= board->boot_end && now >= board->flash_until;
+    }
+    return board->runs == BOARD_RUNS_BOOTLOADER && now >= board->boot->reset_at && now >= board->boot->busy_until;
+}
+
+/* An image on trial that has scanned and was read works. */
+static void confirm(struct board_node *board, vtime now)
+{
+    if (board->has_confirmed || board->sensor.scan.scans < CONFIRM_SCANS || !board->sensor.slave.snapshot_reads) {
+        return;
+    }
+    board->has_confirmed = true;
+    board->flash_until = board_boot_confirm(board->boot, now);
+    board->cpu_free = vtime_max(board->cpu_free, board->flash_until);
 }
 
 static void note(struct board_node *board, vtime now, enum fault_kind kind)
@@ -300,6 +391,10 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
         *acknowledge = false;
         return now;
     }
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        *acknowledge = taxel_boot_i2c_on_address(&board->boot->i2c, reading);
+        return now;
+    }
     const vtime ready = enter(board, now, COST_SLAVE_ADDRESS) + board->stretch;
     board->stretch = 0;
     *acknowledge = taxel_sensor_on_address(&board->sensor, reading);
@@ -308,6 +403,10 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
 
 vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
 {
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
+        return now;
+    }
     (void)enter(board, now, COST_SLAVE_BYTE);
     *acknowledge = taxel_sensor_on_write(&board->sensor, byte);
     return now; /* the slave's FIFO takes it: no stretching */
@@ -315,8 +414,12 @@ vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *ackno
 
 vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
 {
-    (void)enter(board, now, COST_SLAVE_BYTE);
-    *byte = taxel_sensor_on_read(&board->sensor);
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
+    } else {
+        (void)enter(board, now, COST_SLAVE_BYTE);
+        *byte = taxel_sensor_on_read(&board->sensor);
+    }
     if (board->corrupt_bytes) {
         board->corrupt_bytes--;
         *byte ^= CORRUPTED_BIT;
@@ -329,15 +432,28 @@ vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
 
 void board_bus_error(struct board_node *board, vtime now)
 {
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        taxel_boot_i2c_on_bus_error(&board->boot->i2c);
+        return;
+    }
     (void)enter(board, now, COST_SLAVE_STOP);
     taxel_sensor_on_bus_error(&board->sensor);
 }
 
 void board_stop(struct board_node *board, vtime now)
 {
+    if (board->runs != BOARD_RUNS_APPLICATION) {
+        taxel_boot_i2c_on_stop(&board->boot->i2c);
+        if (board->runs == BOARD_RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
+            after_boot(board, board_boot_run(board->boot, now));
+        }
+        return;
+    }
     (void)enter(board, now, COST_SLAVE_STOP);
     taxel_sensor_on_stop(&board->sensor);
     if (board->restart_wanted) {
         board_power(board, true, now, TAXEL_RESET_CAUSE_COMMAND);
+        return;
     }
+    confirm(board, now);
 }

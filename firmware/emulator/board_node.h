@@ -7,6 +7,7 @@
 
 #include <stdbool.h>
 
+#include "emulator/board_boot.h"
 #include "emulator/board_fields.h"
 #include "emulator/electronics.h"
 #include "emulator/fault_log.h"
@@ -16,6 +17,12 @@
 #include "emulator/vtime.h"
 #include "emulator/world_file.h"
 #include "sensor/sensor.h"
+
+enum board_runs {
+    BOARD_RUNS_APPLICATION,
+    BOARD_RUNS_BOOTLOADER,
+    BOARD_HANGS, /* an image that does not answer, until its watchdog bites */
+};
 
 struct board_node {
     struct taxel_sensor sensor;
@@ -36,7 +43,13 @@ struct board_node {
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
     double clock_rate;
     vtime now; /* while firmware runs: the time it sees */
+    struct board_boot *boot;
+    enum board_runs runs;
+    uint8_t address;   /* that it answers at now */
+    bool has_confirmed; /* its image, or found that it was */
+    vtime watchdog_at;
     vtime boot_end;
+    vtime flash_until; /* a row is being written: nothing is acknowledged */
     vtime cpu_free;
     vtime conversion_end;
     uint16_t conversion_taxel;
@@ -69,6 +82,6 @@ vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *ackno
 vtime board_read(struct board_node *board, vtime now, uint8_t *byte);
 void board_stop(struct board_node *board, vtime now);
 void board_bus_error(struct board_node *board, vtime now);
-bool board_answers(const struct board_node *board, vtime now, uint8_t address);
+bool board_answers(struct board_node *board, vtime now, uint8_t address);
 
 #endif

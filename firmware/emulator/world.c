@@ -124,6 +124,7 @@ static void strike_board(struct world *world, struct board_node *board, const st
         board_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
         break;
     case FAULT_RESTART:
+        board_power(board, false, now, TAXEL_RESET_CAUSE_BROWN_OUT);
         board_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
         break;
     case FAULT_HOLD_SDA:

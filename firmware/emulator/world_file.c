@@ -169,6 +169,14 @@ static int read_line(const struct world_reader *reader)
     if (strcmp(word, "firmware") == 0) {
         return read_firmware(reader);
     }
+    if (strcmp(word, "blank") == 0) {
+        struct board_description *board = board_of(reader);
+        return board ? (board->is_blank = true, 0) : -1;
+    }
+    if (strcmp(word, "boot_listens") == 0) {
+        long wanted;
+        return world_reader_whole(reader, 1, 0, 1, &wanted) ? -1 : (world->boot_listens = wanted != 0, 0);
+    }
     if (strcmp(word, "clock_start") == 0) {
         return read_clock_start(reader);
     }

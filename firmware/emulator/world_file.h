@@ -32,6 +32,7 @@ struct board_description {
     double clock_ppm;
     double clock_start_us; /* what the board's clock says when it has booted */
     double boot_ms;
+    bool is_blank; /* nothing but the bootloader, as boards come from assembly */
     size_t placed;                   /* taxels whose place is known; all or none */
     struct taxel_place *places;      /* [placed] */
     size_t margin_count;
@@ -54,6 +55,7 @@ struct world_description {
     double hub_clock_ppm;
     double hub_clock_start_us;
     double noise_counts;
+    bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, as on silicon */
     struct taxel_scan_settings scan;
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from taxel.errors import TaxelError
 from taxel.link.errors import LinkError
@@ -20,6 +20,13 @@ from taxel.native_library import last_words, load_library, stderr_into
 
 PS_PER_S: Final = 10**12
 RECEIVE_SIZE: Final = 1 << 16
+FLASH_SIZE: Final = 32768
+FLASH_ROWS: Final = 256
+RUNS: Final[tuple[Literal["application", "bootloader", "hanging image"], ...]] = (
+    "application",
+    "bootloader",
+    "hanging image",
+)
 PATIENCE_S: Final = 1.0
 """How long a transfer of the bench's own adapter may take: Linux gives up after a second too."""
 
@@ -46,6 +53,15 @@ class Strike(NamedTuple):
     address: int
 
 
+class BoardFlash(NamedTuple):
+    """A board's flash: its 32 KiB, writes of each of its 256 rows, writes that a power cut has torn, what runs."""
+
+    data: bytes
+    wear: NDArray[np.uint32]
+    torn: int
+    runs: Literal["application", "bootloader", "hanging image"]
+
+
 class _Strike(ctypes.Structure):
     _fields_ = (("time", ctypes.c_uint64), ("kind", ctypes.c_uint32), ("address", ctypes.c_uint32))
 
@@ -69,6 +85,10 @@ def _library() -> ctypes.CDLL:
         ("inject", whole, pointer, text, byte, number, number),
         ("transfer", whole, pointer, byte, text, size, text, size, time),
         ("strikes", size, pointer, time, ctypes.POINTER(_Strike), size, ctypes.POINTER(time)),
+        ("flash", pointer, pointer, byte),
+        ("wear", pointer, pointer, byte),
+        ("torn", time, pointer, byte),
+        ("runs", whole, pointer, byte),
         ("statistics", whole, pointer, text),
     ):
         function = getattr(library, f"taxel_bench_{name}")
@@ -162,6 +182,16 @@ class VirtualWorld:
         if lost.value:
             raise LinkError("virtual rig", f"has forgotten {lost.value} of its faults; ask more often")
         return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
+
+    def board_flash(self, address: int) -> BoardFlash:
+        """A board's flash as it is now; `address` is that of the world file. Raises `FaultError` for no board."""
+        handle = self._open_handle
+        runs = int(self._library.taxel_bench_runs(handle, address))
+        if runs < 0:
+            raise FaultError("virtual rig", f"board 0x{address:02X} is none of this world's")
+        data = ctypes.string_at(self._library.taxel_bench_flash(handle, address), FLASH_SIZE)
+        wear = np.frombuffer(ctypes.string_at(self._library.taxel_bench_wear(handle, address), 4 * FLASH_ROWS), "<u4")
+        return BoardFlash(data, wear, int(self._library.taxel_bench_torn(handle, address)), RUNS[runs])
 
     def statistics(self) -> dict[str, Any]:
         """What the emulator has counted so far."""
