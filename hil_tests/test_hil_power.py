@@ -120,3 +120,23 @@ def test_a_hub_that_is_told_to_restart_does(rig: Rig, skin: Skin) -> None:
     watch(rig, skin, 1.0)
     assert {frame.address for frame in watch(rig, skin, 0.5)} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts == 1
+
+
+@pytest.mark.needs("i2c", "power")
+@pytest.mark.world(lines=["boot_listens 1"])
+@pytest.mark.parametrize("place", [0, 9])
+def test_a_board_whose_bootloader_listens_first_is_itself_within_150_ms(rig: Rig, place: int) -> None:
+    address = board_at(rig.hand, place)
+    rig.clock.wait(0.5)
+    rig.power.switch(False, address)
+    rig.clock.wait(0.1)
+    rig.power.switch(True, address)
+    begun_s = rig.clock.now_s()
+    while True:
+        try:
+            if rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")]:
+                break
+        except OSError:
+            pass  # between bootloader and application nobody answers
+        rig.clock.wait(0.001)
+        assert rig.clock.now_s() - begun_s < ACKNOWLEDGE_LIMIT_S, "the application has not answered in 150 ms"

@@ -7,9 +7,11 @@ import pytest
 from hil_tests.harness.errors import RigError
 from hil_tests.harness.physical.i2c import open_i2c
 from hil_tests.harness.physical.power import ModemLinePower
+from hil_tests.harness.physical.stimulus import OperatorStimulus
 from hil_tests.harness.rig import ABILITIES, abilities_of
 from hil_tests.harness.rig_file import load_rig
 from taxel.errors import TaxelError
+from taxel.hand import load_hand
 
 GOOD = 'hand = "allegro"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
 VIRTUAL = 'hand = "allegro"\n[uart]\ndriver = "virtual"\n'
@@ -78,3 +80,14 @@ def test_a_modem_line_switches_the_whole_rig_and_no_single_board() -> None:
     with pytest.raises(RigError, match="board 0x22 cannot be switched alone"):
         power.switch(False, 0x22)
     power.close()
+
+
+def test_an_operator_is_told_what_to_press(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr("builtins.input", told.append)
+    stimulus = OperatorStimulus(load_hand("allegro"))
+    stimulus.press(0x22, 5, 3.0)
+    stimulus.release()
+    assert told[0].startswith("press taxel 5 of ")
+    assert "(0x22) with 3 N" in told[0]
+    assert told[1] == "let go of everything, then Return: "

@@ -13,9 +13,9 @@ from taxel.campaign.scatter import Scatter
 from taxel.cloud.propagation import Propagation
 
 EFFECTS: Final = (
-    "noise pink counts=50",
+    "noise pink counts=53",
+    "noise pink counts=120 board=0x2d",
     "noise line axis=1 counts=4",
-    "noise pink counts=115 board=0x2d",
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
     "gain electrode factor=1.5",
