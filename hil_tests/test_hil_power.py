@@ -1,5 +1,8 @@
 """Boards and hub that lose their power and get it back."""
 
+import contextlib
+from collections.abc import Callable
+
 import pytest
 
 from hil_tests.harness.fault_cases import BOOT_S
@@ -12,22 +15,40 @@ ACKNOWLEDGE_LIMIT_S = 0.15
 AT_MOST_CYCLES = 2
 
 
-@pytest.mark.needs("i2c", "faults")
+def power_cycle(rig: Rig, address: int, off_s: float = 0.1) -> float:
+    """A board loses its power and gets it back; when, on the rig's clock."""
+    rig.power.switch(False, address)
+    rig.clock.wait(off_s)
+    rig.power.switch(True, address)
+    return rig.clock.now_s()
+
+
+def wait_until(rig: Rig, answers: Callable[[], bool], begun_s: float) -> None:
+    """Until a board answers as it should; OSError is no answer. Fails after 150 ms."""
+    while True:
+        with contextlib.suppress(OSError):
+            if answers():
+                return
+        rig.clock.wait(0.001)
+        assert rig.clock.now_s() - begun_s < ACKNOWLEDGE_LIMIT_S, "no answer in 150 ms"
+
+
+@pytest.mark.needs("i2c", "power", "faults")
 @pytest.mark.parametrize("place", range(0, 17, 4))
 def test_a_board_acknowledges_within_150_ms_of_its_power(rig: Rig, place: int) -> None:
     address = board_at(rig.hand, place)
     rig.clock.wait(0.3)
-    rig.power.switch(False, address)
-    rig.clock.wait(0.1)
-    rig.power.switch(True, address)
-    begun_s = rig.clock.now_s()
-    while True:
-        try:
-            rig.i2c.write_quick(address)
-            break
-        except OSError:
-            rig.clock.wait(0.001)
-            assert rig.clock.now_s() - begun_s < ACKNOWLEDGE_LIMIT_S, "the board has not acknowledged in 150 ms"
+    wait_until(rig, lambda: rig.i2c.write_quick(address) is None, power_cycle(rig, address))
+
+
+@pytest.mark.needs("i2c", "power", "faults")
+@pytest.mark.world(lines=["boot_listens 1"])
+@pytest.mark.parametrize("place", [0, 9])
+def test_a_board_whose_bootloader_listens_first_is_itself_within_150_ms(rig: Rig, place: int) -> None:
+    """Between bootloader and application nobody answers."""
+    address = board_at(rig.hand, place)
+    rig.clock.wait(0.5)
+    wait_until(rig, lambda: rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")], power_cycle(rig, address))
 
 
 @pytest.mark.needs("faults", "counts")
@@ -120,23 +141,3 @@ def test_a_hub_that_is_told_to_restart_does(rig: Rig, skin: Skin) -> None:
     watch(rig, skin, 1.0)
     assert {frame.address for frame in watch(rig, skin, 0.5)} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts == 1
-
-
-@pytest.mark.needs("i2c", "power")
-@pytest.mark.world(lines=["boot_listens 1"])
-@pytest.mark.parametrize("place", [0, 9])
-def test_a_board_whose_bootloader_listens_first_is_itself_within_150_ms(rig: Rig, place: int) -> None:
-    address = board_at(rig.hand, place)
-    rig.clock.wait(0.5)
-    rig.power.switch(False, address)
-    rig.clock.wait(0.1)
-    rig.power.switch(True, address)
-    begun_s = rig.clock.now_s()
-    while True:
-        try:
-            if rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")]:
-                break
-        except OSError:
-            pass  # between bootloader and application nobody answers
-        rig.clock.wait(0.001)
-        assert rig.clock.now_s() - begun_s < ACKNOWLEDGE_LIMIT_S, "the application has not answered in 150 ms"
