@@ -152,7 +152,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
         fprintf(stderr, "board 0x%02X: out of memory\n", description->address);
         return -1;
     }
-    board_boot_init(board->boot, world, description);
+    boot_node_init(board->boot, world, description);
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     random_init(&board->random, world->seed, description->address);
@@ -204,7 +204,7 @@ static void claim_map_version(struct board_node *board)
 
 static void start_application(struct board_node *board)
 {
-    const struct board_boot *boot = board->boot;
+    const struct boot_node *boot = board->boot;
     const vtime rest = (vtime)(board->description->boot_ms * (double)VTIME_MS) - boot->init_time;
     board->runs = BOARD_RUNS_APPLICATION;
     board->has_confirmed = false;
@@ -213,26 +213,26 @@ static void start_application(struct board_node *board)
     board->now = board->boot_end;
     board->cpu_free = board->boot_end;
     board->config.reset_cause = boot->cause;
-    board->config.address = board->address = board_boot_address(boot);
-    board->config.kind = board_boot_kind(boot);
-    memcpy(board->config.firmware_version, board_boot_version(boot), sizeof board->config.firmware_version);
+    board->config.address = board->address = boot_node_address(boot);
+    board->config.kind = boot_node_kind(boot);
+    memcpy(board->config.firmware_version, boot_node_version(boot), sizeof board->config.firmware_version);
     (void)taxel_sensor_init(&board->sensor, &board->config); /* was valid at board_node_init() */
     claim_map_version(board);
     taxel_scan_start(&board->sensor);
 }
 
-static void after_boot(struct board_node *board, enum board_boot_outcome outcome)
+static void after_boot(struct board_node *board, enum boot_node_outcome outcome)
 {
     board->conversion_end = VTIME_NEVER;
     switch (outcome) {
-    case BOARD_BOOT_STARTS:
+    case BOOT_NODE_STARTS:
         start_application(board);
         break;
-    case BOARD_BOOT_HANGS:
+    case BOOT_NODE_HANGS:
         board->runs = BOARD_HANGS;
-        board->watchdog_at = board->boot->now + BOARD_BOOT_WATCHDOG;
+        board->watchdog_at = board->boot->now + BOOT_NODE_WATCHDOG;
         break;
-    case BOARD_BOOT_RESTARTS:
+    case BOOT_NODE_RESTARTS:
         board_power(board, true, board->boot->now, TAXEL_RESET_CAUSE_COMMAND);
         break;
     default:
@@ -250,22 +250,22 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board->scl_held_until = 0;
     board->stretch = 0;
     if (!on) {
-        board_boot_power_off(board->boot, now);
+        boot_node_power_off(board->boot, now);
         return;
     }
     if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
         board->powered_at = now;
     }
-    board->address = board_boot_address(board->boot);
-    after_boot(board, board_boot_reset(board->boot, now, reset_cause));
+    board->address = boot_node_address(board->boot);
+    after_boot(board, boot_node_reset(board->boot, now, reset_cause));
 }
 
 /* What has happened in a board that runs no application: its bootloader has waited long enough, its watchdog has bitten. */
 static void catch_up(struct board_node *board, vtime until)
 {
     for (;;) {
-        if (board->runs == BOARD_RUNS_BOOTLOADER && board_boot_deadline(board->boot) <= until) {
-            after_boot(board, board_boot_run(board->boot, board_boot_deadline(board->boot)));
+        if (board->runs == BOARD_RUNS_BOOTLOADER && boot_node_deadline(board->boot) <= until) {
+            after_boot(board, boot_node_run(board->boot, boot_node_deadline(board->boot)));
         } else if (board->runs == BOARD_HANGS && board->watchdog_at <= until) {
             board_power(board, true, board->watchdog_at, TAXEL_RESET_CAUSE_WATCHDOG);
         } else {
@@ -368,7 +368,7 @@ static void confirm(struct board_node *board, vtime now)
         return;
     }
     board->has_confirmed = true;
-    board->flash_until = board_boot_confirm(board->boot, now);
+    board->flash_until = boot_node_confirm(board->boot, now);
     board->cpu_free = vtime_max(board->cpu_free, board->flash_until);
 }
 
@@ -445,7 +445,7 @@ void board_stop(struct board_node *board, vtime now)
     if (board->runs != BOARD_RUNS_APPLICATION) {
         taxel_boot_i2c_on_stop(&board->boot->i2c);
         if (board->runs == BOARD_RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
-            after_boot(board, board_boot_run(board->boot, now));
+            after_boot(board, boot_node_run(board->boot, now));
         }
         return;
     }

@@ -7,7 +7,7 @@
 
 #include <stdbool.h>
 
-#include "emulator/board_boot.h"
+#include "emulator/boot_node.h"
 #include "emulator/board_fields.h"
 #include "emulator/electronics.h"
 #include "emulator/fault_log.h"
@@ -43,7 +43,7 @@ struct board_node {
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
     double clock_rate;
     vtime now; /* while firmware runs: the time it sees */
-    struct board_boot *boot;
+    struct boot_node *boot;
     enum board_runs runs;
     uint8_t address;   /* that it answers at now */
     bool has_confirmed; /* its image, or found that it was */

@@ -76,6 +76,35 @@ static void on_restart(void *context)
     ((struct hub_node *)context)->restart_wanted = true;
 }
 
+static void on_enter_bootloader(void *context)
+{
+    struct hub_node *node = context;
+    node->boot.stay = true;
+    node->restart_wanted = true;
+}
+
+static void to_hub(void *context, uint8_t byte)
+{
+    taxel_hub_on_uart_byte(context, byte);
+}
+
+static size_t from_hub(void *context, uint8_t *bytes, size_t size)
+{
+    return taxel_hub_uart_pull(context, bytes, size);
+}
+
+static void to_bootloader(void *context, uint8_t byte)
+{
+    struct hub_node *node = context;
+    node->boot.now = vtime_max(node->uart->receive_next, node->boot.reset_at); /* its clock: gaps between bytes count */
+    taxel_boot_uart_on_byte(&node->boot.uart, byte);
+}
+
+static size_t from_bootloader(void *context, uint8_t *bytes, size_t size)
+{
+    return taxel_boot_uart_pull(&((struct hub_node *)context)->boot.uart, bytes, size);
+}
+
 void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world)
 {
     memset(node, 0, sizeof *node);
@@ -95,6 +124,7 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, co
         .delay_us = on_delay_us,
         .wake_at = on_wake_at,
         .restart = on_restart,
+        .enter_bootloader = on_enter_bootloader,
     };
     node->config = (struct taxel_hub_config){
         .hal = &node->hal,
@@ -108,21 +138,75 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, co
     };
     memcpy(node->config.firmware_version, firmware_version, sizeof firmware_version);
     memcpy(node->config.unique_id, unique_id, sizeof unique_id);
+    boot_node_init_hub(&node->boot, world, unique_id);
+}
+
+static void start_application(struct hub_node *node)
+{
+    node->runs = HUB_RUNS_APPLICATION;
+    node->has_confirmed = false;
+    node->booted = node->now = node->cpu_free = node->wake = node->boot.now;
+    node->config.reset_cause = node->boot.cause;
+    memcpy(node->config.firmware_version, boot_node_version(&node->boot), sizeof node->config.firmware_version);
+    node->uart->user = (struct uart_user){.context = &node->hub, .on_byte = to_hub, .pull = from_hub};
+    taxel_hub_init(&node->hub, &node->config);
+}
+
+static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)
+{
+    const vtime deadline = boot_node_deadline(&node->boot);
+    switch (outcome) {
+    case BOOT_NODE_STARTS:
+        start_application(node);
+        break;
+    case BOOT_NODE_HANGS:
+        node->runs = HUB_HANGS;
+        node->wake = node->boot.now + BOOT_NODE_WATCHDOG;
+        break;
+    case BOOT_NODE_RESTARTS:
+        hub_node_boot(node, node->boot.now, TAXEL_RESET_CAUSE_COMMAND);
+        break;
+    default:
+        node->runs = HUB_RUNS_BOOTLOADER;
+        node->wake = deadline;
+        node->uart->user = (struct uart_user){.context = node, .on_byte = to_bootloader, .pull = from_bootloader};
+        break;
+    }
 }
 
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
     bus_abort(node->bus, BUS_HUB, now);
+    if (node->powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
+        boot_node_power_off(&node->boot, now); /* a brown-out */
+    }
     node->powered = true;
-    node->booted = node->now = node->cpu_free = node->wake = now;
     node->restart_wanted = false;
-    node->config.reset_cause = reset_cause;
-    taxel_hub_init(&node->hub, &node->config);
+    node->booted = node->now = node->cpu_free = now;
+    node->wake = VTIME_NEVER;
+    after_boot(node, boot_node_reset(&node->boot, now, reset_cause));
+}
+
+/* The bootloader's main loop, and what it has to say. */
+static void run_bootloader(struct hub_node *node, vtime now)
+{
+    node->now = now;
+    node->wake = VTIME_NEVER;
+    if (node->runs == HUB_HANGS) {
+        hub_node_boot(node, now, TAXEL_RESET_CAUSE_WATCHDOG);
+        return;
+    }
+    after_boot(node, boot_node_run(&node->boot, now));
+    node->cpu_free = vtime_max(node->cpu_free, node->boot.busy_until);
+    if (node->runs == HUB_RUNS_BOOTLOADER) {
+        uart_kick(node->uart, vtime_max(now, node->boot.busy_until));
+    }
 }
 
 void hub_node_unplug(struct hub_node *node, vtime now)
 {
     bus_abort(node->bus, BUS_HUB, now);
+    boot_node_power_off(&node->boot, now);
     node->powered = false;
     node->wake = VTIME_NEVER;
     uart_hub_is_gone(node->uart);
@@ -151,10 +235,24 @@ void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes)
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
+/* An image on trial that has has agreed on a version with a host and taken a command works. The row is written between two passes. */
+static void confirm(struct hub_node *node)
+{
+    if (node->has_confirmed || !node->hub.version || !node->hub.inbox.commands) {
+        return;
+    }
+    node->has_confirmed = true;
+    node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm(&node->boot, node->now));
+}
+
 void hub_node_run(struct hub_node *node)
 {
     const uint32_t sent = node->hub.outbox.bytes_sent;
     const vtime start = vtime_max(node->wake, node->cpu_free);
+    if (node->runs != HUB_RUNS_APPLICATION) {
+        run_bootloader(node, start);
+        return;
+    }
     node->wake = VTIME_NEVER;
     node->now = start + cycles(node, COST_HUB_PASS);
     taxel_hub_run(&node->hub);
@@ -163,5 +261,7 @@ void hub_node_run(struct hub_node *node)
     node->cpu_free = node->now + cycles(node, framed * (COST_HUB_CHECK_BYTE + COST_HUB_ENCODE_BYTE));
     if (node->restart_wanted) {
         hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);
+        return;
     }
+    confirm(node);
 }

@@ -2,6 +2,7 @@
 #ifndef EMULATOR_HUB_NODE_H
 #define EMULATOR_HUB_NODE_H
 
+#include "emulator/boot_node.h"
 #include "emulator/bus.h"
 #include "emulator/uart.h"
 #include "emulator/vtime.h"
@@ -11,7 +12,16 @@
 #define HUB_TRANSFER_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
 #define HUB_TRANSMIT_RING 1280u
 
+enum hub_runs {
+    HUB_RUNS_APPLICATION,
+    HUB_RUNS_BOOTLOADER,
+    HUB_HANGS,
+};
+
 struct hub_node {
+    struct boot_node boot;
+    enum hub_runs runs;
+    bool has_confirmed;
     struct taxel_hub hub;
     struct taxel_hub_config config;
     struct taxel_hub_hal hal;

@@ -5,11 +5,9 @@
 #define BITS_PER_BYTE 10.0 /* 8N1 */
 #define USB_OUT (1u * VTIME_MS)  /* host to adapter: one full-speed frame */
 
-void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms,
-               struct fault_log *log)
+void uart_init(struct uart *uart, struct endpoint *endpoint, double baud, double usb_latency_ms, struct fault_log *log)
 {
     memset(uart, 0, sizeof *uart);
-    uart->hub = hub;
     uart->endpoint = endpoint;
     uart->log = log;
     uart->byte_time = (vtime)(BITS_PER_BYTE / baud * (double)VTIME_SECOND);
@@ -70,7 +68,7 @@ size_t uart_transmit(struct uart *uart)
         uart->transmit_next = VTIME_NEVER;
         return 0;
     }
-    const size_t size = taxel_hub_uart_pull(uart->hub, bytes, sizeof bytes);
+    const size_t size = uart->user.pull(uart->user.context, bytes, sizeof bytes);
     for (size_t i = 0; i < size; i++) {
         to_adapter(uart, bytes[i], now + (i + 1u) * uart->byte_time);
     }
@@ -102,7 +100,7 @@ void uart_receive(struct uart *uart, bool hub_is_powered)
     const uint8_t sent = uart->receive[uart->receive_tail++ % UART_RECEIVE_BUFFER];
     const size_t size = line_faults_pass(&uart->down, sent, bytes, uart->receive_next, uart->log);
     for (size_t i = 0; i < size && hub_is_powered; i++) {
-        taxel_hub_on_uart_byte(uart->hub, bytes[i]);
+        uart->user.on_byte(uart->user.context, bytes[i]);
     }
     uart->receive_next =
         uart->receive_tail == uart->receive_head ? VTIME_NEVER

@@ -17,8 +17,15 @@
 #define USB_BUFFER 4096u
 #define UART_RECEIVE_BUFFER 8192u
 
+/* Whoever has the UART on the hub's side: its firmware, or its bootloader. */
+struct uart_user {
+    void *context;
+    void (*on_byte)(void *context, uint8_t byte);
+    size_t (*pull)(void *context, uint8_t *bytes, size_t size);
+};
+
 struct uart {
-    struct taxel_hub *hub;
+    struct uart_user user;
     struct endpoint *endpoint;
     vtime byte_time;
     vtime usb_latency;
@@ -38,8 +45,7 @@ struct uart {
     struct fault_log *log;
 };
 
-void uart_init(struct uart *uart, struct taxel_hub *hub, struct endpoint *endpoint, double baud, double usb_latency_ms,
-               struct fault_log *log);
+void uart_init(struct uart *uart, struct endpoint *endpoint, double baud, double usb_latency_ms, struct fault_log *log);
 
 /* The hub has lost its power: nothing more comes from it. */
 void uart_hub_is_gone(struct uart *uart);

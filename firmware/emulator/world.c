@@ -73,7 +73,7 @@ int world_init(struct world *world, const struct world_description *description,
     }
     enter_fields(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
-    uart_init(&world->uart, &world->hub.hub, endpoint, description->baud, description->usb_latency_ms, &world->log);
+    uart_init(&world->uart, endpoint, description->baud, description->usb_latency_ms, &world->log);
     hub_node_init(&world->hub, &world->bus, &world->uart, description);
     hub_node_boot(&world->hub, 0, TAXEL_RESET_CAUSE_POWER_ON);
     return 0;

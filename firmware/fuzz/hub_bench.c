@@ -142,6 +142,7 @@ static const struct taxel_hub_hal hal = {
     .delay_us = on_delay_us,
     .wake_at = on_wake_at,
     .restart = on_restart,
+    .enter_bootloader = on_restart,
 };
 
 /* What the host sees of one frame. */

@@ -17,6 +17,7 @@
 #define TAXEL_CROSSING_MAP_SIZE 32u
 #define TAXEL_SNAPSHOT_OVERHEAD 10u
 #define TAXEL_TRANSFER_MAX 64u
+#define TAXEL_BOOTLOADER_KEY 1414483778u
 #define TAXEL_LOG_TEXT_MAX 64u
 #define TAXEL_FRAME_HEADER_SIZE 5u
 #define TAXEL_FRAME_CRC_SIZE 4u
@@ -63,6 +64,7 @@ enum taxel_command {
     TAXEL_COMMAND_GET_STATUS = 0x08,
     TAXEL_COMMAND_GET_BOARD_INFO = 0x09,
     TAXEL_COMMAND_GET_TIME = 0x0A,
+    TAXEL_COMMAND_ENTER_BOOTLOADER = 0x0B,
 };
 
 enum taxel_reply_status {
@@ -827,6 +829,20 @@ static inline void taxel_set_rate_arguments_pack(const struct taxel_set_rate_arg
 static inline void taxel_set_rate_arguments_unpack(struct taxel_set_rate_arguments *value, const uint8_t *bytes)
 {
     value->period_us = taxel_get_u32(bytes + 0);
+}
+
+#define TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE 4u
+#define TAXEL_ENTER_BOOTLOADER_ARGUMENTS_OFFSET_KEY 0u
+struct taxel_enter_bootloader_arguments {
+    uint32_t key;
+};
+static inline void taxel_enter_bootloader_arguments_pack(const struct taxel_enter_bootloader_arguments *value, uint8_t *bytes)
+{
+    taxel_put_u32(bytes + 0, value->key);
+}
+static inline void taxel_enter_bootloader_arguments_unpack(struct taxel_enter_bootloader_arguments *value, const uint8_t *bytes)
+{
+    value->key = taxel_get_u32(bytes + 0);
 }
 
 #define TAXEL_TRANSFER_ARGUMENTS_SIZE 2u

@@ -49,6 +49,8 @@ struct taxel_hub_hal {
     void (*wake_at)(void *context, uint64_t clock_us);
 
     void (*restart)(void *context);
+    /* As restart, but the bootloader stays. */
+    void (*enter_bootloader)(void *context);
 };
 
 #endif

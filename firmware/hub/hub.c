@@ -75,7 +75,7 @@ void taxel_hub_run(struct taxel_hub *hub)
         if (taxel_hub_uart_pending(hub) && taxel_hub_clock(hub) < hub->restart_by_us) {
             hal->wake_at(hal->context, taxel_hub_clock(hub) + DRAIN_POLL_US);
         } else {
-            hal->restart(hal->context);
+            (hub->bootloader_wanted ? hal->enter_bootloader : hal->restart)(hal->context);
         }
         return;
     }

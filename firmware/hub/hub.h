@@ -176,6 +176,7 @@ struct taxel_hub {
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
     bool streaming;
     bool restart_wanted;
+    bool bootloader_wanted;
 };
 
 /* Set up from a configuration that stays in place, and announce the start with a HUB_HELLO frame. */

@@ -194,6 +194,7 @@ static const struct argument_rule argument_rules[] = {
     {TAXEL_COMMAND_GET_STATUS, 0, 0},
     {TAXEL_COMMAND_GET_BOARD_INFO, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE},
     {TAXEL_COMMAND_GET_TIME, 0, 0},
+    {TAXEL_COMMAND_ENTER_BOOTLOADER, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE},
 };
 
 static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
@@ -208,6 +209,23 @@ static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
         }
     }
     return TAXEL_REPLY_STATUS_UNKNOWN_COMMAND;
+}
+
+static void restart(struct taxel_hub *hub)
+{
+    hub->restart_wanted = true;
+    hub->restart_by_us = taxel_hub_clock(hub) + RESTART_PATIENCE_US;
+    done(hub);
+}
+
+static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
+{
+    if (taxel_get_u32(arguments) != TAXEL_BOOTLOADER_KEY) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
+        return;
+    }
+    hub->bootloader_wanted = true;
+    restart(hub);
 }
 
 static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *arguments, size_t size)
@@ -234,9 +252,10 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
         set_scan_settings(hub, arguments);
         break;
     case TAXEL_COMMAND_REBOOT:
-        hub->restart_wanted = true;
-        hub->restart_by_us = taxel_hub_clock(hub) + RESTART_PATIENCE_US;
-        done(hub);
+        restart(hub);
+        break;
+    case TAXEL_COMMAND_ENTER_BOOTLOADER:
+        enter_bootloader(hub, arguments);
         break;
     case TAXEL_COMMAND_GET_STATUS:
         taxel_hub_start_report(hub, true);

@@ -66,6 +66,11 @@ static void on_restart(void *context)
     ((struct fake_hub *)context)->restarts++;
 }
 
+static void on_enter_bootloader(void *context)
+{
+    ((struct fake_hub *)context)->bootloader_entries++;
+}
+
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct fake_hub *fake = context;
@@ -101,6 +106,7 @@ void fake_hub_init(struct fake_hub *fake)
         .delay_us = on_delay_us,
         .wake_at = on_wake_at,
         .restart = on_restart,
+        .enter_bootloader = on_enter_bootloader,
     };
     fake->config = (struct taxel_hub_config){
         .hal = &fake->hal,

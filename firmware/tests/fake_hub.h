@@ -57,7 +57,7 @@ struct fake_hub {
     uint64_t done_us;
     int8_t result;
     uint64_t transfers;
-    unsigned aborts, restarts;
+    unsigned aborts, restarts, bootloader_entries;
     unsigned overlapping; /* transfers begun before the last one had ended */
 
     bool scl, sda;            /* what the hub drives */

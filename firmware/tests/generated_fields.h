@@ -253,6 +253,18 @@ static void set_rate_arguments_unpack(void *value, const uint8_t *bytes)
     taxel_set_rate_arguments_unpack(value, bytes);
 }
 
+static const struct field enter_bootloader_arguments_fields[] = {
+    {"key", offsetof(struct taxel_enter_bootloader_arguments, key), 4, 0},
+};
+static void enter_bootloader_arguments_pack(const void *value, uint8_t *bytes)
+{
+    taxel_enter_bootloader_arguments_pack(value, bytes);
+}
+static void enter_bootloader_arguments_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_enter_bootloader_arguments_unpack(value, bytes);
+}
+
 static const struct field transfer_arguments_fields[] = {
     {"address", offsetof(struct taxel_transfer_arguments, address), 1, 0},
     {"read_length", offsetof(struct taxel_transfer_arguments, read_length), 1, 0},
@@ -400,6 +412,7 @@ static const struct layout layouts[] = {
     {"host_hello", host_hello_fields, sizeof host_hello_fields / sizeof host_hello_fields[0], TAXEL_HOST_HELLO_SIZE, host_hello_pack, host_hello_unpack},
     {"command_header", command_header_fields, sizeof command_header_fields / sizeof command_header_fields[0], TAXEL_COMMAND_HEADER_SIZE, command_header_pack, command_header_unpack},
     {"set_rate_arguments", set_rate_arguments_fields, sizeof set_rate_arguments_fields / sizeof set_rate_arguments_fields[0], TAXEL_SET_RATE_ARGUMENTS_SIZE, set_rate_arguments_pack, set_rate_arguments_unpack},
+    {"enter_bootloader_arguments", enter_bootloader_arguments_fields, sizeof enter_bootloader_arguments_fields / sizeof enter_bootloader_arguments_fields[0], TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, enter_bootloader_arguments_pack, enter_bootloader_arguments_unpack},
     {"transfer_arguments", transfer_arguments_fields, sizeof transfer_arguments_fields / sizeof transfer_arguments_fields[0], TAXEL_TRANSFER_ARGUMENTS_SIZE, transfer_arguments_pack, transfer_arguments_unpack},
     {"set_scan_settings_arguments", set_scan_settings_arguments_fields, sizeof set_scan_settings_arguments_fields / sizeof set_scan_settings_arguments_fields[0], TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE, set_scan_settings_arguments_pack, set_scan_settings_arguments_unpack},
     {"get_board_info_arguments", get_board_info_arguments_fields, sizeof get_board_info_arguments_fields / sizeof get_board_info_arguments_fields[0], TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, get_board_info_arguments_pack, get_board_info_arguments_unpack},

@@ -68,7 +68,7 @@ static void wrong_lengths_and_unknown_commands_are_refused(void)
     } rules[] = {{TAXEL_COMMAND_START, 0, 0},        {TAXEL_COMMAND_STOP, 0, 0},       {TAXEL_COMMAND_SET_RATE, 4, 4},
                  {TAXEL_COMMAND_SCAN_BUS, 0, 0},     {TAXEL_COMMAND_I2C_TRANSFER, 2, 66}, {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
                  {TAXEL_COMMAND_REBOOT, 0, 0},       {TAXEL_COMMAND_GET_STATUS, 0, 0}, {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},
-                 {TAXEL_COMMAND_GET_TIME, 0, 0}};
+                 {TAXEL_COMMAND_GET_TIME, 0, 0},     {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4}};
     const uint8_t zeros[66] = {0};
     begin(false);
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
@@ -79,7 +79,7 @@ static void wrong_lengths_and_unknown_commands_are_refused(void)
         }
     }
     CHECK_EQUAL(command(0, NULL, 0), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
-    for (unsigned code = TAXEL_COMMAND_GET_TIME + 1; code < 256; code++) {
+    for (unsigned code = TAXEL_COMMAND_ENTER_BOOTLOADER + 1; code < 256; code++) {
         CHECK_EQUAL(command((uint8_t)code, zeros, 3), TAXEL_REPLY_STATUS_UNKNOWN_COMMAND);
     }
     CHECK_EQUAL(fake.restarts, 0);

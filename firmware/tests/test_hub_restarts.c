@@ -126,6 +126,20 @@ static void a_reboot_waits_for_its_own_reply(void)
     end();
 }
 
+static void only_the_key_leads_into_the_bootloader(void)
+{
+    static const uint8_t key[4] = {'B', 'O', 'O', 'T'}, other[4] = {'B', 'O', 'O', 'K'};
+    begin(1);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_ENTER_BOOTLOADER, other, sizeof other), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    fake_hub_run(&fake, 20000);
+    CHECK_EQUAL(fake.bootloader_entries, 0);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_ENTER_BOOTLOADER, key, sizeof key), TAXEL_REPLY_STATUS_OK);
+    fake_hub_run(&fake, 20000);
+    CHECK(fake.bootloader_entries > 0);
+    CHECK_EQUAL(fake.restarts, 0);
+    end();
+}
+
 static void a_hub_that_streams_more_than_its_uart_carries_reboots(void)
 {
     begin(4);
@@ -155,6 +169,7 @@ int main(void)
     RUN(after_a_pause_of_two_minutes_no_board_counts_as_restarted);
     RUN(board_info_is_right_whenever_it_is_asked_for);
     RUN(a_reboot_waits_for_its_own_reply);
+    RUN(only_the_key_leads_into_the_bootloader);
     RUN(a_hub_that_streams_more_than_its_uart_carries_reboots);
     RUN(a_hub_whose_uart_is_stuck_reboots);
     return check_summary();

@@ -132,6 +132,9 @@ CommandPayload = Struct(
 SetRateArguments = Struct("period_us" / Int32ul)
 """SET_RATE: shortest time from the start of one poll cycle to the next; 0: as fast as the bus allows."""
 
+EnterBootloaderArguments = Struct("key" / Int32ul)
+"""ENTER_BOOTLOADER: `limits.BOOTLOADER_KEY`, so that no chance command leaves a hub without its firmware."""
+
 TransferArguments = Struct(
     "address" / Int8ul,
     "read_length" / Int8ul,

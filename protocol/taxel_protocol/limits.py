@@ -34,6 +34,9 @@ SNAPSHOT_OVERHEAD = 10
 TRANSFER_MAX = 64
 """Bytes written, or read, in one I2C pass-through command."""
 
+BOOTLOADER_KEY = 0x544F4F42
+"""Argument of ENTER_BOOTLOADER: the characters BOOT."""
+
 LOG_TEXT_MAX = 64
 """Bytes of text in one log frame."""
 

@@ -34,6 +34,7 @@ class Command(IntEnum):
     GET_STATUS = 8
     GET_BOARD_INFO = 9
     GET_TIME = 10
+    ENTER_BOOTLOADER = 11
 
 
 class ReplyStatus(IntEnum):

@@ -50,6 +50,7 @@ LAYOUTS = {
                 (
                     "TaxelHeader",
                     "SetRateArguments",
+                    "EnterBootloaderArguments",
                     "TransferArguments",
                     "SetScanSettingsArguments",
                     "GetBoardInfoArguments",

@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GENERATORS = ("c_header.py", "vectors.py")
 INNER = {
     "set_rate_arguments": frames.SetRateArguments,
+    "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,

@@ -34,6 +34,7 @@ STRUCTS: dict[str, Struct] = {
     "reply_header": frames.Reply,
     "command_header": frames.CommandPayload,
     "set_rate_arguments": frames.SetRateArguments,
+    "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,

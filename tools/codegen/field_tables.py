@@ -17,6 +17,7 @@ HEADER = Path(__file__).resolve().parents[2] / "firmware" / "tests" / "generated
 
 INNER: dict[str, Struct] = {
     "set_rate_arguments": frames.SetRateArguments,
+    "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,

@@ -24,6 +24,7 @@ from taxel_protocol import frames, limits, registers
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.framing import whiten
 from taxel_protocol.layout import Field, fields_of
+from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_protocol.names import Command, FrameType
 from taxel_protocol.wire import Body, WireFrame
 
@@ -32,6 +33,7 @@ VECTORS = HERE.parents[1] / "protocol" / "vectors"
 
 INNER: dict[str, Struct] = {
     "set_rate_arguments": frames.SetRateArguments,
+    "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
     "set_scan_settings_arguments": frames.SetScanSettingsArguments,
     "get_board_info_arguments": frames.GetBoardInfoArguments,
@@ -160,6 +162,7 @@ def every_command() -> list[Sample]:
     on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
     arguments: dict[Command, tuple[bytes, dict[str, Any] | None]] = dict.fromkeys(Command, (b"", None))
     arguments[Command.SET_RATE] = _inner("set_rate_arguments", {"period_us": 52_632})
+    arguments[Command.ENTER_BOOTLOADER] = _inner("enter_bootloader_arguments", {"key": BOOTLOADER_KEY})
     arguments[Command.I2C_TRANSFER] = _inner("transfer_arguments", {"address": 0x21, "read_length": 28}, b"\x40")
     arguments[Command.SET_SCAN_SETTINGS] = _inner("set_scan_settings_arguments", on_all_boards)
     arguments[Command.GET_BOARD_INFO] = _inner("get_board_info_arguments", {"address": 0x30})

@@ -67,8 +67,8 @@ class VirtualSerialLink(SerialLink):
 
     def __init__(self, world: VirtualWorld, baud: float = 1e6) -> None:
         self.world = world
-        self._taken = 0
         super().__init__(world.pty_name, baud)
+        self._taken = world.delivered  # what came before nobody read: opening a port throws it away
 
     def now_s(self) -> float:
         """World seconds."""
