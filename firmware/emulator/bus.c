@@ -3,7 +3,7 @@
 #include <string.h>
 
 #define CLOCKS_PER_BYTE 9u /* eight bits and the acknowledge */
-#define SLAVES_MAX 4u
+#define SLAVES_MAX 32u
 
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log)
 {

@@ -35,7 +35,7 @@ struct bus {
     size_t index;
     unsigned wire_byte; /* bytes of this transfer that have ended */
     int8_t result;
-    struct board_node *slaves[4]; /* that acknowledged the present address */
+    struct board_node *slaves[32]; /* that acknowledged the present address */
     size_t slave_count;
     bool slaves_send; /* they were called for reading: unless the address byte was damaged, so does the master */
     bool let_go;      /* they have seen a byte that was not acknowledged, and send no more */

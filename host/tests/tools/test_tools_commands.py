@@ -1,0 +1,187 @@
+"""`taxel scan`, `taxel provision`, `taxel flash`: what they print, and what they refuse with one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from taxel.cli import main as command
+from taxel_tools.files.cyacd import write_cyacd
+
+URL = "emulator:?hand=rig4"
+BLANK = f"{URL}&word=blank 0x50"
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Runs `taxel`: exit status, output, complaints."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["taxel", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            command.main()
+        told = capsys.readouterr()
+        return ended.value.code or 0, told.out, told.err
+
+    return call
+
+
+@pytest.fixture
+def files(tmp_path, make_image):
+    """Files of both slots."""
+
+    def write(**options):
+        paths = []
+        for slot, row in ((0, 32), (1, 128)):
+            paths.append(tmp_path / f"fw-{'ab'[slot]}.cyacd")
+            paths[-1].write_text(write_cyacd(make_image(slot, **options), row))
+        return paths
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["scan", "provision", "flash"])
+def test_each_command_explains_itself_with_an_example(run, name):
+    status, out, _ = run(name, "--help")
+    assert status == 0
+    assert f"Example: taxel {name} " in " ".join(out.split())
+
+
+@pytest.mark.parametrize("wire", ["hub", "i2c"])
+def test_scan_prints_a_line_for_each_board(run, wire):
+    status, out, _ = run("scan", f"{URL}&wire={wire}")
+    assert status == 0
+    lines = out.splitlines()
+    assert lines[0].split() == ["address", "runs", "kind", "version", "taxels", "unique", "id", "health"]
+    assert lines[1].split()[:4] == ["0x50", "application", "9", "0.1.0"]
+    assert lines[-1] == "4 boards, 0 with notes"
+
+
+def test_scan_prints_json(run):
+    found = json.loads(run("scan", URL, "--json")[1])
+    assert [one["address"] for one in found] == [0x50, 0x51, 0x52, 0x53]
+
+
+def test_flash_updates_all_boards_and_says_so(run, files):
+    status, out, err = run("flash", URL, *files(), "--all")
+    assert status == 0, err
+    assert "4 boards: 8 rows of version 1.2.3 (slot A and B) will be written into each one's free slot" in err
+    assert [line.split()[:6] for line in out.splitlines()[1:]] == [
+        [f"0x{address:02X}", "0.1.0", "1.2.3", "B", "8", "0"] for address in (0x50, 0x51, 0x52, 0x53)
+    ]
+
+
+def test_flash_takes_a_list_of_boards_and_prints_json(run, files):
+    status, out, _ = run("flash", URL, *files(), "--board", "0x51", "--board", "83", "--json")
+    document = json.loads(out)
+    assert status == 0
+    assert [(one["address"], one["after"]) for one in document["done"]] == [(0x51, [1, 2, 3]), (0x53, [1, 2, 3])]
+
+
+def test_a_dry_run_of_flash_says_what_would_be_done_and_does_not_do_it(run, files):
+    status, out, err = run("flash", URL, *files(), "--board", "0x51", "--dry-run")
+    assert (status, out) == (0, "")
+    assert "1 board: 8 rows of version 1.2.3 (slot A and B) would be written" in err
+    assert "0x51  0.1.0 -> 1.2.3" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--board", "0x60"], "board 0x60: does not answer; taxel scan shows who does"),
+        (["--board", "x"], "--board: expected an I2C address from 0x08 to 0x77, found 'x'"),
+        ([], "flash: expected either --board ADDRESS (as often as wanted) or --all"),
+        (["--all", "--board", "0x50"], "flash: expected either --board ADDRESS"),
+    ],
+)
+def test_flash_refuses_boards_that_cannot_be_meant(run, files, arguments, words):
+    status, out, err = run("flash", URL, *files(), *arguments)
+    assert (status, out) == (1, "")
+    assert err.startswith(f"taxel: {words}")
+    assert err.count("\n") == 1
+
+
+def test_flash_refuses_a_file_of_another_kind(run, files):
+    status, _, err = run("flash", URL, *files(kind=77), "--all")
+    assert status == 1
+    assert "no board on the bus is of kind 77" in err
+    assert "board 0x50: is of kind 9, but " in run("flash", URL, *files(kind=77), "--board", "0x50")[2]
+
+
+def test_flash_refuses_a_damaged_file_and_one_that_is_not_there(run, files, tmp_path):
+    path = files()[0]
+    path.write_text(path.read_text()[:-31])
+    status, _, err = run("flash", URL, path, "--all")
+    assert status == 1
+    assert f"{path}: line 9: expected 128 bytes of data, found 113; the line is cut short" in err
+    assert "No such file" in run("flash", URL, tmp_path / "none.hex", "--all")[2]
+
+
+def test_flash_that_fails_on_a_board_ends_with_its_line(run, files):
+    status, _, err = run("flash", URL, files()[0], "--board", "0x50")
+    assert status == 1
+    assert "taxel: not updated: 1 of 1 board: board 0x50: its free slot is B, but " in err
+
+
+def test_provision_gives_a_blank_board_its_address(run):
+    status, out, err = run(
+        "provision", BLANK, "--address", "0x50", "--kind", "1", "--serial", "FT-7", "--idac", "16,17"
+    )
+    assert status == 0
+    assert "boards at 0x77 restart into their bootloaders" in err
+    assert " at 0x77 -> 0x50, kind 1, serial 'FT-7' is written" in err
+    assert out.splitlines()[1].split()[1:] == ["0x77", "0x50", "1", "FT-7", "16", "17", "written"]
+    assert out.splitlines()[-1] == "1 board found, 1 changed"
+
+
+def test_provision_searches_and_rehearses_without_writing(run):
+    searched = run("provision", f"{BLANK}&word=blank 0x51", "--search")[1]
+    assert "2 boards found, 0 changed" in searched
+    identity = searched.splitlines()[1].split()[0]
+    rehearsed = run(
+        "provision", f"{BLANK}&word=blank 0x51", "--id", identity, "--address", "0x30", "--dry-run", "--json"
+    )
+    document = json.loads(rehearsed[1])
+    assert (document["written"], document["changes"][0]["configuration"]["address"]) == (False, 0x30)
+
+
+@pytest.mark.parametrize(
+    ("url", "arguments", "words"),
+    [
+        (URL, ["--address", "0x30"], "board 0x77: nobody answers there; check power and address"),
+        (BLANK, ["--address", "0x51"], "board 0x51: is in use already"),
+        (BLANK, [], "provision: say what to write"),
+        (BLANK, ["--address", "0x99"], "--address: expected an I2C address from 0x08 to 0x77, found '0x99'"),
+        (BLANK, ["--kind", "999"], "provision: --kind: expected 0 to 255, found 999"),
+        (BLANK, ["--idac", "1,x"], "provision: --idac_codes: expected at most 16 numbers"),
+        (BLANK, ["--plan", "none.toml"], "none.toml: No such file"),
+        (BLANK, ["--plan", "none.toml", "--kind", "1"], "--plan: expected alone"),
+        (f"{BLANK}&word=blank 0x51", ["--address", "0x30"], "board 0x77: 2 boards answer ("),
+    ],
+)
+def test_provision_refuses_what_cannot_be_given(run, url, arguments, words):
+    status, out, err = run("provision", url, *arguments)
+    assert (status, out) == (1, "")
+    assert err.splitlines()[-1].startswith(f"taxel: {words}")
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("nothing", "nothing: is not a URL that can be opened"),
+        ("/dev/i2c-99", "/dev/i2c-99: cannot be opened (No such file or directory); load the module i2c-dev"),
+        ("serial:///dev/ttyNONE", "/dev/ttyNONE: "),
+        ("emulator:?colour=1", "unknown option 'colour'"),
+        ("emulator:?wire=x", "option 'wire' must be hub or i2c"),
+        ("emulator:?baud=x", "option 'baud' must be a number, found 'x'"),
+        ("emulator:?word=nonsense", "virtual rig: "),
+        ("emulator:?hand=none", "none"),
+    ],
+)
+def test_a_wire_that_cannot_be_opened_is_one_line(run, url, words):
+    status, out, err = run("scan", url)
+    assert (status, out) == (1, "")
+    assert words in err
+    assert err.count("\n") == 1

@@ -1,0 +1,237 @@
+"""Firmware files: what is read back as written, and the line that each kind of damage gets."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import random
+from contextlib import suppress
+
+import pytest
+
+from taxel_protocol.bootloader import BootChecksum, BootDevice
+from taxel_tools.errors import FirmwareFileError
+from taxel_tools.files import load_firmware
+from taxel_tools.files.cyacd import read_cyacd, write_cyacd
+from taxel_tools.files.intel_hex import read_intel_hex, write_intel_hex
+
+FIRST_ROWS = (32, 128)
+
+
+def cyacd_row(row: int, data: bytes, array: int = 0) -> str:
+    body = bytes([array]) + row.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
+    return ":" + (body + bytes([-sum(body) & 0xFF])).hex().upper()
+
+
+def refusal_of(lines: list[str]) -> str:
+    with pytest.raises(FirmwareFileError) as error:
+        read_cyacd("\n".join(lines), "f.cyacd")
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.fixture
+def lines(make_image) -> list[str]:
+    """A good `.cyacd` of slot A, in lines."""
+    return write_cyacd(make_image(0), 32).splitlines()
+
+
+@pytest.mark.parametrize("slot", [0, 1])
+@pytest.mark.parametrize("size", [40, 128, 1000, 12288])
+def test_a_cyacd_is_read_as_it_was_written(make_image, slot, size):
+    image = make_image(slot, size=size)
+    found = read_cyacd(write_cyacd(image, FIRST_ROWS[slot], BootChecksum.CRC), "f")
+    assert (found.data, found.slot, found.version, found.crc) == (image.data, slot, (1, 2, 3), image.crc)
+
+
+@pytest.mark.parametrize("slot", [0, 1])
+def test_an_intel_hex_file_is_read_as_it_was_written(make_image, slot):
+    image = make_image(slot)
+    assert read_intel_hex(write_intel_hex(image.data, 128 * FIRST_ROWS[slot]), "f").data == image.data
+
+
+def test_slot_b_of_a_hub_lies_elsewhere(make_image):
+    image = make_image(1, device=BootDevice.HUB)
+    assert read_cyacd(write_cyacd(image, 136), "f").device == BootDevice.HUB
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda lines: [], "line 1: expected a header of 12 digits, found 0"),
+        (lambda lines: ["04C81193"], "line 1: expected a header of 12 digits, found 8"),
+        (lambda lines: ["04A61193" + "0000", *lines[1:]], "expected silicon id 04C81193 (CY8C4245AXI-483), found 04A6"),
+        (lambda lines: ["04C811930009", *lines[1:]], "line 1: expected checksum kind 0 or 1, found 9"),
+        (lambda lines: lines[:1], "file: expected rows after the header, found none"),
+        (lambda lines: [*lines[:3], lines[3][:-2] + "00", *lines[4:]], "line 4: expected checksum "),
+        (lambda lines: [*lines[:3], lines[3].replace("0", "G", 1), *lines[4:]], "line 4: expected hexadecimal digits"),
+        (lambda lines: [*lines[:3], lines[3][:-1], *lines[4:]], "line 4: expected two hexadecimal digits a byte"),
+        (lambda lines: [*lines[:3], lines[3][:-10], *lines[4:]], "line 4: expected 128 bytes of data, found 123"),
+        (lambda lines: [*lines[:3], lines[3][1:], *lines[4:]], "line 4: expected a row that begins with ':'"),
+        (lambda lines: [*lines[:3], ":0000", *lines[4:]], "line 4: expected at least 6 bytes"),
+        (lambda lines: [*lines, lines[3]], "line 10: expected each row once, found row 34 again (first in line 4)"),
+        (lambda lines: lines[:-1], "f.cyacd: image: expected 1000 bytes, as its header says, found 896; the file is"),
+        (
+            lambda lines: [*lines, cyacd_row(0, bytes(128))],
+            "line 10: expected rows from 32 on, found row 0 of the boot",
+        ),
+        (lambda lines: [*lines, cyacd_row(31, bytes(128))], "the bootloader does not replace itself"),
+        (
+            lambda lines: [*lines, cyacd_row(254, bytes(128))],
+            "line 10: expected rows 32 to 127 or 128 to 223, found ro",
+        ),
+        (lambda lines: [*lines, cyacd_row(300, bytes(128))], "found row 300, beyond the flash"),
+        (lambda lines: [*lines, cyacd_row(130, bytes(128))], "expected rows of one slot, found rows of slots A and B"),
+        (lambda lines: [*lines, cyacd_row(60, bytes(64))], "line 10: expected rows of 128 bytes, found 64"),
+        (lambda lines: [*lines, cyacd_row(60, bytes(128), 1)], "line 10: expected flash array 0, found 1"),
+        (lambda lines: [*lines[:4], cyacd_row(35, bytes(128)), *lines[5:]], "image CRC-32: expected "),
+        (
+            lambda lines: [lines[0], *lines[2:]],
+            "image header: expected an image that begins with TXLI in the first row",
+        ),
+    ],
+)
+def test_each_damage_of_a_cyacd_has_its_own_line(lines, damage, words):
+    told = refusal_of(damage(lines))
+    assert words in told
+    assert told.startswith("f.cyacd: ")
+
+
+def test_an_image_linked_for_the_other_slot_is_refused(make_image):
+    told = refusal_of(write_cyacd(make_image(1), 32).splitlines())
+    assert "image header slot: expected row 128, where slot B begins, found row 32" in told
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda lines: lines[:-1], "file: expected an end record (:00000001FF), found none"),
+        (lambda lines: [lines[0][:-2] + "00", *lines[1:]], "line 1: expected checksum "),
+        (lambda lines: [lines[0][:-4], *lines[1:]], "line 1: expected 16 bytes of data, found 14"),
+        (lambda lines: ["x" + lines[0], *lines[1:]], "line 1: expected a record that begins with ':'"),
+        (lambda lines: [":zz", *lines[1:]], "line 1: expected hexadecimal digits"),
+        (lambda lines: [*lines, lines[0]], "expected nothing after the end record"),
+        (lambda lines: [lines[0], *lines], "line 2: expected each byte once, found address 0x1000 again"),
+        (lambda lines: [":0100000000FF", *lines], "line 1: expected rows from 32 on, found row 0 of the bootloader"),
+        (lambda lines: [":020000049030" + "3A", ":0100000000FF", *lines], "beyond the flash"),
+        (lambda lines: [":00000007F9", *lines], "line 1: expected record type 0 to 5, found 7"),
+        (lambda lines: [*lines[:5], *lines[6:]], "image CRC-32: expected "),
+    ],
+)
+def test_each_damage_of_an_intel_hex_file_has_its_own_line(make_image, damage, words):
+    lines = write_intel_hex(make_image(0).data, 32 * 128).splitlines()
+    with pytest.raises(FirmwareFileError) as error:
+        read_intel_hex("\n".join(damage(lines)), "f.hex")
+    assert words in str(error.value)
+
+
+def test_a_raw_image_that_is_cut_short_is_refused(tmp_path, make_image):
+    path = tmp_path / "f.bin"
+    for size in (0, 39, 500):
+        path.write_bytes(make_image(0).data[:size])
+        with pytest.raises(FirmwareFileError, match="the file is cut short; copy it anew"):
+            load_firmware([path])
+
+
+def test_no_damaged_byte_of_any_form_gets_through(tmp_path, make_image):
+    image = make_image(0)
+    forms = {
+        "f.bin": image.data,
+        "f.cyacd": write_cyacd(image, 32).encode(),
+        "f.hex": write_intel_hex(image.data, 32 * 128).encode(),
+    }
+    seed = 5
+    print(f"seed {seed}")
+    generator = random.Random(seed)
+    for name, data in forms.items():
+        for _ in range(150):
+            damaged = bytearray(data)
+            damaged[generator.randrange(len(data))] ^= 1 << generator.randrange(8)
+            path = tmp_path / name
+            path.write_bytes(damaged)
+            with suppress(FirmwareFileError):
+                # What is taken: a letter in lower case, another line end, a revision that nobody looks at.
+                assert load_firmware([path]).images[0].data == image.data
+
+
+@pytest.fixture
+def manifest(tmp_path, make_image):
+    """Writes a manifest over a `.cyacd` of slot A and a bare image of slot B; its path."""
+    image, other = make_image(0, kind=3), make_image(1, kind=3)
+    (tmp_path / "a.cyacd").write_text(write_cyacd(image, 32))
+    (tmp_path / "b.bin").write_bytes(other.data[32:])
+
+    def write(**changes):
+        entries = [
+            {"file": "a.cyacd", "sha256": hashlib.sha256((tmp_path / "a.cyacd").read_bytes()).hexdigest()},
+            {"file": "b.bin", "device": "board", "kind": 3, "slot": "B", "version": "1.2.3"},
+        ]
+        for key, value in changes.items():
+            place, name = int(key[-1]), key[:-1]
+            entries[place][name] = value
+            if value is None:
+                del entries[place][name]
+        path = tmp_path / "m.json"
+        path.write_text(json.dumps({"taxel_firmware": 1, "image": entries}))
+        return path
+
+    return write
+
+
+def test_a_manifest_carries_both_slots_and_gives_a_bare_image_its_header(manifest, make_image):
+    firmware = load_firmware([manifest()])
+    assert [image.slot for image in firmware.images] == [0, 1]
+    assert firmware.images[1].data == make_image(1, kind=3).data
+
+
+def test_a_manifest_may_be_toml(tmp_path, make_image):
+    (tmp_path / "a.bin").write_bytes(make_image(0).data)
+    (tmp_path / "m.toml").write_text('taxel_firmware = 1\n[[image]]\nfile = "a.bin"\nslot = "A"\n')
+    assert load_firmware([tmp_path / "m.toml"]).image_for(0) is not None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sha2560": "00"}, "image[0].sha256: expected 00, found "),
+        ({"slot1": None}, "image[1].slot: expected a value, as the raw image has no header, found none; add slot"),
+        ({"slot1": "C"}, "image[1].slot: expected A or B, found 'C'"),
+        ({"version1": "1.2"}, "image[1].version: expected three numbers such as 1.2.0, found '1.2'"),
+        ({"device1": "arm"}, "image[1].device: expected board or hub"),
+        ({"kind1": True}, "image[1].kind: expected 0 to 255, found True"),
+        ({"kind1": 4}, "image kind: expected 3, as in "),
+        ({"kind0": 4}, "image[0].kind: expected 4, found 3 in "),
+        ({"slot0": "B"}, "image[0].slot: expected B, found A in "),
+        ({"version0": "9.9.9"}, "image[0].version: expected 9.9.9, found 1.2.3 in "),
+        ({"colour0": 1}, "image[0].colour: expected one of device, file, kind, sha256, slot, version"),
+        ({"file0": 5}, "image[0].file: expected a file name, found 5"),
+        ({"slot1": "A"}, "expected one image for slot A, found another one"),
+    ],
+)
+def test_a_manifest_that_claims_otherwise_is_refused(manifest, changes, words):
+    with pytest.raises(FirmwareFileError) as error:
+        load_firmware([manifest(**changes)])
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"taxel_firmware": 2}', '{"taxel_firmware": 1, "image": []}'])
+def test_a_file_that_is_no_manifest_is_refused(tmp_path, text):
+    (tmp_path / "m.json").write_text(text)
+    with pytest.raises(FirmwareFileError, match=r"m\.json: "):
+        load_firmware([tmp_path / "m.json"])
+
+
+def test_files_of_two_versions_are_refused(tmp_path, make_image):
+    (tmp_path / "a.bin").write_bytes(make_image(0).data)
+    (tmp_path / "b.bin").write_bytes(make_image(1, version=(2, 0, 0)).data)
+    with pytest.raises(FirmwareFileError, match="image version: expected"):
+        load_firmware([tmp_path / "a.bin", tmp_path / "b.bin"])
+
+
+def test_a_file_of_another_form_is_refused(tmp_path):
+    (tmp_path / "f.elf").write_bytes(b"\x7fELF")
+    (tmp_path / "f.cyacd").write_bytes(b"04C811930000\n:\xff\n")
+    with pytest.raises(FirmwareFileError, match=r"found '\.elf'; rename or convert it"):
+        load_firmware([tmp_path / "f.elf"])
+    with pytest.raises(FirmwareFileError, match="line 2: expected ASCII text, found byte FF"):
+        load_firmware([tmp_path / "f.cyacd"])

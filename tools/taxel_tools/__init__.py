@@ -1,0 +1,1 @@
+"""Scan, provision and flash sensor boards: over the hub's UART or an I2C adapter, all boards at once."""

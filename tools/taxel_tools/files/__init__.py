@@ -1,0 +1,6 @@
+"""Firmware files: cyacd, Intel HEX, raw images, and manifests that name several."""
+
+from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
+from taxel_tools.files.load import load_firmware
+
+__all__ = ["Firmware", "FirmwareImage", "load_firmware", "slot_name"]

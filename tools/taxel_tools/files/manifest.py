@@ -1,0 +1,132 @@
+"""A manifest names the files of one version: both slots, and what a raw image without a header is.
+
+    taxel_firmware = 1
+
+    [[image]]
+    file = "fingertip-1.2.0-a.cyacd"      # beside the manifest
+    sha256 = "9f86d081..."                # optional
+
+    [[image]]
+    file = "fingertip-1.2.0-b.bin"        # raw, from the vector table on: it needs these four
+    device = "board"                      # or "hub"
+    kind = 1                              # 0: any
+    slot = "B"
+    version = "1.2.0"
+
+The four keys may stand beside any file; where an image has a header they must agree with it. JSON of the same form is
+read too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice, image
+from taxel_tools.errors import FirmwareFileError
+from taxel_tools.files.firmware import FirmwareImage, parse_image, slot_name
+
+KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
+DEVICES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
+
+ReadOne = Callable[[Path, bytes], FirmwareImage]
+
+
+def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
+    """The images that a manifest names. read_one: reads a file with a header. Raises `FirmwareFileError`, OSError."""
+    document = _document(path, data)
+    if document.get("taxel_firmware") != 1:
+        _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a manifest of firmware?")
+    entries = document.get("image")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        _fail(path, "image", "one table or more", "none", "name the files in [[image]] tables")
+    return [_image(path, f"image[{place}]", entry, read_one) for place, entry in enumerate(entries)]
+
+
+def _document(path: Path, data: bytes) -> dict[str, Any]:
+    try:
+        text = data.decode()
+        document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except ValueError as error:  # of either language, or no UTF-8
+        kind = "JSON" if path.suffix == ".json" else "TOML"
+        raise FirmwareFileError(str(path), "file", kind, str(error).splitlines()[0], "mend it") from None
+    if not isinstance(document, dict):
+        _fail(path, "file", "a table", "something else", "see the manual's page on firmware files")
+    return document
+
+
+def _fail(path: Path, field: str, expected: str, found: str, remedy: str) -> NoReturn:
+    raise FirmwareFileError(str(path), field, expected, found, remedy)
+
+
+def _image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
+    unknown = sorted(set(entry) - KEYS)
+    if unknown:
+        _fail(path, f"{field}.{unknown[0]}", f"one of {', '.join(sorted(KEYS))}", "an unknown key", "correct its name")
+    name = entry.get("file")
+    if not isinstance(name, str) or not name:
+        _fail(path, f"{field}.file", "a file name", repr(name), "name the file")
+    file = path.parent / name
+    data = file.read_bytes()
+    claimed = entry.get("sha256")
+    found = hashlib.sha256(data).hexdigest()
+    if claimed is not None and str(claimed).lower() != found:
+        _fail(path, f"{field}.sha256", str(claimed), found, f"{name} is damaged or of another build; copy it anew")
+    is_bare = file.suffix == ".bin" and not data.startswith(BOOT_IMAGE_MAGIC.to_bytes(4, "little"))
+    result = _with_header(path, field, entry, file, data) if is_bare else read_one(file, data)
+    _check_claims(path, field, entry, result)
+    return result
+
+
+def _with_header(path: Path, field: str, entry: dict[str, Any], file: Path, data: bytes) -> FirmwareImage:
+    for key in ("device", "kind", "slot", "version"):
+        if key not in entry:
+            _fail(path, f"{field}.{key}", "a value, as the raw image has no header", "none", f"add {key}")
+    claims = _claims(path, field, entry)
+    try:
+        return parse_image(image(claims["device"], claims["slot"], claims["kind"], claims["version"], data), str(file))
+    except ValueError as error:
+        if isinstance(error, FirmwareFileError):
+            raise
+        _fail(path, f"{field}.file", "an image that fits the slot", str(error), "build it smaller")
+
+
+def _claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
+    claims: dict[str, Any] = {}
+    if "device" in entry:
+        if entry["device"] not in DEVICES:
+            _fail(path, f"{field}.device", "board or hub", repr(entry["device"]), "correct it")
+        claims["device"] = DEVICES[entry["device"]]
+    if "kind" in entry:
+        kind = entry["kind"]
+        if not isinstance(kind, int) or isinstance(kind, bool) or not 0 <= kind <= 255:
+            _fail(path, f"{field}.kind", "0 to 255", repr(kind), "correct it")
+        claims["kind"] = kind
+    if "slot" in entry:
+        if entry["slot"] not in ("A", "B"):
+            _fail(path, f"{field}.slot", "A or B", repr(entry["slot"]), "correct it")
+        claims["slot"] = "AB".index(entry["slot"])
+    if "version" in entry:
+        match = re.fullmatch(r"(\d{1,3})\.(\d{1,3})\.(\d{1,3})", str(entry["version"]))
+        if not match or any(int(part) > 255 for part in match.groups()):
+            _fail(path, f"{field}.version", "three numbers such as 1.2.0", repr(entry["version"]), "correct it")
+        claims["version"] = tuple(int(part) for part in match.groups())
+    return claims
+
+
+def _check_claims(path: Path, field: str, entry: dict[str, Any], found: FirmwareImage) -> None:
+    shown: dict[str, Callable[[Any], str]] = {
+        "slot": slot_name,
+        "version": lambda version: ".".join(map(str, version)),
+        "device": lambda device: device.name.lower(),
+    }
+    for key, claim in _claims(path, field, entry).items():
+        value = getattr(found, key)
+        if value != claim:
+            text = shown.get(key, str)
+            _fail(path, f"{field}.{key}", text(claim), f"{text(value)} in {found.source}", "one of the two is wrong")
