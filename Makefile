@@ -17,7 +17,7 @@ SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/na
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states test test-c test-python fuzz fuzz-short lint bench firmware generate format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python fuzz fuzz-short lint bench firmware generate format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -63,6 +63,9 @@ soak: $(STAMP)  ## HOURS of virtual time with random faults (24): every missing 
 
 fuzz-states: $(STAMP)  ## RUNS of commands, faults and time in any order (20000), 50 steps each
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
+
+mutants: $(STAMP)  ## plant bugs one at a time in a copy: every one must be found by the suite
+	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 
 lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
 	@$(BIN)/ruff check .

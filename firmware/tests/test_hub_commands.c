@@ -152,6 +152,18 @@ static void pass_through_reads_and_writes(void)
     }
 }
 
+/* The host's transfer has moved the board's register pointer: the next poll writes it again. */
+static void a_pass_through_costs_no_poll_a_second_attempt(void)
+{
+    const uint8_t arguments[3] = {FIRST + 1, TAXEL_IDENTITY_SIZE, TAXEL_REGISTER_IDENTITY};
+    begin(true);
+    CHECK(fake_hub_run_cycles(&fake, 3));
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
+    CHECK(fake_hub_run_cycles(&fake, 3));
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->retries, 0);
+    end();
+}
+
 static void pass_through_refuses_what_it_cannot_do(void)
 {
     uint8_t arguments[3] = {0x07, 1, 0};
@@ -216,6 +228,38 @@ static void scan_bus_lists_what_answers(void)
     }
 }
 
+/* SCAN_BUS finds a board between any two others, after any transfer of a cycle: no other board's turn is lost or comes twice. */
+static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
+{
+    for (unsigned trial = 0; trial < 3 * 10; trial++) {
+        const uint8_t scan_bus[2] = {1, TAXEL_COMMAND_SCAN_BUS};
+        const size_t newcomer = 1 + trial % 3; /* the first board's poll begins in the pass that ends a cycle */
+        uint32_t polls[4] = {0};
+        fake_hub_init(&fake);
+        fake_hub_add_boards(&fake, sensors, FIRST, 4);
+        fake.devices[newcomer].unplugged = true;
+        CHECK(fake_hub_start(&fake));
+        CHECK(fake_hub_run_cycles(&fake, 3));
+        for (size_t i = 0; i < 4; i++) {
+            polls[i] = i == newcomer ? 0 : fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls;
+        }
+        const uint32_t cycles = fake.hub.cycle.count;
+        const uint64_t until = fake.transfers + trial / 3;
+        while (fake.transfers < until && fake_hub_step(&fake, FAKE_NEVER)) {
+        }
+        fake.devices[newcomer].unplugged = false;
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, scan_bus, sizeof scan_bus);
+        CHECK(fake_hub_run_cycles(&fake, 3));
+        CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + newcomer)) != NULL);
+        for (size_t i = 0; i < 4; i++) {
+            if (i != newcomer) {
+                CHECK_EQUAL(fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls - polls[i], fake.hub.cycle.count - cycles);
+            }
+        }
+        end();
+    }
+}
+
 static void get_time_and_status(void)
 {
     begin(true);
@@ -248,10 +292,12 @@ int main(void)
     RUN(stop_ends_and_start_begins_the_stream);
     RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);
     RUN(pass_through_reads_and_writes);
+    RUN(a_pass_through_costs_no_poll_a_second_attempt);
     RUN(pass_through_refuses_what_it_cannot_do);
     RUN(pass_through_tells_how_it_failed);
     RUN(the_longest_pass_through_fits_its_time_limit_on_a_slow_bus);
     RUN(scan_bus_lists_what_answers);
+    RUN(a_board_found_in_the_middle_of_a_cycle_shifts_no_turn);
     RUN(get_time_and_status);
     return check_summary();
 }

@@ -209,6 +209,16 @@ static void a_foreign_device_is_recognised_and_left_alone(void)
     end();
 }
 
+static void a_foreign_device_is_believed_at_its_third_answer(void)
+{
+    begin(2);
+    fake_hub_add(&fake, 0x1C, NULL)->foreign = 0xA5;
+    CHECK(fake_hub_run_cycles(&fake, 70));
+    CHECK_EQUAL(slot(0x1C).state, TAXEL_BOARD_STATE_INCOMPATIBLE);
+    CHECK_EQUAL(slot(0x1C).crc_errors, 3);
+    end();
+}
+
 static void a_board_of_another_map_version_is_polled_after_its_update(void)
 {
     fake_hub_init(&fake);
@@ -238,6 +248,7 @@ int main(void)
     RUN(a_board_streams_from_its_first_scan_on);
     RUN(two_boards_at_one_address_do_not_starve_the_others);
     RUN(a_foreign_device_is_recognised_and_left_alone);
+    RUN(a_foreign_device_is_believed_at_its_third_answer);
     RUN(a_board_of_another_map_version_is_polled_after_its_update);
     return check_summary();
 }

@@ -146,6 +146,30 @@ static void without_a_reader_whole_frames_are_dropped_and_counted(void)
     end();
 }
 
+/* A ring whose last byte is taken looks like an empty one. */
+static void the_transmit_ring_is_never_filled_to_its_last_byte(void)
+{
+    static const uint8_t data[TAXEL_REPLY_HEADER_SIZE + 128] = {1, TAXEL_COMMAND_GET_TIME, 0};
+    const size_t around = taxel_encoded_size_max(0); /* a short frame takes so much beside its payload, never less */
+    begin(1);
+    fake_hub_run(&fake, 1000);
+    fake.drain_bytes = 0;
+    for (;;) {
+        const size_t left = FAKE_RING - taxel_hub_uart_pending(&fake.hub);
+        const size_t brim = left - around;
+        if (brim <= sizeof data) {
+            CHECK(!taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, brim, NULL, 0));
+            CHECK(taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, brim - 1u, NULL, 0));
+            break;
+        }
+        CHECK(taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, 100, NULL, 0));
+    }
+    CHECK_EQUAL(taxel_hub_uart_pending(&fake.hub), FAKE_RING - 1);
+    fake.drain_bytes = FAKE_RING;
+    fake_hub_run(&fake, 1000);
+    end();
+}
+
 static void without_a_reader_commands_are_still_obeyed_and_answered(void)
 {
     const uint8_t identify[5] = {33, TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64, 0};
@@ -221,6 +245,7 @@ int main(void)
     RUN(a_full_receive_ring_drops_bytes_and_counts_them);
     RUN(several_commands_at_once_are_obeyed_in_order);
     RUN(without_a_reader_whole_frames_are_dropped_and_counted);
+    RUN(the_transmit_ring_is_never_filled_to_its_last_byte);
     RUN(without_a_reader_commands_are_still_obeyed_and_answered);
     RUN(commands_wait_for_room);
     RUN(a_slow_reader_gets_as_many_frames_of_every_board);

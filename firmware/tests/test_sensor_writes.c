@@ -92,6 +92,26 @@ static void damaged_settings_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
+/* The bytes of a whole write that a bus error cut off are still in the board's buffer. */
+static void settings_cut_short_are_not_completed_by_the_write_before(void)
+{
+    uint8_t bytes[13];
+    boot();
+    fill_settings_write(bytes);
+    for (size_t size = 2; size < sizeof bytes; size++) {
+        CHECK(taxel_sensor_on_address(&fake.sensor, false));
+        for (size_t i = 0; i < sizeof bytes; i++) {
+            CHECK(taxel_sensor_on_write(&fake.sensor, bytes[i]));
+        }
+        taxel_sensor_on_bus_error(&fake.sensor);
+        CHECK(fake_write(&fake, bytes, size));
+        check_rejected(1, TAXEL_BOARD_ERROR_FLAG_SETTINGS_REJECTED);
+    }
+    fake_scan(&fake, 1);
+    CHECK_EQUAL(fake.configured, 1);
+    fake_sensor_free(&fake);
+}
+
 static void a_write_counts_only_at_its_stop(void)
 {
     uint8_t bytes[13], byte;
@@ -206,6 +226,7 @@ int main(void)
     RUN(good_settings_read_back_at_once);
     RUN(settings_out_of_range_are_rejected);
     RUN(damaged_settings_are_rejected);
+    RUN(settings_cut_short_are_not_completed_by_the_write_before);
     RUN(a_write_counts_only_at_its_stop);
     RUN(bytes_after_the_refused_one_change_nothing);
     RUN(commands_need_their_complement);

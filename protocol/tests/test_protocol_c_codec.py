@@ -76,3 +76,10 @@ def test_glued_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:
     stream = codec.encode(*frame)[1:-1] * 115 + b"\0"
     for rows in range(300, 128, -4):  # 128: the least that lets a step begin
         codec.decode_batch([stream], rows=rows)
+
+
+def test_glued_taxel_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:
+    frame = (int(FrameType.TAXELS), 0x0101, b"\x20\1" + b"\1" * 18)
+    stream = codec.encode(*frame)[1:-1] * 400 + b"\0"
+    for rows in range(300, 128, -4):
+        assert len(codec.decode_batch([stream], rows=rows).taxels) == 400

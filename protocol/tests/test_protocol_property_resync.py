@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from taxel_protocol import ReferenceDecoder, crc32, encode_frame
+from taxel_protocol.limits import TAXELS_MAX
 from taxel_protocol.names import FrameType
 
 Frame = tuple[int, int, bytes]
@@ -103,3 +104,10 @@ def test_an_added_byte_loses_the_frame_that_it_cuts_in_two(codec: Any, sent: lis
             assert len(cut) <= 1
             expected = [frame for i, frame in enumerate(sent) if i not in lost]
             check(codec, damaged, expected, at, f"{value:#04x} added before byte {at}")
+
+
+def test_the_longest_frame_is_found_behind_any_number_of_bytes_without_a_delimiter(codec: Any) -> None:
+    longest = taxels(7, TAXELS_MAX, 0x33)
+    body = encode_frame(*longest)[1:-1]
+    for number in range(3 * len(body)):
+        check(codec, b"\2" * number + body + b"\0", [longest], number, f"{number} bytes before it")

@@ -5,8 +5,9 @@ python tools/mutants/plant.py --only NAME        one bug; may be given several t
 python tools/mutants/plant.py --list             what there is, and that every bug can still be planted
 python tools/mutants/plant.py --folder DIR       keep copies and builds there: the next run takes them up
 
-A bug is found by the first stage of the suite that fails. The copy is of the tracked files as they are now; it is
-tested without any bug first. Exit status 0: all found; 1: a bug survived; 2: the tool could not do its work.
+A bug is found by the first stage of the suite that fails. The copy is of the files as they are now, new ones that git
+does not ignore included; it is tested without any bug first. Exit status 0: all found; 1: a bug survived; 2: the tool
+could not do its work.
 """
 
 import argparse
@@ -72,16 +73,21 @@ class Bug:
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the suite. `reads`: the folders whose bugs it can see; `tests`: for pytest, none for the C tests."""
+    """A part of the suite. `reads`: the folders whose bugs it can see. `tests`: what pytest is asked for; none for the
+    C tests, of which it is those whose names match `pattern`.
+    """
 
     name: str
     reads: tuple[str, ...]
     tests: tuple[str, ...] = ()
+    pattern: str = "."
 
 
 STAGES = (
-    Stage("C tests", ("firmware/",)),
-    Stage("protocol tests", ("firmware/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
+    # Those that link the firmware alone: the others take most of the time, to build and to run.
+    Stage("C firmware", ("firmware/",), pattern="^(test_sensor|test_hub|test_vectors|stress_sensor|fuzz)"),
+    Stage("C all", ("firmware/",)),
+    Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(
         "host tests",
         ("firmware/", "protocol/", "host/"),
@@ -98,7 +104,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """`found_by`: the stage that failed first and `test` in it; None if the bug survived."""
+    """`found_by`: the stage that failed first and `test` in it; None if the bug survived, or does not compile."""
 
     name: str
     file: str
@@ -152,7 +158,8 @@ class Lane:
         paths = (folder / "site", self.copy / "host", self.copy / "protocol")
         # A .pyc is told from its source by seconds and size, and two bugs may share both: none is written.
         own = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONDONTWRITEBYTECODE": "1"}
-        self._environment = os.environ | own
+        theirs = {name: value for name, value in os.environ.items() if not name.startswith("TAXEL_")}
+        self._environment = theirs | own  # a variable could name a library of the original
         self._process: subprocess.Popen[bytes] | None = None
         self._fill(files)
         (folder / "site").mkdir(exist_ok=True)
@@ -178,28 +185,42 @@ class Lane:
         package = ["-DTAXEL_INSTALL_PYTHON=ON", f"-DCMAKE_INSTALL_PREFIX={self.copy / 'host'}"]
         self._must([*configure, "-S", str(self.copy / "firmware"), "-B", str(self.folder / "tests"), *tests])
         self._must([*configure, "-S", str(self.copy), "-B", str(self.folder / "package"), *package])
-        for target in ("tests", "package"):
-            self.build(target)
+        for what in ("tests", "package"):
+            self.build(what)
         code, output = self._run([sys.executable, "-c", PROBE])
         for line in output.splitlines():
             if code or not (Path(line).exists() and Path(line).is_relative_to(self.copy)):
                 raise PlantError(f"the suite would not test the copy: {line}, expected something in {self.copy}")
 
-    def build(self, target: str) -> None:
+    def build(self, what: str, *programs: str) -> None:
         """Bring a build up to date; the package's libraries go to where the copy looks for them."""
-        self._must([_tool("cmake"), "--build", str(self.folder / target), "-j", "1"])
-        if target == "package":
-            self._must([_tool("cmake"), "--install", str(self.folder / target)])
+        goals = ["--target", *programs] if programs else []
+        self._must([_tool("cmake"), "--build", str(self.folder / what), "-j", "1", *goals])
+        if what == "package":
+            self._must([_tool("cmake"), "--install", str(self.folder / what)])
 
-    def failure(self, stage: Stage) -> str | None:
-        """Run a stage: its first failing test, None if all pass. Raises PlantError if the C sources do not compile."""
+    def _c_tests(self, stage: Stage) -> list[str]:
+        """Build the C tests of a stage; the command that runs them."""
+        folder = self.folder / "tests"
+        ctest = [_tool("ctest"), "--test-dir", str(folder), "-R", stage.pattern, "--no-tests=error"]
+        code, output = self._run([*ctest, "--show-only=json-v1"])
+        if code:
+            raise PlantError(f"{stage.name}: {first_failure(output)}")
+        programs = [Path(test["command"][0]) for test in json.loads(output[output.index("{") :])["tests"]]
+        self.build("tests", *(str(program.relative_to(folder)) for program in programs))
+        return [*ctest, "--output-on-failure", "--stop-on-failure"]
+
+    def failure(self, stage: Stage, file: str = "") -> str | None:
+        """Run a stage: its first failing test, None if all pass. Raises PlantError if the C sources do not compile.
+
+        `file`: where the bug is; the tests of its own package come first.
+        """
         if stage.tests:
             self.build("package")
-            command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=short", *stage.tests]
+            command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=short"]
+            command += sorted(stage.tests, key=lambda tests: Path(tests).stem not in file)
         else:
-            self.build("tests")
-            command = [_tool("ctest"), "--test-dir", str(self.folder / "tests"), "--output-on-failure"]
-            command += ["--no-tests=error", "--stop-on-failure"]
+            command = self._c_tests(stage)
         code, output = self._run(command)
         (self.folder / f"{stage.name}.log").write_text(output)
         if code is None:
@@ -215,11 +236,11 @@ class Lane:
         path.write_text(bug.planted_in(text))
         try:
             for stage in stages_of(bug):
-                if failure := self.failure(stage):
+                if failure := self.failure(stage, bug.file):
                     found_by, test = stage.name, failure
                     break
         except PlantError as error:
-            raise PlantError(f"{bug.name}: {error}") from None
+            test = f"cannot be tested: {error}"
         finally:
             path.write_text(text)
         return Outcome(bug.name, bug.file, bug.what, found_by, test, round(time.monotonic() - begin, 1))
@@ -227,7 +248,7 @@ class Lane:
     def _must(self, command: list[str]) -> None:
         code, output = self._run(command)
         if code:
-            errors = [line for line in output.splitlines() if "error" in line.lower()]
+            errors = [line for line in output.splitlines() if re.search(r"\b[Ee]rror\b[: ]", line)]
             raise PlantError(f"{Path(command[0]).name} failed: {(errors or [output.strip()[-200:]])[0]}")
 
     def _run(self, command: list[str]) -> tuple[int | None, str]:
@@ -256,7 +277,8 @@ class Lanes:
     """Copies that work side by side, each on another task."""
 
     def __init__(self, folder: Path, jobs: int) -> None:
-        listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
+        listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+        listed = subprocess.run(listing, cwd=ROOT, capture_output=True, check=True).stdout.decode()
         files = [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
         self._free: queue.Queue[Lane] = queue.Queue()
         self._pool = ThreadPoolExecutor(jobs)

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel.errors import TaxelError
-from taxel.link import CaptureError
+from taxel.link import CaptureError, CaptureLink, Chunk
 from taxel.stream import FrameStream, HubClient
+from taxel_protocol import ReferenceDecoder
 
 BOARDS = (0x20, 0x23, 0x77)
 
@@ -203,3 +204,43 @@ def test_a_board_that_scans_more_slowly_than_it_is_polled_misses_nothing(account
 def test_a_lost_frame_of_a_slow_board_is_missing(account_of, hub):
     parts = [hub.taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
     assert account_of(b"".join(parts[:5] + parts[6:])).boards[0x20].missing == 1
+
+
+def test_a_board_whose_every_frame_is_damaged_is_counted_and_gives_no_frame(hub, prepared, cut):
+    data = b"".join(hub.taxels(0x20, cycle, damage=1) for cycle in range(3))
+    stream = FrameStream(prepared(cut(data)), lambda message: None)
+    frames, _ = drain(stream)
+    assert frames == []
+    assert {address: tuple(count) for address, count in stream.losses.boards.items()} == {0x20: (0, 0, 3)}
+
+
+def test_a_capture_that_another_program_wrote_is_read(hub, tmp_path):
+    """Its bytes are those of part 4 of protocol/SPEC.md, written here number by number."""
+    frame = hub.taxels(0x20, 1)
+    header = b'{"baud": 500000}'
+    path = tmp_path / "a.bin"
+    start = b"TAXELCAP" + b"\1\0" + b"\0\0" + bytes([len(header), 0, 0, 0])
+    path.write_bytes(start + header + (2_000_000_000).to_bytes(8, "little") + bytes([len(frame), 0, 0, 0]) + frame)
+    link = CaptureLink(path)
+    assert (link.baud, link.read()) == (500_000.0, (frame, 2_000_000_000))
+    with pytest.raises(EOFError):
+        link.read()
+    link.close()
+
+
+def test_a_frame_that_ends_with_its_chunk_arrived_with_it(hub, prepared):
+    data = [hub.log() + hub.taxels(0x20, i, hub_us=1_000_000 * i) for i in range(2)]
+    chunks = [Chunk(data[i], 1_000_000_000 * (10 + i)) for i in range(2)]
+    frames, _ = drain(FrameStream(prepared(chunks), lambda message: None))
+    assert [frame.time_s for frame in frames] == pytest.approx([10.0, 11.0], abs=0.005)
+
+
+def test_the_host_numbers_its_frames_modulo_65536(prepared, monkeypatch):
+    link, written = prepared([]), []
+    monkeypatch.setattr(link, "write", written.append)
+    client = HubClient(link)
+    for _ in range(65_537):
+        client.send_stop()
+    decoder = ReferenceDecoder()
+    frames = [decoder.push(data)[0] for data in written[-3:]]
+    assert [sequence for _, sequence, _ in frames] == [65_534, 65_535, 0]
