@@ -1,11 +1,13 @@
 """What a host asks of the hub, and what it answers."""
 
 import itertools
+from dataclasses import asdict
 
 import pytest
 
 from hil_tests.harness.rig import Rig
 from hil_tests.harness.watching import board_at, check_polls, watch
+from taxel.hand.world import ScanSettings
 from taxel.skin import Skin
 from taxel.stream import HubError
 from taxel_protocol import Command, FrameType, encode_frame
@@ -94,16 +96,9 @@ def test_start_twice_and_stop_twice_are_harmless(rig: Rig, skin: Skin) -> None:
 
 
 def test_settings_for_a_board_that_is_not_there_are_refused(skin: Skin) -> None:
-    settings = {
-        "sub_conversions": 160,
-        "sense_clock_divider": 40,
-        "modulator_clock_divider": 1,
-        "idac_code": 16,
-        "settle_cycles": 96,
-    }
     free = next(a for a in range(0x08, 0x78) if a not in {board.address for board in skin.hand.boards})
     with pytest.raises(HubError, match="unknown board"):
-        skin.hub.set_scan_settings(settings, free)
+        skin.hub.set_scan_settings(asdict(ScanSettings()), free)
 
 
 def test_garbage_before_a_command_does_not_hurt_it(rig: Rig, skin: Skin) -> None:

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from hil_tests.harness.errors import RigError
-from hil_tests.harness.physical.i2c import open_i2c
 from hil_tests.harness.physical.power import ModemLinePower
 from hil_tests.harness.physical.stimulus import OperatorStimulus
 from hil_tests.harness.rig import ABILITIES, abilities_of
 from hil_tests.harness.rig_file import load_rig
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
+from taxel.link import PortMissingError, open_i2c
 
 GOOD = 'hand = "allegro"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
 VIRTUAL = 'hand = "allegro"\n[uart]\ndriver = "virtual"\n'
@@ -64,7 +64,7 @@ def test_a_rig_can_what_its_file_names(tmp_path: Path) -> None:
 
 
 def test_devices_that_are_not_there_are_named() -> None:
-    with pytest.raises(RigError, match=r"I2C bus /dev/i2c-99: No such file.*modprobe i2c-dev"):
+    with pytest.raises(PortMissingError, match=r"/dev/i2c-99: .*No such file.*modprobe i2c-dev"):
         open_i2c("/dev/i2c-99")
     with pytest.raises(RigError, match="power /dev/ttyNONE: cannot be opened"):
         ModemLinePower("/dev/ttyNONE")

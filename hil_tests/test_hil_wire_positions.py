@@ -1,10 +1,15 @@
 """A fault at every byte of a poll: no count is wrong, nothing but a retry is counted, the next cycle is whole."""
 
+import contextlib
+from dataclasses import asdict
+
 import pytest
 
 from hil_tests.harness.rig import Rig
 from hil_tests.harness.watching import KnownCounts, board_at, check_order, check_polls, counters_of, watch
+from taxel.hand.world import ScanSettings
 from taxel.skin import Skin
+from taxel.stream import HubError
 from taxel_protocol import SNAPSHOT_OVERHEAD
 
 STRUCK = 2
@@ -58,19 +63,10 @@ def test_a_settings_write_damaged_at_any_byte_is_not_taken_over(rig: Rig, skin: 
     """The whole write: address, pointer, 8 bytes of settings, 4 of CRC. The hub reads back, and writes again."""
     assert rig.faults is not None
     address = board_at(rig.hand, STRUCK)
-    settings = {
-        "sub_conversions": 120,
-        "sense_clock_divider": 40,
-        "modulator_clock_divider": 1,
-        "idac_code": 16,
-        "settle_cycles": 96,
-    }
+    settings = asdict(ScanSettings(sub_conversions=120))
     rig.faults.inject("flip_at", address, byte, 3)
-    try:
+    with contextlib.suppress(HubError):  # refused by the board: an honest answer too
         skin.hub.set_scan_settings(settings, address)
-    except Exception as error:
-        assert "rejected by board" in str(error) or "nack" in str(error)  # noqa: PT017 - either is an honest answer
-    taken = skin.hub.transfer(address, bytes([0x60]), 8)
     watch(rig, skin, 0.2)
     taken = skin.hub.transfer(address, bytes([0x60]), 8)
     assert int.from_bytes(taken[:2], "little") in {120, 160}  # the new ones or the old, never a mixture

@@ -9,10 +9,10 @@ from urllib.parse import parse_qs
 
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, world_text
-from taxel.link import LinkError, open_link
+from taxel.link import LinkError, open_i2c, open_link
 from taxel.link.url import split_url
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
-from taxel_tools.wires import BoardWire, HubWire, SmbusWire, open_adapter
+from taxel_tools.wires import BoardWire, HubWire, SmbusWire
 
 I2C_PREFIX: Final = "/dev/i2c-"
 BOOT_S: Final = 0.5
@@ -31,7 +31,7 @@ def open_wire(url: str) -> Iterator[BoardWire]:
     """
     path = url.removeprefix("i2c://")
     if path.startswith(I2C_PREFIX):
-        wire: BoardWire = open_adapter(path)
+        wire: BoardWire = SmbusWire(open_i2c(path), path)
     elif url.startswith("emulator:"):
         with _open_emulated(url) as emulated:
             yield emulated

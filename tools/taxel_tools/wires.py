@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from smbus2 import SMBus, i2c_msg
+from smbus2 import i2c_msg
 
 from taxel.link import Link
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
@@ -150,12 +150,3 @@ class HubWire:
     def close(self) -> None:
         """Stop reading and close the link."""
         self.hub.stream.close()
-
-
-def open_adapter(device: str) -> SmbusWire:
-    """The adapter `/dev/i2c-N`. Raises `WireError` if it cannot be opened."""
-    try:
-        return SmbusWire(SMBus(device), device)
-    except OSError as error:
-        hint = "load the module i2c-dev, or check the name" if error.errno == errno.ENOENT else "check its permissions"
-        raise WireError(device, f"cannot be opened ({error.strerror}); {hint}") from None

@@ -6,11 +6,11 @@ from contextlib import ExitStack
 from typing import Any
 
 from hil_tests.harness.physical.can_bus import PhysicalCanBus
-from hil_tests.harness.physical.i2c import open_i2c
 from hil_tests.harness.physical.power import ModemLinePower
 from hil_tests.harness.physical.stimulus import OperatorStimulus
 from hil_tests.harness.physical.uart import PhysicalClock, SerialUart
 from hil_tests.harness.rig_file import RigDescription
+from taxel.link import open_i2c
 
 
 def open_physical(description: RigDescription, stack: ExitStack) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from taxel.link.base import Chunk, Link, SteppedLink, clock_of
 from taxel.link.capture import CaptureLink, CaptureWriter
 from taxel.link.emulator import EmulatorLink, run_emulator
 from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
+from taxel.link.i2c_port import open_i2c
 from taxel.link.serial_port import SerialLink
 from taxel.link.stimulus import write_scene, write_stimulus
 from taxel.link.url import open_link
@@ -21,6 +22,7 @@ __all__ = [
     "SerialLink",
     "SteppedLink",
     "clock_of",
+    "open_i2c",
     "open_link",
     "run_emulator",
     "write_scene",

@@ -171,7 +171,7 @@ def test_provision_refuses_what_cannot_be_given(run, url, arguments, words):
     ("url", "words"),
     [
         ("nothing", "nothing: is not a URL that can be opened"),
-        ("/dev/i2c-99", "/dev/i2c-99: cannot be opened (No such file or directory); load the module i2c-dev"),
+        ("/dev/i2c-99", "/dev/i2c-99: cannot be opened (No such file or directory); is the adapter there"),
         ("serial:///dev/ttyNONE", "/dev/ttyNONE: "),
         ("emulator:?colour=1", "unknown option 'colour'"),
         ("emulator:?wire=x", "option 'wire' must be hub or i2c"),
