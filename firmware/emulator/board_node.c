@@ -4,11 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "codec/crc32.h"
+#include "emulator/board_parts.h"
 #include "emulator/costs.h"
-
-#define CORRUPTED_BIT 0x10u
-#define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read */
 
 static vtime cycles(const struct board_node *board, unsigned count)
 {
@@ -193,87 +190,6 @@ int board_node_init(struct board_node *board, const struct board_description *de
     return 0;
 }
 
-static void claim_map_version(struct board_node *board)
-{
-    uint8_t *identity = board->sensor.identity;
-    if (board->description->map_version_override) {
-        identity[TAXEL_IDENTITY_OFFSET_MAP_VERSION] = board->description->map_version_override;
-        taxel_put_u32(identity + TAXEL_IDENTITY_OFFSET_CRC32, taxel_crc32(0, identity, TAXEL_IDENTITY_OFFSET_CRC32));
-    }
-}
-
-static void start_application(struct board_node *board)
-{
-    const struct boot_node *boot = board->boot;
-    const vtime rest = (vtime)(board->description->boot_ms * (double)VTIME_MS) - boot->init_time;
-    board->runs = BOARD_RUNS_APPLICATION;
-    board->has_confirmed = false;
-    board->flash_until = 0;
-    board->boot_end = boot->now + rest;
-    board->now = board->boot_end;
-    board->cpu_free = board->boot_end;
-    board->config.reset_cause = boot->cause;
-    board->config.address = board->address = boot_node_address(boot);
-    board->config.kind = boot_node_kind(boot);
-    memcpy(board->config.firmware_version, boot_node_version(boot), sizeof board->config.firmware_version);
-    (void)taxel_sensor_init(&board->sensor, &board->config); /* was valid at board_node_init() */
-    claim_map_version(board);
-    taxel_scan_start(&board->sensor);
-}
-
-static void after_boot(struct board_node *board, enum boot_node_outcome outcome)
-{
-    board->conversion_end = VTIME_NEVER;
-    switch (outcome) {
-    case BOOT_NODE_STARTS:
-        start_application(board);
-        break;
-    case BOOT_NODE_HANGS:
-        board->runs = BOARD_HANGS;
-        board->watchdog_at = board->boot->now + BOOT_NODE_WATCHDOG;
-        break;
-    case BOOT_NODE_RESTARTS:
-        board_power(board, true, board->boot->now, TAXEL_RESET_CAUSE_COMMAND);
-        break;
-    default:
-        board->runs = BOARD_RUNS_BOOTLOADER;
-        break;
-    }
-}
-
-void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
-{
-    board->powered = on;
-    board->conversion_end = VTIME_NEVER;
-    board->restart_wanted = false;
-    board->hold_clocks = 0; /* a board without power, or at its start, lets go of the lines */
-    board->scl_held_until = 0;
-    board->stretch = 0;
-    if (!on) {
-        boot_node_power_off(board->boot, now);
-        return;
-    }
-    if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
-        board->powered_at = now;
-    }
-    board->address = boot_node_address(board->boot);
-    after_boot(board, boot_node_reset(board->boot, now, reset_cause));
-}
-
-/* What has happened in a board that runs no application: its bootloader has waited long enough, its watchdog has bitten. */
-static void catch_up(struct board_node *board, vtime until)
-{
-    for (;;) {
-        if (board->runs == BOARD_RUNS_BOOTLOADER && boot_node_deadline(board->boot) <= until) {
-            after_boot(board, boot_node_run(board->boot, boot_node_deadline(board->boot)));
-        } else if (board->runs == BOARD_HANGS && board->watchdog_at <= until) {
-            board_power(board, true, board->watchdog_at, TAXEL_RESET_CAUSE_WATCHDOG);
-        } else {
-            return;
-        }
-    }
-}
-
 static double rise_of(const void *source, size_t taxel, vtime time)
 {
     return board_fields_rise(source, taxel, time);
@@ -319,8 +235,8 @@ void board_advance(struct board_node *board, vtime until)
     if (!board->powered) {
         return;
     }
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        catch_up(board, until);
+    if (board->runs != RUNS_APPLICATION) {
+        board_catch_up(board, until);
     }
     while (board->conversion_end <= until) {
         const vtime start = vtime_max(board->conversion_end, board->cpu_free);
@@ -335,125 +251,10 @@ void board_advance(struct board_node *board, vtime until)
     }
 }
 
-/* Begin an interrupt: the scan's interrupts up to now have run, and this one waits until the CPU is free. */
-static vtime enter(struct board_node *board, vtime now, unsigned cost)
+vtime board_enter(struct board_node *board, vtime now, unsigned cost)
 {
     board_advance(board, now);
     board->now = vtime_max(now, board->cpu_free) + cycles(board, cost);
     board->cpu_free = board->now;
     return board->now;
-}
-
-bool board_answers(struct board_node *board, vtime now, uint8_t address)
-{
-    if (!board->powered) {
-        return false;
-    }
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        catch_up(board, now);
-    }
-    if (board->address != address) {
-        return false;
-    }
-    if (board->runs == BOARD_RUNS_APPLICATION) {
-        return now >= board->boot_end && now >= board->flash_until;
-    }
-    return board->runs == BOARD_RUNS_BOOTLOADER && now >= board->boot->reset_at && now >= board->boot->busy_until;
-}
-
-/* An image on trial that has scanned and was read works. */
-static void confirm(struct board_node *board, vtime now)
-{
-    if (board->has_confirmed || board->sensor.scan.scans < CONFIRM_SCANS || !board->sensor.slave.snapshot_reads) {
-        return;
-    }
-    board->has_confirmed = true;
-    board->flash_until = boot_node_confirm(board->boot, now);
-    board->cpu_free = vtime_max(board->cpu_free, board->flash_until);
-}
-
-static void note(struct board_node *board, vtime now, enum fault_kind kind)
-{
-    if (board->log) {
-        fault_log_add(board->log, now, kind, board->description->address);
-    }
-}
-
-vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge)
-{
-    if (board->nacks) {
-        board->nacks--;
-        note(board, now, FAULT_NACK);
-        *acknowledge = false;
-        return now;
-    }
-    if (silent_loses(&board->effects->silent, board->index, (double)now / (double)VTIME_SECOND, &board->contact)) {
-        *acknowledge = false;
-        return now;
-    }
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        *acknowledge = taxel_boot_i2c_on_address(&board->boot->i2c, reading);
-        return now;
-    }
-    const vtime ready = enter(board, now, COST_SLAVE_ADDRESS) + board->stretch;
-    board->stretch = 0;
-    *acknowledge = taxel_sensor_on_address(&board->sensor, reading);
-    return ready;
-}
-
-vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
-{
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
-        return now;
-    }
-    (void)enter(board, now, COST_SLAVE_BYTE);
-    *acknowledge = taxel_sensor_on_write(&board->sensor, byte);
-    return now; /* the slave's FIFO takes it: no stretching */
-}
-
-vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
-{
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
-    } else {
-        (void)enter(board, now, COST_SLAVE_BYTE);
-        *byte = taxel_sensor_on_read(&board->sensor);
-    }
-    if (board->corrupt_bytes) {
-        board->corrupt_bytes--;
-        *byte ^= CORRUPTED_BIT;
-        if (!board->corrupt_bytes) {
-            note(board, now, FAULT_CORRUPT); /* the last one: each of them would fill the log */
-        }
-    }
-    return now;
-}
-
-void board_bus_error(struct board_node *board, vtime now)
-{
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        taxel_boot_i2c_on_bus_error(&board->boot->i2c);
-        return;
-    }
-    (void)enter(board, now, COST_SLAVE_STOP);
-    taxel_sensor_on_bus_error(&board->sensor);
-}
-
-void board_stop(struct board_node *board, vtime now)
-{
-    if (board->runs != BOARD_RUNS_APPLICATION) {
-        taxel_boot_i2c_on_stop(&board->boot->i2c);
-        if (board->runs == BOARD_RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
-            after_boot(board, boot_node_run(board->boot, now));
-        }
-        return;
-    }
-    (void)enter(board, now, COST_SLAVE_STOP);
-    taxel_sensor_on_stop(&board->sensor);
-    if (board->restart_wanted) {
-        board_power(board, true, now, TAXEL_RESET_CAUSE_COMMAND);
-        return;
-    }
-    confirm(board, now);
 }

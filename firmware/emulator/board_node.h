@@ -18,12 +18,6 @@
 #include "emulator/world_file.h"
 #include "sensor/sensor.h"
 
-enum board_runs {
-    BOARD_RUNS_APPLICATION,
-    BOARD_RUNS_BOOTLOADER,
-    BOARD_HANGS, /* an image that does not answer, until its watchdog bites */
-};
-
 struct board_node {
     struct taxel_sensor sensor;
     struct taxel_sensor_config config;
@@ -44,7 +38,7 @@ struct board_node {
     double clock_rate;
     vtime now; /* while firmware runs: the time it sees */
     struct boot_node *boot;
-    enum board_runs runs;
+    enum boot_node_runs runs;
     uint8_t address;   /* that it answers at now */
     bool has_confirmed; /* its image, or found that it was */
     vtime watchdog_at;

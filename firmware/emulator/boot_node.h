@@ -11,6 +11,13 @@
 #define BOOT_NODE_INIT (2u * VTIME_MS) /* estimate: from the reset until the bootloader answers; of short boots, half */
 #define BOOT_NODE_WATCHDOG VTIME_SECOND
 
+/* What runs on a board or the hub. */
+enum boot_node_runs {
+    RUNS_APPLICATION,
+    RUNS_BOOTLOADER,
+    RUNS_NOTHING, /* an image that does not answer, until its watchdog bites */
+};
+
 enum boot_node_outcome {
     BOOT_NODE_STAYS,
     BOOT_NODE_STARTS,

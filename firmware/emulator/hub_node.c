@@ -143,7 +143,7 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, co
 
 static void start_application(struct hub_node *node)
 {
-    node->runs = HUB_RUNS_APPLICATION;
+    node->runs = RUNS_APPLICATION;
     node->has_confirmed = false;
     node->booted = node->now = node->cpu_free = node->wake = node->boot.now;
     node->config.reset_cause = node->boot.cause;
@@ -160,14 +160,14 @@ static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)
         start_application(node);
         break;
     case BOOT_NODE_HANGS:
-        node->runs = HUB_HANGS;
+        node->runs = RUNS_NOTHING;
         node->wake = node->boot.now + BOOT_NODE_WATCHDOG;
         break;
     case BOOT_NODE_RESTARTS:
         hub_node_boot(node, node->boot.now, TAXEL_RESET_CAUSE_COMMAND);
         break;
     default:
-        node->runs = HUB_RUNS_BOOTLOADER;
+        node->runs = RUNS_BOOTLOADER;
         node->wake = deadline;
         node->uart->user = (struct uart_user){.context = node, .on_byte = to_bootloader, .pull = from_bootloader};
         break;
@@ -192,13 +192,13 @@ static void run_bootloader(struct hub_node *node, vtime now)
 {
     node->now = now;
     node->wake = VTIME_NEVER;
-    if (node->runs == HUB_HANGS) {
+    if (node->runs == RUNS_NOTHING) {
         hub_node_boot(node, now, TAXEL_RESET_CAUSE_WATCHDOG);
         return;
     }
     after_boot(node, boot_node_run(&node->boot, now));
     node->cpu_free = vtime_max(node->cpu_free, node->boot.busy_until);
-    if (node->runs == HUB_RUNS_BOOTLOADER) {
+    if (node->runs == RUNS_BOOTLOADER) {
         uart_kick(node->uart, vtime_max(now, node->boot.busy_until));
     }
 }
@@ -249,7 +249,7 @@ void hub_node_run(struct hub_node *node)
 {
     const uint32_t sent = node->hub.outbox.bytes_sent;
     const vtime start = vtime_max(node->wake, node->cpu_free);
-    if (node->runs != HUB_RUNS_APPLICATION) {
+    if (node->runs != RUNS_APPLICATION) {
         run_bootloader(node, start);
         return;
     }

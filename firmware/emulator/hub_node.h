@@ -12,15 +12,9 @@
 #define HUB_TRANSFER_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
 #define HUB_TRANSMIT_RING 1280u
 
-enum hub_runs {
-    HUB_RUNS_APPLICATION,
-    HUB_RUNS_BOOTLOADER,
-    HUB_HANGS,
-};
-
 struct hub_node {
     struct boot_node boot;
-    enum hub_runs runs;
+    enum boot_node_runs runs;
     bool has_confirmed;
     struct taxel_hub hub;
     struct taxel_hub_config config;

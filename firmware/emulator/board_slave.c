@@ -1,0 +1,108 @@
+/* What the bus asks of a board: its application answers, or its bootloader. */
+#include "emulator/board_parts.h"
+#include "emulator/costs.h"
+
+#define CORRUPTED_BIT 0x10u
+
+bool board_answers(struct board_node *board, vtime now, uint8_t address)
+{
+    if (!board->powered) {
+        return false;
+    }
+    if (board->runs != RUNS_APPLICATION) {
+        board_catch_up(board, now);
+    }
+    if (board->address != address) {
+        return false;
+    }
+    if (board->runs == RUNS_APPLICATION) {
+        return now >= board->boot_end && now >= board->flash_until;
+    }
+    return board->runs == RUNS_BOOTLOADER && now >= board->boot->reset_at && now >= board->boot->busy_until;
+}
+
+static void note(struct board_node *board, vtime now, enum fault_kind kind)
+{
+    if (board->log) {
+        fault_log_add(board->log, now, kind, board->description->address);
+    }
+}
+
+vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge)
+{
+    if (board->nacks) {
+        board->nacks--;
+        note(board, now, FAULT_NACK);
+        *acknowledge = false;
+        return now;
+    }
+    if (silent_loses(&board->effects->silent, board->index, (double)now / (double)VTIME_SECOND, &board->contact)) {
+        *acknowledge = false;
+        return now;
+    }
+    if (board->runs != RUNS_APPLICATION) {
+        *acknowledge = taxel_boot_i2c_on_address(&board->boot->i2c, reading);
+        return now;
+    }
+    const vtime ready = board_enter(board, now, COST_SLAVE_ADDRESS) + board->stretch;
+    board->stretch = 0;
+    *acknowledge = taxel_sensor_on_address(&board->sensor, reading);
+    return ready;
+}
+
+vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
+{
+    if (board->runs != RUNS_APPLICATION) {
+        *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
+        return now;
+    }
+    (void)board_enter(board, now, COST_SLAVE_BYTE);
+    *acknowledge = taxel_sensor_on_write(&board->sensor, byte);
+    return now; /* the slave's FIFO takes it: no stretching */
+}
+
+vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
+{
+    if (board->runs != RUNS_APPLICATION) {
+        *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
+    } else {
+        (void)board_enter(board, now, COST_SLAVE_BYTE);
+        *byte = taxel_sensor_on_read(&board->sensor);
+    }
+    if (board->corrupt_bytes) {
+        board->corrupt_bytes--;
+        *byte ^= CORRUPTED_BIT;
+        if (!board->corrupt_bytes) {
+            note(board, now, FAULT_CORRUPT); /* the last one: each of them would fill the log */
+        }
+    }
+    return now;
+}
+
+void board_bus_error(struct board_node *board, vtime now)
+{
+    if (board->runs != RUNS_APPLICATION) {
+        taxel_boot_i2c_on_bus_error(&board->boot->i2c);
+        return;
+    }
+    (void)board_enter(board, now, COST_SLAVE_STOP);
+    taxel_sensor_on_bus_error(&board->sensor);
+}
+
+void board_stop(struct board_node *board, vtime now)
+{
+    if (board->runs != RUNS_APPLICATION) {
+        taxel_boot_i2c_on_stop(&board->boot->i2c);
+        if (board->runs == RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
+            board_after_boot(board, boot_node_run(board->boot, now));
+        }
+        return;
+    }
+    (void)board_enter(board, now, COST_SLAVE_STOP);
+    taxel_sensor_on_stop(&board->sensor);
+    if (board->restart_wanted) {
+        board_power(board, true, now, TAXEL_RESET_CAUSE_COMMAND);
+        return;
+    }
+    board_confirm(board, now);
+}
