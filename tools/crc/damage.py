@@ -14,14 +14,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.stream.deframer import Deframer
 from taxel_protocol import crc32, encode_frame
 from taxel_protocol.framing import whiten
-from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
+from taxel_protocol.limits import BODY_MAX
 from taxel_protocol.names import FrameType
 
 Bytes = NDArray[np.uint8]
@@ -30,34 +30,6 @@ Damage = Callable[[Bytes, np.random.Generator], Bytes]
 BATCH = 50_000
 SAMPLE = 1_000
 """Frames of each batch that are taken apart in Python, to see what refuses them."""
-
-
-class _Frame(ctypes.Structure):
-    """`struct taxel_frame` of firmware/codec/deframer.h."""
-
-    _fields_ = (
-        ("payload", ctypes.POINTER(ctypes.c_uint8)),
-        ("length", ctypes.c_uint16),
-        ("sequence", ctypes.c_uint16),
-        ("type", ctypes.c_uint8),
-    )
-
-
-_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
-
-
-class _Config(ctypes.Structure):
-    """`struct taxel_deframer_config`."""
-
-    _fields_ = (
-        ("chunk", ctypes.c_void_p),
-        ("chunk_capacity", ctypes.c_size_t),
-        ("body", ctypes.c_void_p),
-        ("payload_max", ctypes.c_uint16),
-        ("directions", ctypes.c_uint8),
-        ("handler", _HANDLER),
-        ("context", ctypes.c_void_p),
-    )
 
 
 def load_codec() -> ctypes.CDLL:
@@ -69,33 +41,6 @@ def load_codec() -> ctypes.CDLL:
     except (ModuleNotFoundError, OSError) as error:
         sys.exit(f"no C codec ({error}): build firmware with CMake, set TAXEL_CODEC_LIBRARY to libtaxel_codec.so")
     return library
-
-
-class Decoder:
-    """The C deframer over whole streams."""
-
-    def __init__(self, library: ctypes.CDLL) -> None:
-        self._library = library
-        self._state = ctypes.create_string_buffer(1024)
-        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
-        self._body = ctypes.create_string_buffer(BODY_MAX)
-        self._handler = _HANDLER(self._take)
-        self._frames: list[tuple[int, int, bytes]] = []
-
-    def _take(self, _: int | None, frame: Any) -> None:
-        found = frame.contents
-        self._frames.append((found.type, found.sequence, bytes(found.payload[: found.length])))
-
-    def decode(self, stream: Bytes) -> list[tuple[int, int, bytes]]:
-        """(type, sequence, payload) of every frame that a host would believe."""
-        self._frames = []
-        memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
-        config = _Config(*memory, PAYLOAD_MAX, 1, self._handler, None)
-        self._library.taxel_deframer_init(self._state, ctypes.byref(config))
-        size = ctypes.c_size_t(len(stream))
-        self._library.taxel_deframer_push(self._state, ctypes.c_void_p(stream.ctypes.data), size)
-        self._library.taxel_deframer_finish(self._state)
-        return self._frames
 
 
 @dataclass
@@ -225,7 +170,7 @@ def reaches_crc(stuffed: bytes) -> bool:
     return False
 
 
-def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Decoder, taxel_count: int) -> Tally:
+def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframer, taxel_count: int) -> Tally:
     """Damage `total` frames in one way, decode them, and count."""
     tally = Tally()
     while tally.frames < total:
@@ -237,7 +182,7 @@ def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Decoder
             damaged = damaged[(damaged[:, :width] != np.frombuffer(stuffed, np.uint8)[:width]).any(axis=1)]
         stream = np.zeros((len(damaged), damaged.shape[1] + 1), np.uint8)
         stream[:, :-1] = damaged
-        for frame in decoder.decode(stream.reshape(-1)):
+        for frame in decoder.decode([stream.tobytes()]):
             tally.unchanged += frame == content
             tally.altered += frame != content
         tally.frames += size
@@ -255,7 +200,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=20, help="replays exactly these frames (default: 20)")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
-    decoder = Decoder(load_codec())
+    decoder = Deframer(load_codec())
     print(f"seed {arguments.seed}, frames of {arguments.taxels} taxels")
     print("damage        frames     altered  95 % bound   unchanged   left to the CRC")
     total = altered = 0

@@ -11,7 +11,6 @@ hundredth stream is also parsed by construct. Exit status 1 on the first disagre
 """
 
 import argparse
-import ctypes
 import multiprocessing
 import sys
 import time
@@ -27,10 +26,11 @@ from construct_oracle import TO_HOST, Frame, losses_of, parse_stream
 
 from taxel.stream import StreamDecoder
 from taxel.stream.decoder import Batch
+from taxel.stream.deframer import Deframer
 from taxel.stream.native import codec_library
 from taxel_protocol import FrameType, ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.frames import FRAMES
-from taxel_protocol.limits import ADDRESS_MIN, BODY_MAX, ENCODED_MAX, PAYLOAD_MAX, WHO_AM_I
+from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 
 CONSTRUCT_EVERY = 100
 BLOCK = 2_000
@@ -38,60 +38,17 @@ DAMAGES = ("flip", "byte", "insert", "delete", "repeat", "burst", "cut", "remove
 TYPES = (*(kind for kind in FRAMES if kind < 0x80), FrameType.TAXELS, FrameType.TAXELS, FrameType.TAXELS)
 
 
-class _Frame(ctypes.Structure):
-    """`struct taxel_frame` of firmware/codec/deframer.h."""
-
-    _fields_ = (
-        ("payload", ctypes.POINTER(ctypes.c_uint8)),
-        ("length", ctypes.c_uint16),
-        ("sequence", ctypes.c_uint16),
-        ("type", ctypes.c_uint8),
-    )
-
-
-_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
-
-
-class _Config(ctypes.Structure):
-    """`struct taxel_deframer_config`."""
-
-    _fields_ = (
-        ("chunk", ctypes.c_void_p),
-        ("chunk_capacity", ctypes.c_size_t),
-        ("body", ctypes.c_void_p),
-        ("payload_max", ctypes.c_uint16),
-        ("directions", ctypes.c_uint8),
-        ("handler", _HANDLER),
-        ("context", ctypes.c_void_p),
-    )
-
-
 class Decoders:
     """The decoders under test, each from the beginning of a stream to its end."""
 
     def __init__(self) -> None:
         self._library = codec_library()
-        self._state = ctypes.create_string_buffer(1024)
-        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
-        self._body = ctypes.create_string_buffer(BODY_MAX)
-        self._handler = _HANDLER(self._take)
-        memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
-        self._config = _Config(*memory, PAYLOAD_MAX, TO_HOST, self._handler, None)
-        self._found: list[Frame] = []
+        self._deframer = Deframer(self._library)
         self._decoder = StreamDecoder()
-
-    def _take(self, _: int | None, frame: "ctypes._Pointer[_Frame]") -> None:
-        found = frame.contents
-        self._found.append((found.type, found.sequence, ctypes.string_at(found.payload, found.length)))
 
     def streaming(self, pieces: list[bytes]) -> list[Frame]:
         """The C deframer, frame by frame."""
-        self._found = []
-        self._library.taxel_deframer_init(self._state, ctypes.byref(self._config))
-        for piece in pieces:
-            self._library.taxel_deframer_push(self._state, piece, ctypes.c_size_t(len(piece)))
-        self._library.taxel_deframer_finish(self._state)
-        return self._found
+        return self._deframer.decode(pieces)
 
     def batch(self, pieces: list[bytes]) -> tuple[list[Frame], list[Frame], list[int]]:
         """The host's decoder: taxel frames without their board's CRC, other frames, and what it counted."""

@@ -1,0 +1,69 @@
+"""The firmware's own deframer (firmware/codec/deframer.c), frame by frame: slow, for those who check it."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable
+from typing import Any
+
+from taxel.stream.native import codec_library
+from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
+
+TO_HOST = 1
+"""`TAXEL_DIRECTION_TO_HOST`."""
+_STATE_SIZE = 1024  # more than `struct taxel_deframer`
+
+
+class _Frame(ctypes.Structure):
+    """`struct taxel_frame` of firmware/codec/deframer.h."""
+
+    _fields_ = (
+        ("payload", ctypes.POINTER(ctypes.c_uint8)),
+        ("length", ctypes.c_uint16),
+        ("sequence", ctypes.c_uint16),
+        ("type", ctypes.c_uint8),
+    )
+
+
+_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
+
+
+class _Config(ctypes.Structure):
+    """`struct taxel_deframer_config`."""
+
+    _fields_ = (
+        ("chunk", ctypes.c_void_p),
+        ("chunk_capacity", ctypes.c_size_t),
+        ("body", ctypes.c_void_p),
+        ("payload_max", ctypes.c_uint16),
+        ("directions", ctypes.c_uint8),
+        ("handler", _HANDLER),
+        ("context", ctypes.c_void_p),
+    )
+
+
+class Deframer:
+    """Whole streams to the host, each from its beginning. library: the codec to use; None: the package's own."""
+
+    def __init__(self, library: ctypes.CDLL | None = None) -> None:
+        self._library = codec_library() if library is None else library
+        self._state = ctypes.create_string_buffer(_STATE_SIZE)
+        self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
+        self._body = ctypes.create_string_buffer(BODY_MAX)
+        self._handler = _HANDLER(self._take)
+        memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
+        self._config = _Config(*memory, PAYLOAD_MAX, TO_HOST, self._handler, None)
+        self._found: list[tuple[int, int, bytes]] = []
+
+    def _take(self, _: int | None, frame: Any) -> None:
+        found = frame.contents
+        self._found.append((found.type, found.sequence, ctypes.string_at(found.payload, found.length)))
+
+    def decode(self, pieces: Iterable[bytes]) -> list[tuple[int, int, bytes]]:
+        """(type, sequence, payload) of every frame that a host would believe, in a stream that comes in `pieces`."""
+        self._found = []
+        self._library.taxel_deframer_init(self._state, ctypes.byref(self._config))
+        for piece in pieces:
+            self._library.taxel_deframer_push(self._state, piece, ctypes.c_size_t(len(piece)))
+        self._library.taxel_deframer_finish(self._state)
+        return self._found
