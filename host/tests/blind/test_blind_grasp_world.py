@@ -6,10 +6,10 @@ from collections import Counter
 
 import pytest
 
+from host.tests.command_line import refusal
 from taxel.blind import grasp_world
 from taxel.blind.grasp_world import drawn_grasp_world, small_plans
 from taxel.blind.seal import commitment
-from taxel.cli import main
 
 
 def keys(plan):
@@ -45,10 +45,6 @@ def test_what_is_hidden_acts_on_the_whole_hand(seed):
 
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--jobs", "-1")])
-def test_impossible_numbers_are_refused_before_anything_is_made(arguments, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["taxel", "demo", "--out", str(tmp_path / "demo"), *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main.main()
-    assert ended.value.code == 1
-    assert len(capsys.readouterr().err.splitlines()) == 1
+def test_impossible_numbers_are_refused_before_anything_is_made(arguments, tmp_path, capsys):
+    assert refusal(capsys, "demo", "--out", tmp_path / "demo", *arguments)
     assert not (tmp_path / "demo").exists()

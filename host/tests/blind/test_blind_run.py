@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -13,22 +12,12 @@ from typing import ClassVar
 import h5py
 import pytest
 
+from host.tests.command_line import exit_status
 from taxel.blind import drawing, run
-from taxel.cli import main as command
 from taxel.gap.catalogue import CATALOGUE
 
 SEED = 1080
 """World 0 hides nothing and has another effect deleted; world 1 hides noise, and is withheld."""
-
-
-def call(monkeypatch, *arguments) -> int:
-    """Exit status."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "gap", "blind", *map(str, arguments)])
-    try:
-        command.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
 
 
 def read(path) -> dict:
@@ -72,7 +61,7 @@ def check(small, cut):
     small.setenv("SOURCE_DATE_EPOCH", "")  # taken back afterwards: threads instead of processes set it here
     small.setattr(run, "ProcessPoolExecutor", lambda count, *context, **words: ThreadPoolExecutor(count))
     out = cut.parent / "check"
-    assert call(small, "--worlds", 2, "--out", out, "--page", out.parent / "page" / "score.md") == 0
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", out, "--page", out.parent / "page" / "score.md") == 0
     return out
 
 
@@ -133,7 +122,7 @@ def test_the_score_and_its_sheet_are_written(check):
 
 def test_a_check_that_is_done_is_only_scored_again(check, monkeypatch, capsys):
     monkeypatch.setattr(run, "Lane", None)
-    assert call(monkeypatch, "--worlds", 2, "--out", check, "--json") == 0
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
     assert json.loads(capsys.readouterr().out) == read(check / "score.json")
 
 
@@ -188,15 +177,15 @@ def test_a_check_that_was_cut_after_some_worlds_goes_on_with_the_others(monkeypa
     assert told[5:] == [(done, 9) for done in range(len(finished), 10)]
 
 
-def test_a_changed_key_or_another_number_is_refused_in_one_line(check, tmp_path, monkeypatch, capsys):
-    assert call(monkeypatch, "--worlds", 3, "--out", check) == 1
+def test_a_changed_key_or_another_number_is_refused_in_one_line(check, tmp_path, capsys):
+    assert exit_status("gap", "blind", "--worlds", 3, "--out", check) == 1
     assert capsys.readouterr().err.strip().endswith("choose another --out")
     copy = tmp_path / "check"
     shutil.copytree(check, copy)
     keys = read(copy / "sealed" / "keys.json")
     keys[0]["hidden"]["kind"] = "outside"
     (copy / "sealed" / "keys.json").write_text(json.dumps(keys))
-    assert call(monkeypatch, "--worlds", 2, "--out", copy) == 1
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", copy) == 1
     error = capsys.readouterr().err.strip()
     assert "world 0: key does not fit its commitment" in error
     assert "Traceback" not in error
@@ -208,7 +197,7 @@ def test_a_changed_key_or_another_number_is_refused_in_one_line(check, tmp_path,
     (("--worlds", 1, "--seed", -1), "--seed: expected 0 or more, found -1"),
     (("--worlds", 1, "--jobs", 0), "--jobs: expected 1 or more, found 0"),
 ])  # fmt: skip
-def test_wrong_numbers_are_refused_in_one_line(arguments, message, monkeypatch, capsys, tmp_path):
-    assert call(monkeypatch, *arguments, "--out", tmp_path / "check") == 1
+def test_wrong_numbers_are_refused_in_one_line(arguments, message, capsys, tmp_path):
+    assert exit_status("gap", "blind", *arguments, "--out", tmp_path / "check") == 1
     assert message in capsys.readouterr().err
     assert not (tmp_path / "check").exists()

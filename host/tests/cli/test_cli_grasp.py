@@ -9,21 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli import main as command
+from host.tests.command_line import exit_status, refusal
 from taxel.recording.grasp_dataset import GraspDataset
 
 PATIENCE_S = 120.0
-
-
-def refusal(capsys, monkeypatch, *arguments: str) -> str:
-    """The one line with which `taxel grasp` refuses; its exit status is 1."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "grasp", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        command.main()
-    assert ended.value.code == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(lines) == 1
-    return lines[0]
 
 
 @pytest.mark.parametrize(
@@ -45,35 +34,30 @@ def refusal(capsys, monkeypatch, *arguments: str) -> str:
         (["--source", "sim", "--calibration", "missing.toml"], "taxel: missing.toml: "),
     ],
 )
-def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys, monkeypatch, tmp_path):
-    assert refusal(capsys, monkeypatch, *arguments, "--out", str(tmp_path / "new")).startswith(complaint)
+def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys, tmp_path):
+    assert refusal(capsys, "grasp", *arguments, "--out", str(tmp_path / "new")).startswith(complaint)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_effects_that_the_emulator_refuses_are_named(capsys, monkeypatch, tmp_path):
+def test_effects_that_the_emulator_refuses_are_named(capsys, tmp_path):
     out = tmp_path / "real.h5"
-    monkeypatch.setattr(
-        sys, "argv", ["taxel", "grasp", "--source", "emulated", "--out", str(out), "--effects", "noise x"]
-    )
-    with pytest.raises(SystemExit) as ended:
-        command.main()
-    assert ended.value.code == 1
+    assert exit_status("grasp", "--source", "emulated", "--out", out, "--effects", "noise x") == 1
     assert "(found 'effect noise x')" in capsys.readouterr().err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("source", ["emulated", "sim", "physical"])
-def test_a_file_that_exists_is_refused_and_kept(source, capsys, monkeypatch, tmp_path):
+def test_a_file_that_exists_is_refused_and_kept(source, capsys, tmp_path):
     out = tmp_path / "some.h5"
     out.write_text("kept")
-    line = refusal(capsys, monkeypatch, "--source", source, "--out", str(out))
+    line = refusal(capsys, "grasp", "--source", source, "--out", str(out))
     assert line == f"taxel: {out}: exists already; choose another --out, --resume it or --overwrite it"
     assert out.read_text() == "kept"
 
 
-def test_of_both_none_is_begun_if_one_exists(capsys, monkeypatch, tmp_path):
+def test_of_both_none_is_begun_if_one_exists(capsys, tmp_path):
     (tmp_path / "sim.h5").write_text("kept")
-    assert "sim.h5: exists already" in refusal(capsys, monkeypatch, "--source", "both", "--out", str(tmp_path))
+    assert "sim.h5: exists already" in refusal(capsys, "grasp", "--source", "both", "--out", str(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["sim.h5"]
 
 
@@ -109,11 +93,8 @@ def test_json_on_standard_output_says_what_was_made(both):
         assert counted["triangular_prism"] == {"grasps": 0, "points": 0}
 
 
-def test_a_whole_campaign_is_resumed_at_once_and_reported_as_a_table(both, capsys, monkeypatch):
+def test_a_whole_campaign_is_resumed_at_once_and_reported_as_a_table(both, capsys):
     path = both[0] / "sim.h5"
     options = ["--source", "sim", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--resume"]
-    monkeypatch.setattr(sys, "argv", ["taxel", "grasp", *options, "--out", str(path)])
-    with pytest.raises(SystemExit) as ended:
-        command.main()
-    assert ended.value.code == 0
+    assert exit_status("grasp", *options, "--out", path) == 0
     assert "cylinder" in capsys.readouterr().out

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from host.tests.command_line import exit_status
 from taxel.cli import main as cli
 from taxel.recording.grasp_dataset import GraspDataset
 
@@ -17,13 +18,11 @@ FILE = re.compile(r"`(\w+\.(?:csv|toml))`")
 KINDS = ("arrays", "gazebo", "active", "rollout")
 
 
-def call(monkeypatch, capsys, *words):
-    """Exit status and what was printed, as main() does it."""
-    monkeypatch.setattr("sys.argv", ["taxel", *words])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
+def call(capsys, *words):
+    """Exit status and what was printed."""
+    status = exit_status(*words)
     printed = capsys.readouterr()
-    return caught.value.code or 0, printed.out, printed.err
+    return status, printed.out, printed.err
 
 
 def blocks():
@@ -52,14 +51,14 @@ def example(command):
     return shlex.split(next(line for line in lines if f"import {command} " in line))[1:]
 
 
-def test_the_guides_examples_run_in_order(guide, monkeypatch, capsys):
+def test_the_guides_examples_run_in_order(guide, capsys):
     made = []
     for kind, text, _ in blocks():
         if kind == "python":
             exec(compile(text, str(GUIDE), "exec"), {})
         if kind == "sh":
             words = shlex.split(text)
-            status, out, err = call(monkeypatch, capsys, *words[1:])
+            status, out, err = call(capsys, *words[1:])
             assert status == 0, err
             assert words[-1] in out
             made.append(words[-1])
@@ -82,19 +81,19 @@ def test_help_has_an_example(command):
     assert f"Example: taxel import {command} " in text
 
 
-def test_a_file_that_exists_is_kept_without_overwrite(guide, monkeypatch, capsys):
+def test_a_file_that_exists_is_kept_without_overwrite(guide, capsys):
     (guide / "gazebo.h5").write_bytes(b"mine")
-    status, _, err = call(monkeypatch, capsys, *example("gazebo"))
+    status, _, err = call(capsys, *example("gazebo"))
     assert (status, err.count("\n")) == (1, 1)
     assert "gazebo.h5" in err
     assert (guide / "gazebo.h5").read_bytes() == b"mine"
-    assert call(monkeypatch, capsys, *example("gazebo"), "--overwrite")[0] == 0
+    assert call(capsys, *example("gazebo"), "--overwrite")[0] == 0
     with GraspDataset(guide / "gazebo.h5") as data:
         data.check()
 
 
-def test_json_says_what_was_imported(guide, monkeypatch, capsys):
-    status, out, err = call(monkeypatch, capsys, *example("gazebo"), "--json")
+def test_json_says_what_was_imported(guide, capsys):
+    status, out, err = call(capsys, *example("gazebo"), "--json")
     assert (status, err) == (0, "")
     assert json.loads(out) == {
         "file": "gazebo.h5",
@@ -107,8 +106,8 @@ def test_json_says_what_was_imported(guide, monkeypatch, capsys):
     }
 
 
-def test_a_narrow_threshold_leaves_contacts_unfelt_and_says_so(guide, monkeypatch, capsys):
-    status, out, _ = call(monkeypatch, capsys, *example("gazebo"), "--threshold-mm", "0.5")
+def test_a_narrow_threshold_leaves_contacts_unfelt_and_says_so(guide, capsys):
+    status, out, _ = call(capsys, *example("gazebo"), "--threshold-mm", "0.5")
     assert status == 0
     assert "3 of 3 contacts (3.3 N in all) are felt by no taxel" in out
 
@@ -126,37 +125,37 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_option_is_one_line(guide, monkeypatch, capsys, case):
+def test_a_wrong_option_is_one_line(guide, capsys, case):
     more, said = WRONG[case]
     words = example("gazebo")
     if case == "no hand":
         at = words.index("--joints")
         words, more = words[:at] + words[at + 2 :], []
-    status, _, err = call(monkeypatch, capsys, *words, *more)
+    status, _, err = call(capsys, *words, *more)
     assert (status, err.count("\n")) == (1, 1), err
     assert said in err
 
 
-def test_mistakes_in_files_are_one_line_at_the_command_line_too(guide, monkeypatch, capsys):
+def test_mistakes_in_files_are_one_line_at_the_command_line_too(guide, capsys):
     text = (guide / "contacts.csv").read_text()
     (guide / "contacts.csv").write_text(text.replace("0.5141,-0.018", "0.5141,minus"))
-    status, out, err = call(monkeypatch, capsys, *example("gazebo"))
+    status, out, err = call(capsys, *example("gazebo"))
     assert (status, out) == (1, "")
     expected = "taxel: contacts.csv: line 4, column y: expected a finite number, found 'minus'; write it as 0.125\n"
     assert err == expected
 
 
-def test_a_broken_map_and_an_unknown_sensing_are_one_line(guide, monkeypatch, capsys):
+def test_a_broken_map_and_an_unknown_sensing_are_one_line(guide, capsys):
     (guide / "map.toml").write_text("[boards\n")
-    status, _, err = call(monkeypatch, capsys, *example("rollout"))
+    status, _, err = call(capsys, *example("rollout"))
     assert (status, err.count("\n")) == (1, 1)
     assert "map.toml: file: expected valid TOML" in err
-    status, _, err = call(monkeypatch, capsys, *example("rollout"), "--sensing", "magic")
+    status, _, err = call(capsys, *example("rollout"), "--sensing", "magic")
     assert (status, err.count("\n")) == (1, 1)
     assert "--sensing: expected layer, rigid, coupled, cones, found 'magic'" in err
 
 
-def test_arrays_that_are_not_there_are_one_line(guide, monkeypatch, capsys):
-    status, _, err = call(monkeypatch, capsys, "import", "arrays", "none.npz", "--out", "x.h5")
+def test_arrays_that_are_not_there_are_one_line(guide, capsys):
+    status, _, err = call(capsys, "import", "arrays", "none.npz", "--out", "x.h5")
     assert (status, err.count("\n")) == (1, 1)
     assert "none.npz" in err

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from taxel.cli import main as command
+from host.tests.command_line import exit_status, refusal
 from taxel.cloud.files import read_cloud, write_cloud, write_mesh
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import models
@@ -19,33 +18,24 @@ BOARD = 30
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
+def run(capsys):
     """Runs `taxel cloud`: what it prints. Fails unless it succeeds."""
 
     def call(*arguments) -> str:
-        monkeypatch.setattr(sys, "argv", ["taxel", "cloud", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            command.main()
+        status = exit_status("cloud", *arguments)
         told = capsys.readouterr()
-        assert not ended.value.code, told.err
+        assert status == 0, told.err
         return told.out
 
     return call
 
 
 @pytest.fixture
-def refused(monkeypatch, capsys):
+def refused(capsys):
     """Runs `taxel cloud`: the one line of an error."""
 
     def call(*arguments) -> str:
-        monkeypatch.setattr(sys, "argv", ["taxel", "cloud", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            command.main()
-        assert ended.value.code == 1
-        lines = [line for line in capsys.readouterr().err.splitlines() if line]
-        assert len(lines) == 1
-        assert lines[0].startswith("taxel: ")
-        return lines[0]
+        return refusal(capsys, "cloud", *arguments)
 
     return call
 

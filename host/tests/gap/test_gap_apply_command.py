@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from taxel.cli import main as command
+from host.tests.command_line import exit_status, refusal
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import read_pair
 from taxel.gap.report.reading import read_report
@@ -30,25 +30,6 @@ with h5py.File(out, "r+") as file:
     file.attrs["mine"] = found["effects"][0]["name"]
 print(found["effects"][0]["parameters"])
 """
-
-
-def run(monkeypatch, *arguments) -> int:
-    """Exit status."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "gap", "apply", *map(str, arguments)])
-    try:
-        command.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
-def refused(monkeypatch, capsys, *arguments) -> str:
-    """The one line."""
-    assert run(monkeypatch, *arguments) == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(lines) == 1
-    assert lines[0].startswith("taxel: ")
-    return lines[0]
 
 
 @pytest.fixture(scope="module")
@@ -95,38 +76,38 @@ def report(content, tmp_path) -> Path:
     return path
 
 
-def test_effects_are_added_in_the_order_in_which_they_act(monkeypatch, capsys, report, paths, tmp_path):
+def test_effects_are_added_in_the_order_in_which_they_act(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
-    assert run(monkeypatch, report, paths[1], "--out", out) == 0
+    assert exit_status("gap", "apply", report, paths[1], "--out", out) == 0
     said = capsys.readouterr().out
     assert "gain mismatch, saturation" in said
     assert "unknown cause" in said
     with GraspDataset(out) as data:
         drop = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
     assert 400.0 <= drop < 430.0
-    assert run(monkeypatch, report, paths[1], "--out", out, "--overwrite", "--json") == 0
+    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
 
 
-def test_nothing_that_is_there_is_replaced_unasked_or_lost(monkeypatch, capsys, report, paths, tmp_path):
+def test_nothing_that_is_there_is_replaced_unasked_or_lost(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
-    assert "a new file" in refused(monkeypatch, capsys, report, paths[1], "--out", out)
-    assert "source" in refused(monkeypatch, capsys, report, paths[0], "--out", out, "--overwrite")
+    assert "a new file" in refusal(capsys, "gap", "apply", report, paths[1], "--out", out)
+    assert "source" in refusal(capsys, "gap", "apply", report, paths[0], "--out", out, "--overwrite")
     assert out.read_text() == "mine"
     sim = Path(paths[1]).read_bytes()
-    assert "another file" in refused(monkeypatch, capsys, report, paths[1], "--out", paths[1], "--overwrite")
+    assert "another file" in refusal(capsys, "gap", "apply", report, paths[1], "--out", paths[1], "--overwrite")
     assert Path(paths[1]).read_bytes() == sim
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.json", "sim2.h5"]
 
 
-def test_another_hand_is_refused(monkeypatch, capsys, report, paths, tmp_path):
+def test_another_hand_is_refused(capsys, report, paths, tmp_path):
     sim = tmp_path / "sim.h5"
     sim.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(sim, "r+") as file:
         file["sensors/address"][0] = 0x30
         file["taxels/sensor"][: N // 2] = 0x30
-    line = refused(monkeypatch, capsys, report, sim, "--out", tmp_path / "sim2.h5")
+    line = refusal(capsys, "gap", "apply", report, sim, "--out", tmp_path / "sim2.h5")
     assert "sim.h5: /taxels/sensor[0]: expected 32 as in" in line
 
 
@@ -168,11 +149,11 @@ SATURATION = ("effects", 1, "model")
         (("inputs", "sim"), {}, "inputs.sim.sha256"),
     ],
 )
-def test_a_broken_report_is_one_line(monkeypatch, capsys, content, paths, tmp_path, path, value, words):
+def test_a_broken_report_is_one_line(capsys, content, paths, tmp_path, path, value, words):
     change(content, path, value)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(content))
-    line = refused(monkeypatch, capsys, report, paths[1], "--out", tmp_path / "sim2.h5")
+    line = refusal(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5")
     assert "report.json: " in line
     assert words in line
     assert [found.name for found in tmp_path.iterdir()] == ["report.json"]
@@ -196,11 +177,11 @@ def simulator(tmp_path, text=SIMULATOR) -> str:
     return shlex.join([sys.executable, str(script)]) + " {effects} {sim} {out}"
 
 
-def test_the_users_own_simulator_makes_the_dataset(monkeypatch, capfd, content, report, paths, tmp_path):
+def test_the_users_own_simulator_makes_the_dataset(capfd, content, report, paths, tmp_path):
     content["verdict"]["effects"] = ["saturation"]
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
-    assert run(monkeypatch, report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
+    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
     printed = capfd.readouterr()
     assert json.loads(printed.out)["effects"] == ["saturation"]
     assert "400.0" in printed.err
@@ -223,11 +204,11 @@ def test_the_users_own_simulator_makes_the_dataset(monkeypatch, capfd, content, 
         (SIMULATOR + "h5py.File(out, 'r+')['grasps'].clear()", "sim2.h5: /grasps"),
     ],
 )
-def test_what_the_simulator_made_is_checked(monkeypatch, capsys, report, paths, tmp_path, text, words):
+def test_what_the_simulator_made_is_checked(capsys, report, paths, tmp_path, text, words):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
     resim = simulator(tmp_path, text)
-    assert words in refused(monkeypatch, capsys, report, paths[1], "--out", out, "--overwrite", "--resim", resim)
+    assert words in refusal(capsys, "gap", "apply", report, paths[1], "--out", out, "--overwrite", "--resim", resim)
     assert out.read_text() == "mine"
 
 
@@ -240,14 +221,15 @@ def test_what_the_simulator_made_is_checked(monkeypatch, capsys, report, paths, 
         (" ", "{effects} and {out}"),
     ],
 )
-def test_a_command_that_cannot_run_is_one_line(monkeypatch, capsys, report, paths, tmp_path, resim, words):
-    assert words in refused(monkeypatch, capsys, report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim)
+def test_a_command_that_cannot_run_is_one_line(capsys, report, paths, tmp_path, resim, words):
+    assert words in refusal(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim)
 
 
-def test_without_an_effect_the_simulator_is_not_run(monkeypatch, capsys, content, report, paths, tmp_path):
+def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, paths, tmp_path):
     content["verdict"] = {"status": "no_gap", "effects": []}
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
-    assert run(monkeypatch, report, paths[1], "--out", out, "--resim", simulator(tmp_path, "raise SystemExit(3)")) == 0
+    resim = simulator(tmp_path, "raise SystemExit(3)")
+    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--resim", resim) == 0
     assert "there is no gap" in capsys.readouterr().out
     assert out.read_bytes() == Path(paths[1]).read_bytes()

@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from taxel.cli import main as command
-
-
-def run(monkeypatch, *arguments) -> int:
-    """Exit status."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "gap", "diagnose", *map(str, arguments)])
-    try:
-        command.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
+from host.tests.command_line import exit_status
 
 
 @pytest.fixture(scope="module")
@@ -28,15 +17,15 @@ def paths(world, tmp_path_factory):
     return world(tmp_path_factory.mktemp("pair"))
 
 
-def test_it_writes_the_report_and_its_page_and_prints_the_verdict(monkeypatch, capsys, paths, tmp_path):
-    assert run(monkeypatch, *paths, "--out", tmp_path / "gap") == 0
+def test_it_writes_the_report_and_its_page_and_prints_the_verdict(capsys, paths, tmp_path):
+    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 0
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["verdict"]["status"] == "no_gap"
     assert "No gap" in capsys.readouterr().out
     assert (tmp_path / "gap" / "report.html").stat().st_size > 10_000
-    assert run(monkeypatch, *paths, "--out", tmp_path / "gap") == 1
+    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 1
     assert "exists already" in capsys.readouterr().err
-    assert run(monkeypatch, *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
+    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == report["verdict"]
 
 
@@ -78,9 +67,9 @@ def no_baseline(file):
         (no_baseline, ("/grasps/0000", "baseline")),
     ],
 )
-def test_files_that_do_not_go_together_are_one_line(monkeypatch, capsys, paths, tmp_path, change, words):
+def test_files_that_do_not_go_together_are_one_line(capsys, paths, tmp_path, change, words):
     pair = broken(paths, tmp_path, change)
-    assert run(monkeypatch, *pair, "--out", tmp_path / "gap") == 1
+    assert exit_status("gap", "diagnose", *pair, "--out", tmp_path / "gap") == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(lines) == 1
     assert lines[0].startswith("taxel: ")

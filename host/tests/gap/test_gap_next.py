@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from taxel.cli import main as command
+from host.tests.command_line import exit_status, refusal
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.gain_mismatch import GainMismatch
@@ -168,32 +167,12 @@ def test_approaches_that_were_only_simulated_are_ranked_with_the_others(gentle, 
 # --- the command
 
 
-def run(monkeypatch, *arguments) -> int:
-    """Exit status."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "gap", *map(str, arguments)])
-    try:
-        command.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
-def refused(monkeypatch, capsys, *arguments) -> str:
-    """The one line."""
-    assert run(monkeypatch, "next", *arguments) == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(lines) == 1
-    assert lines[0].startswith("taxel: ")
-    return lines[0]
-
-
 @pytest.fixture(scope="module")
 def diagnosed(world, tmp_path_factory):
     """Two files, four of six simulated approaches recorded, and the report of their diagnosis."""
     folder = tmp_path_factory.mktemp("diagnosed")
     paths = world(folder, effect=late, recorded=4)
-    with pytest.MonkeyPatch.context() as patch:
-        assert run(patch, "diagnose", *paths, "--out", folder) == 0
+    assert exit_status("gap", "diagnose", *paths, "--out", folder) == 0
     return paths, folder / "report.json"
 
 
@@ -210,53 +189,53 @@ def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_pat
     assert presses[0]["press"] in page
 
 
-def test_a_report_gives_what_the_two_files_give_without_a_search(monkeypatch, capsys, diagnosed):
+def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnosed):
     paths, report = diagnosed
-    assert run(monkeypatch, "next", report, "--json", "--top", 3) == 0
+    assert exit_status("gap", "next", report, "--json", "--top", 3) == 0
     told = json.loads(capsys.readouterr().out)
-    assert run(monkeypatch, "next", *paths, "--json", "--top", 3) == 0
+    assert exit_status("gap", "next", *paths, "--json", "--top", 3) == 0
     again = json.loads(capsys.readouterr().out)
     assert [one["press"] for one in told["next_presses"]] == [one["press"] for one in again["next_presses"]]
     for one, other in zip(told["next_presses"], again["next_presses"], strict=True):
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
-    assert run(monkeypatch, "next", report, "--candidates", paths[1]) == 0
+    assert exit_status("gap", "next", report, "--candidates", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "no approach that is not known already" in out
     assert told["next_presses"][0]["press"].split()[-1] in out
 
 
-def test_what_does_not_answer_has_no_value_to_be_told(monkeypatch, capsys, world, tmp_path):
+def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
     def silence(raw, valid, rng):
         valid = valid.copy()
         valid[:, 1] = False
         return raw, valid
 
     paths = world(tmp_path, after=silence, cells=4, sessions=3)
-    assert run(monkeypatch, "diagnose", *paths, "--out", tmp_path) == 0
+    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path) == 0
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []
-    assert run(monkeypatch, "next", tmp_path / "report.json") == 0
+    assert exit_status("gap", "next", tmp_path / "report.json") == 0
     assert "no value that a press could tell more of" in capsys.readouterr().out
 
 
-def test_bad_input_is_one_line(monkeypatch, capsys, diagnosed, gentle, tmp_path):
+def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
     paths, report = diagnosed
-    assert "SIM.h5" in refused(monkeypatch, capsys, paths[0])
-    assert "--top: expected 1 or more" in refused(monkeypatch, capsys, report, "--top", 0)
-    assert "no-such" in refused(monkeypatch, capsys, tmp_path / "no-such.json")
-    assert "/source" in refused(monkeypatch, capsys, report, "--candidates", paths[0])
-    assert "sim.h5" in refused(monkeypatch, capsys, report, "--candidates", tmp_path / "sim.h5")
+    assert "SIM.h5" in refusal(capsys, "gap", "next", paths[0])
+    assert "--top: expected 1 or more" in refusal(capsys, "gap", "next", report, "--top", 0)
+    assert "no-such" in refusal(capsys, "gap", "next", tmp_path / "no-such.json")
+    assert "/source" in refusal(capsys, "gap", "next", report, "--candidates", paths[0])
+    assert "sim.h5" in refusal(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")
     other = tmp_path / "other.h5"
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         file["taxels/position"][3] = 0.5
-    assert "/taxels/position[3]" in refused(monkeypatch, capsys, report, "--candidates", other)
+    assert "/taxels/position[3]" in refusal(capsys, "gap", "next", report, "--candidates", other)
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         for grasp in file["grasps"].values():
             grasp.attrs["approach"] = "new"
             del grasp["contact_force"], grasp["separation"]
-    assert "contact_force" in refused(monkeypatch, capsys, report, "--candidates", other)
+    assert "contact_force" in refusal(capsys, "gap", "next", report, "--candidates", other)
 
 
 @pytest.mark.parametrize(
@@ -271,10 +250,10 @@ def test_bad_input_is_one_line(monkeypatch, capsys, diagnosed, gentle, tmp_path)
         (lambda report: report.update(version=2), "version"),
     ],
 )
-def test_a_broken_report_is_one_line(monkeypatch, capsys, diagnosed, tmp_path, change, words):
+def test_a_broken_report_is_one_line(capsys, diagnosed, tmp_path, change, words):
     content = json.loads(diagnosed[1].read_text())
     assert list(CATALOGUE)[-1] == content["effects"][-1]["name"] == "latency"
     change(content)
     path = tmp_path / "report.json"
     path.write_text(json.dumps(content))
-    assert words in refused(monkeypatch, capsys, path)
+    assert words in refusal(capsys, "gap", "next", path)

@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 
 import pytest
 
-from taxel.cli import main as command
-
-
-def call(monkeypatch, *arguments) -> int:
-    """Exit status."""
-    monkeypatch.setattr(sys, "argv", ["taxel", "thesis", *map(str, arguments)])
-    try:
-        command.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
+from host.tests.command_line import exit_status
 
 
 @pytest.fixture(scope="module")
 def made(campaign, tmp_path_factory):
     """The folder after one run."""
     out = tmp_path_factory.mktemp("thesis")
-    with pytest.MonkeyPatch.context() as patch:
-        assert call(patch, "--real", campaign[0], "--sim", campaign[1], "--no-gap", "--out", out) == 0
+    assert exit_status("thesis", "--real", campaign[0], "--sim", campaign[1], "--no-gap", "--out", out) == 0
     return out
 
 
@@ -57,11 +45,11 @@ def test_a_wider_and_displaced_cloud_lies_farther_from_its_model(made):
         assert rows[name, "real"] > rows[name, "sim"]
 
 
-def test_half_a_campaign_is_refused(monkeypatch, capsys, campaign, tmp_path):
-    assert call(monkeypatch, "--real", campaign[0], "--out", tmp_path / "out") == 1
+def test_half_a_campaign_is_refused(capsys, campaign, tmp_path):
+    assert exit_status("thesis", "--real", campaign[0], "--out", tmp_path / "out") == 1
     assert "--real and --sim: expected both or none" in capsys.readouterr().err
 
 
-def test_negative_numbers_are_refused(monkeypatch, capsys, tmp_path):
-    assert call(monkeypatch, "--seed", "-1", "--out", tmp_path / "out") == 1
+def test_negative_numbers_are_refused(capsys, tmp_path):
+    assert exit_status("thesis", "--seed", "-1", "--out", tmp_path / "out") == 1
     assert "--seed and --jobs: expected 0 or more" in capsys.readouterr().err

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
-from taxel.cli import main as command
+from host.tests.command_line import exit_status
 from taxel_tools.files.cyacd import write_cyacd
 
 URL = "emulator:?hand=rig4"
@@ -15,15 +14,13 @@ BLANK = f"{URL}&word=blank 0x50"
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
+def run(capsys):
     """Runs `taxel`: exit status, output, complaints."""
 
     def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["taxel", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            command.main()
+        status = exit_status(*arguments)
         told = capsys.readouterr()
-        return ended.value.code or 0, told.out, told.err
+        return status, told.out, told.err
 
     return call
 

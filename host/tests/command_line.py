@@ -1,0 +1,29 @@
+"""The command line as a user's shell calls it, inside the tests' process."""
+
+from __future__ import annotations
+
+import sys
+from unittest import mock
+
+import pytest
+
+from taxel.cli import main as command
+
+
+def exit_status(*words: object) -> int:
+    """Run `taxel WORDS...`; its exit status."""
+    with mock.patch.object(sys, "argv", ["taxel", *map(str, words)]):
+        try:
+            command.main()
+        except SystemExit as ended:
+            return int(ended.code or 0)
+    return 0
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """The one line with which `taxel WORDS...` refuses."""
+    assert exit_status(*words) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert lines[0].startswith("taxel: ")
+    return lines[0]
