@@ -1,0 +1,91 @@
+"""A value of a result file together with its place in it: what has the wrong type is refused with one clear line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import NoReturn
+
+from taxel.hand.checks import suggestion
+from taxel.hand.errors import shown
+from taxel_tools.testing.errors import ResultFileError
+
+REMEDY = "take the file as the test wrote it"
+
+_NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+
+
+def written(value: float) -> float | dict[str, str]:
+    """A number for a JSON file, which has none that are not finite: those are `{"not_finite": "nan"}`."""
+    return value if math.isfinite(value) else {"not_finite": str(value)}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A value as `json.loads` gives it, and where it stands. Every method raises `ResultFileError`."""
+
+    file: str
+    content: object
+    path: str = ""
+
+    def fail(self, expected: str, remedy: str = REMEDY, found: str = "") -> NoReturn:
+        """Refuse this place."""
+        raise ResultFileError(self.file, self.path or "file", expected, found or shown(self.content), remedy)
+
+    def table(self, keys: Collection[str]) -> dict[str, Field]:
+        """A table of exactly these keys."""
+        fields = dict(self.entries())
+        for key, field in fields.items():
+            if key not in keys:
+                field.fail("a known key", suggestion(key, keys), "an unknown one")
+        for key in keys:
+            if key not in fields:
+                Field(self.file, None, f"{self.path}.{key}" if self.path else key).fail("this key", found="nothing")
+        return fields
+
+    def entries(self) -> Iterator[tuple[str, Field]]:
+        """The keys of a table and their values."""
+        if not isinstance(self.content, dict):
+            self.fail("a table")
+        for key, content in self.content.items():
+            name = key if key.isidentifier() and len(key) <= 60 else shown(key)
+            yield key, Field(self.file, content, f"{self.path}.{name}" if self.path else name)
+
+    def items(self) -> list[Field]:
+        """The elements of a list."""
+        if not isinstance(self.content, list):
+            self.fail("a list")
+        return [Field(self.file, item, f"{self.path}[{index}]") for index, item in enumerate(self.content)]
+
+    def text(self) -> str:
+        """A string."""
+        if not isinstance(self.content, str):
+            self.fail("a string")
+        return self.content
+
+    def flag(self) -> bool:
+        """True or false."""
+        if not isinstance(self.content, bool):
+            self.fail("true or false")
+        return self.content
+
+    def number(self) -> float:
+        """A number, finite or as `written` writes those that are not."""
+        content = self.content
+        if isinstance(content, dict) and list(content) == ["not_finite"]:
+            word = content["not_finite"]
+            if not isinstance(word, str) or word not in _NOT_FINITE:
+                self.fail(f"not_finite to be one of {', '.join(_NOT_FINITE)}")
+            return _NOT_FINITE[word]
+        # An integer of many digits would overflow; and 1e999 is read as infinite.
+        if isinstance(content, bool) or not isinstance(content, int | float) or not abs(content) < 2**1023 * 2:
+            self.fail("a finite number")
+        return float(content)
+
+    def finite(self, minimum: float = -math.inf) -> float:
+        """A finite number of at least `minimum`."""
+        number = self.number()
+        if not math.isfinite(number) or number < minimum:
+            self.fail("a finite number" if math.isinf(minimum) else f"a number of at least {minimum:g}")
+        return number

@@ -1,0 +1,62 @@
+"""The page of a test: one file that needs nothing else, reads without scripts, and prints."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import cache
+from importlib import resources
+
+from taxel.gap.page.text import escaped
+from taxel_tools.testing.drift import Change
+from taxel_tools.testing.history import Summary
+from taxel_tools.testing.page.earlier import earlier_section
+from taxel_tools.testing.page.phases import phase_section, phases_section
+from taxel_tools.testing.page.verdict import header, title_of
+from taxel_tools.testing.record import TestRecord
+from taxel_tools.testing.whole_file import write_whole
+
+# Nothing may be fetched or run, whatever a record's text says.
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def write_page(
+    record: TestRecord,
+    path: str | os.PathLike[str],
+    changes: Sequence[Change] = (),
+    earlier: Sequence[Summary] = (),
+    overwrite: bool = False,
+) -> None:
+    """Write the page, whole or not at all.
+
+    Args:
+        record: the test.
+        path: the file.
+        changes: what `History.compare` says of the record.
+        earlier: what `History.earlier` says of its serial number, without the record itself.
+        overwrite: whether a file that stands there may be replaced.
+
+    Raises:
+        ResultFileError: the file exists, or cannot be written.
+    """
+    write_whole(path, page_text(record, changes, earlier).encode(), overwrite)
+
+
+def page_text(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
+    """The page as text: HTML that is well-formed XML too; the same record gives the same text."""
+    sections = [phases_section(record.phases)]
+    sections += [phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
+    before = earlier_section(record.phases, changes, earlier)
+    body = "".join(section.html() for section in [*sections, *([before] if before else [])])
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escaped(_POLICY)}"/>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
+        f'<meta name="color-scheme" content="light dark"/>\n<title>{title_of(record)}</title>\n<style>\n{_style()}'
+        f"</style>\n</head>\n<body>\n{header(record)}<main>\n{body}</main>\n</body>\n</html>\n"
+    )
+
+
+@cache
+def _style() -> str:
+    return resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
