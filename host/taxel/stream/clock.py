@@ -176,7 +176,12 @@ class ClockMap:
     def _fit_board(self, address: int, syncs: NDArray[np.int64]) -> None:
         board = (syncs[:, 0] - syncs[-1, 0]).astype(float)
         hub = (syncs[:, 1] - syncs[-1, 1]).astype(float)
-        slope, intercept = np.polyfit(board, hub, 1)
+        centred = board - board.mean()  # least squares in closed form: a hub with one board sends 60 readings a second
+        spread = float(centred @ centred)
+        if not spread:  # all readings of one microsecond: nothing to fit
+            return
+        slope = float(centred @ hub) / spread
+        intercept = float(hub.mean()) - slope * float(board.mean())
         if np.abs(hub - intercept - slope * board).max() > SYNC_TOLERANCE_US:  # a low bit was damaged: outvote it
             from scipy.stats import theilslopes  # takes half a second to import, and is hardly ever needed
 
