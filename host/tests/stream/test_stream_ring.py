@@ -167,3 +167,11 @@ def test_a_waiting_writer_goes_home_when_the_reader_has_closed():
 def test_a_ring_holds_at_least_a_byte(capacity):
     with pytest.raises(ValueError, match="at least 1 byte"):
         RingBuffer(capacity)
+
+
+@pytest.mark.parametrize("left", [1, 2, 3])
+def test_what_an_overrun_leaves_of_a_chunk_keeps_its_arrival(left):
+    ring = RingBuffer(4, drop_oldest=True)
+    ring.write(Chunk(b"abc", 1))
+    ring.write(Chunk(b"defg"[: 4 - left], 2))
+    assert ring.read(0.0) == [Chunk(b"abc"[3 - left :], 1), Chunk(b"defg"[: 4 - left], 2)]
