@@ -13,11 +13,13 @@ HOURS ?= 24
 RUNS ?= 20000
 FULL_HAND ?= 10
 SECONDS ?= 60
-SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' 2>/dev/null)
+PORT := firmware/boards/psoc4200
+IMAGES := build/psoc4200
+SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python fuzz fuzz-short lint bench firmware generate format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python fuzz fuzz-short lint bench firmware size generate format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -79,10 +81,21 @@ lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py
 
-firmware: $(STAMP)  ## build firmware and emulator without sanitizers, all warnings as errors
+firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images for the PSoC 4200 in build/psoc4200/images
 	@$(CMAKE) -S firmware -B $(BUILD)/release > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/release
-	@echo "built: $(BUILD)/release/libtaxel_firmware.a, taxel-emulator, libtaxel_codec.so (Cortex-M0 images are not built yet)"
+	@echo "built: $(BUILD)/release/libtaxel_firmware.a, taxel-emulator, libtaxel_codec.so"
+	@echo '#include <string.h>' | arm-none-eabi-gcc -E -x c - > /dev/null 2>&1 || \
+		{ echo "no images: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'" >&2; exit 1; }
+	@$(CMAKE) -S $(PORT) -B $(IMAGES) -DCMAKE_TOOLCHAIN_FILE=$(abspath $(PORT))/toolchain.cmake \
+		-DTAXEL_PYTHON=$(abspath $(BIN)/python) > /dev/null
+	@$(BIN)/cmake --build $(IMAGES)
+	@echo "built: $(IMAGES)/images/{board,hub}-{a,b}.{bin,hex,cyacd}, {board,hub}.toml, {board,hub}-factory.hex"
+
+size: firmware  ## flash, RAM and stack of the images against their budgets: docs/firmware-size.md
+	@git show HEAD:$(PORT)/size.json > $(IMAGES)/size-before.json 2> /dev/null || rm -f $(IMAGES)/size-before.json
+	@$(BIN)/python tools/firmware/firmware_size.py --build $(IMAGES) --json $(PORT)/size.json --page docs/firmware-size.md \
+		$$(test -f $(IMAGES)/size-before.json && echo --compare $(IMAGES)/size-before.json)
 
 generate: $(STAMP)  ## write the C header and the vectors from the construct definitions
 	@$(BIN)/python tools/codegen/c_header.py

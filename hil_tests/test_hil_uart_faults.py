@@ -109,6 +109,22 @@ def test_a_host_that_stops_reading_gets_whole_frames_afterwards(rig: Rig, skin: 
 
 
 @pytest.mark.needs("faults")
+@pytest.mark.world(lines=["flow_control 1"])
+def test_a_receiver_that_holds_the_host_back_loses_nothing(rig: Rig, skin: Skin) -> None:
+    """The hub's CPU is away while 3,000 bytes arrive: they wait in the adapter; the command after them is obeyed."""
+    watch(rig, skin, 0.3)
+    for _ in range(3):
+        rig.faults.inject("hub_stall", 0, 40)
+        skin.link.write(b"\x55" * 3000 + b"\x00")
+        skin.hub.command(Command.GET_TIME)
+        frames = watch(rig, skin, 0.3)
+        assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
+    assert not any("lost" in line for line in skin.hub.logs), list(skin.hub.logs)
+    assert skin.losses.lost_on_wire == 0
+    check_polls(skin)
+
+
+@pytest.mark.needs("faults")
 def test_a_receiver_that_overruns_is_counted_and_told(rig: Rig, skin: Skin) -> None:
     """The hub's CPU is away while 600 bytes arrive: its ring of 256 is full, what is lost is counted, it goes on."""
     watch(rig, skin, 0.3)

@@ -1,5 +1,8 @@
 #include "bootloader/parts.h"
 
+/* Four bytes in the same order: packing and unpacking them one by one is long on a Cortex-M0. */
+_Static_assert(sizeof(struct taxel_boot_metadata) == TAXEL_BOOT_METADATA_SIZE, "metadata are bytes");
+
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata)
 {
     /* Nothing recorded: whatever image is there has still to confirm itself. */
@@ -7,14 +10,13 @@ void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel
                                                             TAXEL_BOOT_TRIES};
     const uint8_t *const record =
         taxel_boot_record_newest(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC);
-    taxel_boot_metadata_unpack(metadata, record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : blank);
+    memcpy(metadata, record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : blank, sizeof blank);
 }
 
 int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
-    uint8_t bytes[TAXEL_BOOT_METADATA_SIZE];
-    taxel_boot_metadata_pack(metadata, bytes);
-    return taxel_boot_record_write(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC, bytes, sizeof bytes);
+    return taxel_boot_record_write(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC, (const uint8_t *)metadata,
+                                   sizeof *metadata);
 }
 
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot)

@@ -47,9 +47,7 @@ uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_pac
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;
     const uint8_t *const configuration = taxel_boot_configuration(flash);
-    struct taxel_boot_metadata metadata;
     (void)packet;
-    taxel_boot_metadata_read(flash, &metadata);
     if (!boot->entered) {
         boot->keep = taxel_boot_kept_slot(flash);
     }
@@ -57,7 +55,7 @@ uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_pac
     reply[TAXEL_BOOT_INFO_OFFSET_DEVICE] = flash->layout->device;
     reply[TAXEL_BOOT_INFO_OFFSET_STAY] = boot->stay;
     reply[TAXEL_BOOT_INFO_OFFSET_TARGET] = taxel_boot_target(boot);
-    taxel_boot_metadata_pack(&metadata, reply + TAXEL_BOOT_INFO_OFFSET_CONFIRMED);
+    taxel_boot_metadata_read(flash, (struct taxel_boot_metadata *)(reply + TAXEL_BOOT_INFO_OFFSET_CONFIRMED));
     reply[TAXEL_BOOT_INFO_OFFSET_ADDRESS] = taxel_boot_i2c_address(flash);
     reply[TAXEL_BOOT_INFO_OFFSET_KIND] = configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0;
     flash->hal->unique_id(flash->hal->context, reply + TAXEL_BOOT_INFO_OFFSET_UNIQUE_ID);

@@ -3,12 +3,12 @@
 
 static bool begins_with(const uint8_t *id, const uint8_t *prefix, uint8_t bits)
 {
-    for (; bits >= 8u; bits = (uint8_t)(bits - 8u)) {
-        if (*id++ != *prefix++) {
+    for (unsigned i = 0; i < bits; i++) {
+        if (((unsigned)(id[i / 8u] ^ prefix[i / 8u]) << (i % 8u)) & 0x80u) {
             return false;
         }
     }
-    return bits == 0 || ((unsigned)(*id ^ *prefix) >> (8u - bits)) == 0;
+    return true;
 }
 
 uint8_t taxel_boot_search(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)

@@ -6,6 +6,8 @@
 #include "emulator/layer.h"
 #include "emulator/world.h"
 
+#define HUB 0u /* in place of a board's address */
+#define HELD_STEP VTIME_US /* how often a bus is looked at that an executed hub holds */
 #define PTY_STEP VTIME_MS /* how often the pseudo-terminal is asked for bytes */
 
 struct taxel_bench {
@@ -93,6 +95,11 @@ uint64_t taxel_bench_delivered(const struct taxel_bench *bench)
     return bench->endpoint.bytes_delivered;
 }
 
+int taxel_bench_holds_back(const struct taxel_bench *bench)
+{
+    return bench->description.flow_control;
+}
+
 int taxel_bench_press(struct taxel_bench *bench, const float *values)
 {
     return world_press(&bench->world, values);
@@ -136,7 +143,8 @@ int taxel_bench_transfer(struct taxel_bench *bench, uint8_t address, const uint8
     world->adapter.done = false;
     bus_start(&world->bus, BUS_ADAPTER, &transfer, world->now);
     while (!world->adapter.done && world->now < end) {
-        if (world_run(world, vtime_min(end, world->bus.next))) {
+        const vtime next = world->bus.next == VTIME_NEVER ? world->now + HELD_STEP : world->bus.next;
+        if (world_run(world, vtime_min(end, next))) {
             return TAXEL_I2C_BUS_ERROR;
         }
     }
@@ -165,26 +173,127 @@ int taxel_bench_statistics(const struct taxel_bench *bench, const char *path)
     return world_write_statistics(&bench->world, path, 0.0);
 }
 
-const uint8_t *taxel_bench_flash(const struct taxel_bench *bench, uint8_t address)
+static const struct flash *flash_of(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = board_of(bench, address);
-    return board ? board->boot->flash.bytes : NULL;
+    return board ? &board->boot->flash : address == HUB ? &bench->world.hub.boot.flash : NULL;
+}
+
+const uint8_t *taxel_bench_flash(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct flash *flash = flash_of(bench, address);
+    return flash ? flash->bytes : NULL;
 }
 
 const uint32_t *taxel_bench_wear(const struct taxel_bench *bench, uint8_t address)
 {
-    const struct board_node *board = board_of(bench, address);
-    return board ? board->boot->flash.wear : NULL;
+    const struct flash *flash = flash_of(bench, address);
+    return flash ? flash->wear : NULL;
 }
 
 uint64_t taxel_bench_torn(const struct taxel_bench *bench, uint8_t address)
 {
+    const struct flash *flash = flash_of(bench, address);
+    return flash ? flash->torn : 0;
+}
+
+static struct psoc *processor_of(const struct taxel_bench *bench, uint8_t address)
+{
     const struct board_node *board = board_of(bench, address);
-    return board ? board->boot->flash.torn : 0;
+    return board ? board->psoc : address == HUB ? bench->world.hub.psoc : NULL;
+}
+
+/* A board runs only when it has to. */
+static const struct psoc *up_to_date(struct taxel_bench *bench, uint8_t address)
+{
+    const struct board_node *board = board_of(bench, address);
+    if (board) {
+        board_advance(&bench->world.boards[board - bench->world.boards], bench->world.now);
+    }
+    return processor_of(bench, address);
+}
+
+int taxel_bench_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor)
+{
+    const struct psoc *psoc = up_to_date(bench, address);
+    if (!psoc) {
+        return TAXEL_BENCH_NO_SUCH_BOARD;
+    }
+    const struct cortex_m0 *cpu = &psoc->cpu;
+    *processor = (struct taxel_bench_processor){
+        .resets = psoc->resets,
+        .cycles = cpu->cycle,
+        .slept = cpu->slept,
+        .faults = cpu->faults - psoc->faults_before,
+        .fault_kind = cpu->fault.kind,
+        .fault_pc = cpu->fault.pc,
+        .fault_address = cpu->fault.address,
+        .lowest_stack = cortex_m0_lowest_msp(cpu),
+        .pc = cpu->r[15],
+        .broken = psoc->broken,
+        .asleep = cpu->asleep,
+        .is_application = psoc_runs_application(psoc),
+    };
+    return 0;
+}
+
+int taxel_bench_cost(struct taxel_bench *bench, uint8_t address, unsigned exception, struct taxel_bench_cost *cost)
+{
+    const struct psoc *psoc = up_to_date(bench, address);
+    if (!psoc || exception >= CORTEX_M0_EXCEPTIONS) {
+        return TAXEL_BENCH_NO_SUCH_BOARD;
+    }
+    const struct cortex_m0_cost *own = &psoc->account.cost[exception];
+    *cost = (struct taxel_bench_cost){
+        .count = own->count,
+        .own = own->own,
+        .own_min = own->own_min,
+        .own_max = own->own_max,
+        .inclusive = own->inclusive,
+        .inclusive_max = own->inclusive_max,
+        .latency = own->latency,
+        .latency_max = own->latency_max,
+    };
+    return 0;
 }
 
 int taxel_bench_runs(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = board_of(bench, address);
-    return board ? (int)board->runs : -1;
+    const struct psoc *psoc = processor_of(bench, address);
+    if (psoc) {
+        return psoc->broken || psoc_has_faulted(psoc) ? RUNS_NOTHING : psoc_runs_application(psoc) ? RUNS_APPLICATION : RUNS_BOOTLOADER;
+    }
+    return board ? (int)board->runs : address == HUB ? (int)bench->world.hub.runs : -1;
+}
+
+int taxel_bench_plan_cut(struct taxel_bench *bench, uint8_t address, uint64_t operation, uint64_t after, uint64_t off)
+{
+    const struct flash_cut_plan plan = {.operation = operation, .after = after, .off = off};
+    const struct board_node *board = board_of(bench, address);
+    if (!board && address != HUB) {
+        return TAXEL_BENCH_NO_SUCH_BOARD;
+    }
+    struct board_node *const chosen = board ? &bench->world.boards[board - bench->world.boards] : NULL;
+    return world_plan_power_cut(&bench->world, chosen, &plan) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
+}
+
+uint64_t taxel_bench_cuts(const struct taxel_bench *bench, uint8_t address)
+{
+    const struct flash *flash = flash_of(bench, address);
+    return flash ? flash->made_count : 0;
+}
+
+int taxel_bench_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row, uint64_t *after,
+                    uint8_t *wanted)
+{
+    const struct flash *flash = flash_of(bench, address);
+    if (!flash || number >= flash->made_count || flash->made_count - number > FLASH_CUTS_MAX) {
+        return TAXEL_BENCH_NO_SUCH_BOARD;
+    }
+    const struct flash_cut_made *made = &flash->made[number % FLASH_CUTS_MAX];
+    *row = made->row;
+    *after = made->after;
+    memcpy(wanted, made->wanted, sizeof made->wanted);
+    return 0;
 }

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "codec/crc32.h"
+#include "emulator/board_cortex.h"
 #include "emulator/board_parts.h"
 
 #define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read */
@@ -62,6 +63,13 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board->hold_clocks = 0; /* a board without power, or at its start, lets go of the lines */
     board->scl_held_until = 0;
     board->stretch = 0;
+    if (board->psoc) {
+        if (on && reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
+            board->powered_at = now;
+        }
+        board_cortex_power(board, on, now, reset_cause);
+        return;
+    }
     if (!on) {
         boot_node_power_off(board->boot, now);
         return;
@@ -73,9 +81,28 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
     board_after_boot(board, boot_node_reset(board->boot, now, reset_cause));
 }
 
+vtime board_power_event(const struct board_node *board)
+{
+    return vtime_min(board->boot->flash.cut_at, board->power_back_at);
+}
+
+void board_power_events(struct board_node *board, vtime until)
+{
+    while (board_power_event(board) <= until) {
+        const vtime now = board_power_event(board);
+        const bool is_back = now == board->power_back_at;
+        board->power_back_at = is_back ? VTIME_NEVER : now + board->boot->flash.off;
+        board_power(board, is_back, now, TAXEL_RESET_CAUSE_POWER_ON);
+    }
+}
+
 void board_catch_up(struct board_node *board, vtime until)
 {
     for (;;) {
+        board_power_events(board, until);
+        if (!board->powered) {
+            return;
+        }
         if (board->runs == RUNS_BOOTLOADER && boot_node_deadline(board->boot) <= until) {
             board_after_boot(board, boot_node_run(board->boot, boot_node_deadline(board->boot)));
         } else if (board->runs == RUNS_NOTHING && board->watchdog_at <= until) {

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "emulator/board_cortex.h"
 #include "emulator/board_parts.h"
 #include "emulator/costs.h"
 
@@ -121,6 +122,7 @@ static int open_effects(struct board_node *board, const struct world_description
 
 void board_node_free(struct board_node *board)
 {
+    board_cortex_close(board);
     free(board->electronics);
     free(board->boot);
     board->boot = NULL;
@@ -134,6 +136,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
                     size_t index, size_t first_taxel, const struct droop_loads *loads)
 {
     memset(board, 0, sizeof *board);
+    board->power_back_at = VTIME_NEVER;
     board->description = description;
     board->index = index;
     board->fields = (struct board_fields){
@@ -186,6 +189,9 @@ int board_node_init(struct board_node *board, const struct board_description *de
                 description->address);
         return -1;
     }
+    if (description->image && board_cortex_open(board, world)) {
+        return -1;
+    }
     board_power(board, true, 0, TAXEL_RESET_CAUSE_POWER_ON);
     return 0;
 }
@@ -200,7 +206,7 @@ static void rises_of(const void *source, vtime time, double *rise)
     board_fields_rises(source, time, rise);
 }
 
-static uint16_t convert(struct board_node *board)
+uint16_t board_convert(struct board_node *board)
 {
     const vtime middle = board->conversion_end - board->front_end.conversion_time / 2u;
     const struct board_fields *fields = &board->fields;
@@ -235,6 +241,10 @@ void board_advance(struct board_node *board, vtime until)
     if (!board->powered) {
         return;
     }
+    if (board->psoc) {
+        board_cortex_advance(board, until);
+        return;
+    }
     if (board->runs != RUNS_APPLICATION) {
         board_catch_up(board, until);
     }
@@ -243,7 +253,7 @@ void board_advance(struct board_node *board, vtime until)
         if (start > until) {
             return; /* the CPU is still busy with the bus */
         }
-        const uint16_t raw = convert(board);
+        const uint16_t raw = board_convert(board);
         board->now = start + cycles(board, COST_CONVERSION_INTERRUPT);
         board->cpu_free = board->now;
         board->conversion_end = VTIME_NEVER;

@@ -12,6 +12,7 @@
 #include "emulator/electronics.h"
 #include "emulator/fault_log.h"
 #include "emulator/front_end.h"
+#include "emulator/psoc4200/psoc.h"
 #include "emulator/skin/skin.h"
 #include "emulator/stimulus.h"
 #include "emulator/vtime.h"
@@ -38,6 +39,7 @@ struct board_node {
     double clock_rate;
     vtime now; /* while firmware runs: the time it sees */
     struct boot_node *boot;
+    struct psoc *psoc; /* NULL: this program's own firmware runs, else an image is executed (board_cortex.h) */
     enum boot_node_runs runs;
     uint8_t address;   /* that it answers at now */
     bool has_confirmed; /* its image, or found that it was */
@@ -50,6 +52,7 @@ struct board_node {
     uint8_t conversion_tx, conversion_rx;
     bool begins_scan; /* the conversion under way is a scan's first */
     vtime powered_at; /* cold */
+    vtime power_back_at; /* after a planned cut */
     bool powered;
     bool restart_wanted;
     uint64_t conversions;
@@ -69,6 +72,10 @@ int board_node_init(struct board_node *board, const struct board_description *de
 void board_node_free(struct board_node *board);
 void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
 void board_advance(struct board_node *board, vtime until);
+
+/* When a planned power cut (flash.h) or its end is due next, and what is due by then. */
+vtime board_power_event(const struct board_node *board);
+void board_power_events(struct board_node *board, vtime until);
 
 /* What the bus asks of a board, at the end of the byte in question. Each returns when the board lets go of the clock. */
 vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge);

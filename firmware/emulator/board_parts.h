@@ -7,6 +7,9 @@
 /* board_node.c. Begin an interrupt: the scan's interrupts up to now have run, and this one waits until the CPU is free. */
 vtime board_enter(struct board_node *board, vtime now, unsigned cost);
 
+/* Of the conversion that board->conversion_... describes: its raw count. */
+uint16_t board_convert(struct board_node *board);
+
 /* board_life.c */
 void board_after_boot(struct board_node *board, enum boot_node_outcome outcome);
 /* What has happened in a board that runs no application: its bootloader has waited long enough, its watchdog has bitten. */

@@ -1,18 +1,33 @@
 /* What the bus asks of a board: its application answers, or its bootloader. */
+#include "emulator/board_cortex.h"
 #include "emulator/board_parts.h"
 #include "emulator/costs.h"
 
 #define CORRUPTED_BIT 0x10u
+
+static void run_bootloader(struct board_node *board, vtime now)
+{
+    if (board->runs == RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
+        board_after_boot(board, boot_node_run(board->boot, now));
+    }
+}
 
 bool board_answers(struct board_node *board, vtime now, uint8_t address)
 {
     if (!board->powered) {
         return false;
     }
+    if (board->psoc) {
+        board_cortex_advance(board, now);
+        const bool listens = board->powered && psoc_i2c_listens(board->psoc, address);
+        board->address = listens ? address : board->address;
+        return listens;
+    }
     if (board->runs != RUNS_APPLICATION) {
         board_catch_up(board, now);
+        run_bootloader(board, now); /* a packet whose master went away before its stop, found when it was next addressed */
     }
-    if (board->address != address) {
+    if (!board->powered || board->address != address) {
         return false;
     }
     if (board->runs == RUNS_APPLICATION) {
@@ -40,6 +55,11 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
         *acknowledge = false;
         return now;
     }
+    if (board->psoc) {
+        const vtime released = psoc_i2c_address(board->psoc, now, reading, acknowledge) + board->stretch;
+        board->stretch = 0;
+        return released;
+    }
     if (board->runs != RUNS_APPLICATION) {
         *acknowledge = taxel_boot_i2c_on_address(&board->boot->i2c, reading);
         return now;
@@ -52,6 +72,10 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
 
 vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
 {
+    if (board->psoc) {
+        board_cortex_advance(board, now);
+        return psoc_i2c_written(board->psoc, now, byte, acknowledge);
+    }
     if (board->runs != RUNS_APPLICATION) {
         *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
         return now;
@@ -63,7 +87,11 @@ vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *ackno
 
 vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
 {
-    if (board->runs != RUNS_APPLICATION) {
+    vtime released = now;
+    if (board->psoc) {
+        board_cortex_advance(board, now);
+        released = psoc_i2c_read(board->psoc, now, byte);
+    } else if (board->runs != RUNS_APPLICATION) {
         *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
     } else {
         (void)board_enter(board, now, COST_SLAVE_BYTE);
@@ -76,11 +104,16 @@ vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
             note(board, now, FAULT_CORRUPT); /* the last one: each of them would fill the log */
         }
     }
-    return now;
+    return released;
 }
 
 void board_bus_error(struct board_node *board, vtime now)
 {
+    if (board->psoc) {
+        board_cortex_advance(board, now);
+        psoc_i2c_bus_error(board->psoc);
+        return;
+    }
     if (board->runs != RUNS_APPLICATION) {
         taxel_boot_i2c_on_bus_error(&board->boot->i2c);
         return;
@@ -91,11 +124,14 @@ void board_bus_error(struct board_node *board, vtime now)
 
 void board_stop(struct board_node *board, vtime now)
 {
+    if (board->psoc) {
+        board_cortex_advance(board, now);
+        psoc_i2c_stopped(board->psoc);
+        return;
+    }
     if (board->runs != RUNS_APPLICATION) {
         taxel_boot_i2c_on_stop(&board->boot->i2c);
-        if (board->runs == RUNS_BOOTLOADER && board->boot->i2c.has_packet) {
-            board_after_boot(board, boot_node_run(board->boot, now));
-        }
+        run_bootloader(board, now);
         return;
     }
     (void)board_enter(board, now, COST_SLAVE_STOP);

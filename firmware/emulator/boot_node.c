@@ -138,8 +138,13 @@ void boot_node_init(struct boot_node *boot, const struct world_description *worl
                     const struct board_description *description)
 {
     prepare(boot, world, &taxel_boot_layout_board, description->unique_id, description->boot_ms);
+    if (description->image) {
+        memcpy(boot->flash.bytes, description->image, sizeof boot->flash.bytes);
+    }
     if (!description->is_blank) {
-        store_factory_image(boot, description->firmware_version);
+        if (!description->image) {
+            store_factory_image(boot, description->firmware_version);
+        }
         store_factory_configuration(boot, description);
         leave_the_factory(boot);
     }
@@ -150,7 +155,11 @@ void boot_node_init_hub(struct boot_node *boot, const struct world_description *
     static const uint8_t version[3] = WORLD_FIRMWARE_VERSION;
     prepare(boot, world, &taxel_boot_layout_hub, unique_id, 0.0);
     boot->is_hub = true;
-    store_factory_image(boot, version);
+    if (world->hub_image) {
+        memcpy(boot->flash.bytes, world->hub_image, sizeof boot->flash.bytes);
+    } else {
+        store_factory_image(boot, version);
+    }
     leave_the_factory(boot);
 }
 

@@ -75,6 +75,7 @@ static void begin(struct bus *bus, enum bus_master master, const struct taxel_i2
     bus->let_go = false;
     bus->transfers++;
     bus->started = now;
+    bus->by_steps = false;
     if (sda_is_held(bus) || now < scl_held_until(bus)) {
         bus->result = TAXEL_I2C_BUSY;
         bus->phase = BUS_DONE;
@@ -96,12 +97,26 @@ void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_t
     begin(bus, master, transfer, now);
 }
 
+/* The address byte of a transfer whose length only its master knows. A start condition waits until the lines are free. */
+static void begin_steps(struct bus *bus, uint8_t address_byte, vtime now)
+{
+    const struct taxel_i2c_transfer transfer = {.address = address_byte >> 1};
+    begin(bus, BUS_HUB, &transfer, now);
+    bus->by_steps = true;
+    bus->result = TAXEL_I2C_OK;
+    bus->phase = address_byte & 1u ? BUS_ADDRESS_READ : BUS_ADDRESS_WRITE;
+    bus->next = sda_is_held(bus) ? VTIME_NEVER : vtime_max(now, scl_held_until(bus)) + bus->clock + CLOCKS_PER_BYTE * bus->clock;
+}
+
 void bus_hand_over(struct bus *bus, vtime now)
 {
     const enum bus_master other = bus->master == BUS_HUB ? BUS_ADAPTER : BUS_HUB;
     bus->phase = BUS_IDLE;
     bus->next = VTIME_NEVER;
-    if (bus->waits[other]) {
+    if (bus->waits[other] && other == BUS_HUB && bus->waiting_by_steps) {
+        bus->waits[other] = false;
+        begin_steps(bus, bus->byte_waiting, now);
+    } else if (bus->waits[other]) {
         bus->waits[other] = false;
         begin(bus, other, &bus->waiting[other], now);
     }
@@ -114,6 +129,14 @@ void bus_abort(struct bus *bus, enum bus_master master, vtime now)
     if (bus->master == master) {
         bus_hand_over(bus, now);
     }
+}
+
+/* The master of a stepped transfer hears what has become of its byte, and holds SCL until it knows how to go on. */
+static void hold(struct bus *bus, enum bus_event event, vtime released)
+{
+    bus->phase = BUS_HELD;
+    bus->event = event;
+    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus)));
 }
 
 static void next_byte(struct bus *bus, enum bus_phase phase, vtime released)
@@ -214,12 +237,17 @@ static void end_address(struct bus *bus, bool reading)
     vtime released;
     const struct byte_damage damage = next_damage(bus);
     const uint8_t address = bus->transfer.address ^ (uint8_t)(damage.flip >> 1);
+    bus->master_reads = reading;
     bus->slaves_send = reading != ((damage.flip & 1u) != 0u);
     if (ends_the_transfer(bus, &damage)) {
         return;
     }
     const bool acknowledged = call_slaves(bus, address, &released) && !damage.nack;
     released += damage.stretch;
+    if (bus->by_steps) {
+        hold(bus, acknowledged ? BUS_ACKNOWLEDGED : BUS_NOT_ACKNOWLEDGED, released);
+        return;
+    }
     if (!acknowledged) {
         bus->result = TAXEL_I2C_NACK_ADDRESS;
         stop(bus, released);
@@ -242,7 +270,7 @@ static void end_write(struct bus *bus)
     bool acknowledged = false;
     vtime released = bus->next;
     const struct byte_damage damage = next_damage(bus);
-    const uint8_t byte = bus->transfer.write_bytes[bus->index] ^ damage.flip;
+    const uint8_t byte = (bus->by_steps ? bus->byte : bus->transfer.write_bytes[bus->index]) ^ damage.flip;
     if (ends_the_transfer(bus, &damage)) {
         return;
     }
@@ -259,7 +287,9 @@ static void end_write(struct bus *bus)
     }
     released += damage.stretch;
     bus->index++;
-    if (!acknowledged || damage.nack) {
+    if (bus->by_steps) {
+        hold(bus, acknowledged && !damage.nack ? BUS_ACKNOWLEDGED : BUS_NOT_ACKNOWLEDGED, released);
+    } else if (!acknowledged || damage.nack) {
         bus->result = TAXEL_I2C_NACK_DATA;
         stop(bus, released);
     } else if (bus->index < bus->transfer.write_size) {
@@ -298,8 +328,13 @@ static void end_read(struct bus *bus)
     }
     const uint8_t line = line_byte(bus, &released) ^ damage.flip;
     bus->let_go = bus->let_go || damage.nack;
-    bus->transfer.read_bytes[bus->index++] = sda_is_held(bus) ? 0 : line;
+    bus->byte = sda_is_held(bus) ? 0 : line;
     released += damage.stretch;
+    if (bus->by_steps) {
+        hold(bus, BUS_BYTE, released);
+        return;
+    }
+    bus->transfer.read_bytes[bus->index++] = bus->byte;
     if (bus->index < bus->transfer.read_size) {
         next_byte(bus, BUS_READ, released);
     } else {
@@ -321,6 +356,59 @@ static void end_stop(struct bus *bus)
     bus->phase = BUS_DONE;
 }
 
+static enum bus_event end_of_steps(const struct bus *bus)
+{
+    switch (bus->result) {
+    case TAXEL_I2C_OK:
+        return BUS_STOPPED;
+    case TAXEL_I2C_ARBITRATION_LOST:
+        return BUS_ARBITRATION_LOST;
+    default:
+        return BUS_ERROR;
+    }
+}
+
+void bus_step_start(struct bus *bus, uint8_t address_byte, vtime now)
+{
+    if (bus->phase == BUS_HELD) {
+        bus->transfer.address = address_byte >> 1;
+        bus->phase = address_byte & 1u ? BUS_ADDRESS_READ : BUS_ADDRESS_WRITE;
+        bus->next = vtime_max(now, scl_held_until(bus)) + bus->clock + CLOCKS_PER_BYTE * bus->clock;
+    } else if (bus->phase != BUS_IDLE && bus->master != BUS_HUB) {
+        bus->waits[BUS_HUB] = bus->waiting_by_steps = true;
+        bus->byte_waiting = address_byte;
+    } else {
+        begin_steps(bus, address_byte, now);
+    }
+}
+
+static void go_on(struct bus *bus, enum bus_phase phase, vtime now)
+{
+    bus->next = now;
+    next_byte(bus, phase, now);
+}
+
+void bus_step_write(struct bus *bus, uint8_t byte, vtime now)
+{
+    bus->byte = byte;
+    go_on(bus, BUS_WRITE, now);
+}
+
+void bus_step_read(struct bus *bus, vtime now)
+{
+    go_on(bus, BUS_READ, now);
+}
+
+void bus_step_stop(struct bus *bus, vtime now)
+{
+    bus->next = now;
+    if (bus->slaves_send && !bus->master_reads) {
+        collide(bus, TAXEL_I2C_BUS_ERROR);
+    } else {
+        stop(bus, now);
+    }
+}
+
 bool bus_run(struct bus *bus, vtime horizon)
 {
     while (bus->next <= horizon) {
@@ -340,7 +428,10 @@ bool bus_run(struct bus *bus, vtime horizon)
         case BUS_STOP:
             end_stop(bus);
             break;
+        case BUS_HELD:
+            return true;
         default:
+            bus->event = end_of_steps(bus);
             bus->busy += bus->next - bus->started;
             return true;
         }

@@ -9,6 +9,35 @@ void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
 {
     memset(flash, 0, sizeof *flash);
     random_init(&flash->random, seed ^ 0xF1A5Fu, address);
+    flash->cut_at = VTIME_NEVER;
+}
+
+bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan)
+{
+    if (flash->plan_count == FLASH_CUTS_MAX) {
+        return false;
+    }
+    if (!flash->plan_count && flash->cut_at == VTIME_NEVER) {
+        flash->counted_from = flash->operations;
+    }
+    flash->plans[flash->plan_count++] = *plan;
+    return true;
+}
+
+static void note_planned(struct flash *flash, const struct flash_write *write, const uint8_t *wanted)
+{
+    const struct flash_cut_plan *plan = &flash->plans[0];
+    struct flash_cut_made *made = &flash->made[flash->made_count % FLASH_CUTS_MAX];
+    if (!flash->plan_count || flash->cut_at != VTIME_NEVER || flash->operations - flash->counted_from != plan->operation) {
+        return;
+    }
+    made->row = write->row;
+    made->after = plan->after;
+    memcpy(made->wanted, wanted, FLASH_ROW);
+    flash->cut_at = write->begin + plan->after;
+    flash->off = plan->off;
+    flash->plan_count--;
+    memmove(flash->plans, flash->plans + 1, flash->plan_count * sizeof flash->plans[0]);
 }
 
 static void forget_ended(struct flash *flash, vtime now)
@@ -39,6 +68,7 @@ vtime flash_write(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime
     flash->count++;
     flash->operations++;
     flash->wear[row]++;
+    note_planned(flash, write, bytes);
     return write->end;
 }
 
@@ -80,4 +110,9 @@ void flash_cut(struct flash *flash, vtime now)
         }
     }
     flash->count = 0;
+    if (flash->cut_at <= now) {
+        flash->made_count++;
+        flash->counted_from = flash->operations;
+    }
+    flash->cut_at = VTIME_NEVER;
 }

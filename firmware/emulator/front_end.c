@@ -22,22 +22,44 @@ void front_end_init(struct front_end *front_end, uint16_t taxel_count, double no
     }
 }
 
+static bool is_same(const struct front_end_setting *a, const struct front_end_setting *b)
+{
+    return a->period == b->period && a->sense == b->sense && a->sample == b->sample && a->idac_code == b->idac_code;
+}
+
 /* The modulator balances the charge 2 C V of each TX period with the IDAC's current: hardware count = largest count
  * * 2 C V F_tx / I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
-void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate)
+bool front_end_set(struct front_end *front_end, const struct front_end_setting *setting, double clock_rate)
 {
-    const double modulator_hz = CPU_HZ / settings->modulator_clock_divider;
-    const double tx_hz = modulator_hz / settings->sense_clock_divider;
-    const double idac_ampere = IDAC_AMPERE_PER_CODE * settings->idac_code;
-    front_end->largest_count = (double)settings->sub_conversions * settings->sense_clock_divider;
+    if (is_same(&front_end->setting, setting)) {
+        return false;
+    }
+    const double modulator_hz = CPU_HZ / setting->sample;
+    const double tx_hz = modulator_hz / setting->sense;
+    const double idac_ampere = IDAC_AMPERE_PER_CODE * setting->idac_code;
+    front_end->setting = *setting;
+    front_end->largest_count = setting->period;
     front_end->tx_hz = tx_hz;
     front_end->counts_per_farad = front_end->largest_count * 2.0 * TX_VOLT * tx_hz / idac_ampere * front_end->idac_gain;
     front_end->conversion_time = (vtime)(front_end->largest_count / modulator_hz / clock_rate * (double)VTIME_SECOND);
-    front_end->settle_time = (vtime)(settings->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
     for (uint16_t i = 0; i < front_end->taxel_count; i++) {
         struct front_end_taxel *taxel = &front_end->taxels[i];
         taxel->rest_hardware_count = (taxel->fixed_f + taxel->fringe_f) * front_end->counts_per_farad;
     }
+    return true;
+}
+
+void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate)
+{
+    const struct front_end_setting setting = {
+        .period = (uint32_t)settings->sub_conversions * settings->sense_clock_divider,
+        .sense = settings->sense_clock_divider,
+        .sample = settings->modulator_clock_divider,
+        .idac_code = settings->idac_code,
+    };
+    front_end->setting.period = 0; /* what it was made from may have changed too: the gain of its current source */
+    (void)front_end_set(front_end, &setting, clock_rate);
+    front_end->settle_time = (vtime)(settings->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
 }
 
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise)

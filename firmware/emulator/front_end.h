@@ -2,6 +2,7 @@
 #ifndef EMULATOR_FRONT_END_H
 #define EMULATOR_FRONT_END_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "emulator/random.h"
@@ -14,7 +15,16 @@ struct front_end_taxel {
     double rest_hardware_count; /* of the present settings, before quantisation */
 };
 
+/* How a conversion measures, as the block's registers have it: clocks of the processor, of the modulator (`sample`), of the sensor. */
+struct front_end_setting {
+    uint32_t period; /* modulator clocks */
+    uint32_t sense;  /* modulator clocks of one TX clock */
+    uint32_t sample; /* processor clocks of one modulator clock */
+    uint8_t idac_code;
+};
+
 struct front_end {
+    struct front_end_setting setting;
     struct front_end_taxel taxels[TAXEL_TAXELS_MAX];
     uint16_t taxel_count;
     double largest_count;
@@ -29,6 +39,8 @@ struct front_end {
 
 void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random);
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate);
+/* The same from registers. Returns whether anything has changed. */
+bool front_end_set(struct front_end *front_end, const struct front_end_setting *setting, double clock_rate);
 /* `rise`: relative rise of the layer's permittivity over the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise);
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "emulator/costs.h"
+#include "emulator/hub_cortex.h"
 
 static const uint8_t firmware_version[3] = WORLD_FIRMWARE_VERSION;
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
@@ -50,6 +51,12 @@ static void on_uart_kick(void *context)
 {
     struct hub_node *node = context;
     uart_kick(node->uart, node->now);
+}
+
+static void on_uart_hold(void *context, bool hold)
+{
+    struct hub_node *node = context;
+    uart_hold(node->uart, hold, node->now);
 }
 
 static uint64_t on_clock_us(void *context)
@@ -105,11 +112,12 @@ static size_t from_bootloader(void *context, uint8_t *bytes, size_t size)
     return taxel_boot_uart_pull(&((struct hub_node *)context)->boot.uart, bytes, size);
 }
 
-void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world)
+int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world)
 {
     memset(node, 0, sizeof *node);
     node->bus = bus;
     node->uart = uart;
+    node->power_back_at = VTIME_NEVER;
     node->clock_rate = 1.0 + world->hub_clock_ppm * 1e-6;
     node->clock_start_us = world->hub_clock_start_us;
     node->hal = (struct taxel_hub_hal){
@@ -120,6 +128,7 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, co
         .i2c_scl = on_i2c_scl,
         .i2c_sda = on_i2c_sda,
         .uart_kick = on_uart_kick,
+        .uart_hold = world->flow_control ? on_uart_hold : NULL,
         .clock_us = on_clock_us,
         .delay_us = on_delay_us,
         .wake_at = on_wake_at,
@@ -139,6 +148,12 @@ void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, co
     memcpy(node->config.firmware_version, firmware_version, sizeof firmware_version);
     memcpy(node->config.unique_id, unique_id, sizeof unique_id);
     boot_node_init_hub(&node->boot, world, unique_id);
+    return world->hub_image ? hub_cortex_open(node, world) : 0;
+}
+
+void hub_node_free(struct hub_node *node)
+{
+    hub_cortex_close(node);
 }
 
 static void start_application(struct hub_node *node)
@@ -177,6 +192,12 @@ static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
     bus_abort(node->bus, BUS_HUB, now);
+    uart_hold(node->uart, false, now);
+    if (node->psoc) {
+        node->powered = true;
+        hub_cortex_power(node, true, now, reset_cause);
+        return;
+    }
     if (node->powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
         boot_node_power_off(&node->boot, now); /* a brown-out */
     }
@@ -206,19 +227,31 @@ static void run_bootloader(struct hub_node *node, vtime now)
 void hub_node_unplug(struct hub_node *node, vtime now)
 {
     bus_abort(node->bus, BUS_HUB, now);
+    if (node->psoc) {
+        hub_cortex_power(node, false, now, TAXEL_RESET_CAUSE_POWER_ON);
+    }
     boot_node_power_off(&node->boot, now);
     node->powered = false;
     node->wake = VTIME_NEVER;
+    uart_hold(node->uart, false, now);
     uart_hub_is_gone(node->uart);
 }
 
 void hub_node_stall(struct hub_node *node, vtime until)
 {
+    if (node->psoc) {
+        hub_cortex_stall(node, until);
+        return;
+    }
     node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
 void hub_node_i2c_done(struct hub_node *node, vtime now)
 {
+    if (node->psoc) {
+        hub_cortex_bus_event(node, now);
+        return;
+    }
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_MASTER_DONE);
     taxel_hub_on_i2c_done(&node->hub, node->bus->result);
     wake_not_after(node, now + cycles(node, COST_MASTER_DONE));
@@ -226,12 +259,18 @@ void hub_node_i2c_done(struct hub_node *node, vtime now)
 
 void hub_node_uart_received(struct hub_node *node, vtime now)
 {
+    if (node->psoc) {
+        return; /* it has taken its time */
+    }
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT);
     wake_not_after(node, node->cpu_free);
 }
 
 void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
+    if (node->psoc) {
+        return;
+    }
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
@@ -245,8 +284,20 @@ static void confirm(struct hub_node *node)
     node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm(&node->boot, node->now));
 }
 
-void hub_node_run(struct hub_node *node)
+vtime hub_node_next(const struct hub_node *node)
 {
+    if (node->psoc) {
+        return psoc_next(node->psoc);
+    }
+    return node->wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(node->wake, node->cpu_free);
+}
+
+void hub_node_run(struct hub_node *node, vtime horizon)
+{
+    if (node->psoc) {
+        (void)psoc_run(node->psoc, vtime_max(horizon, hub_node_next(node) + 1u)); /* an instruction at least */
+        return;
+    }
     const uint32_t sent = node->hub.outbox.bytes_sent;
     const vtime start = vtime_max(node->wake, node->cpu_free);
     if (node->runs != RUNS_APPLICATION) {

@@ -4,6 +4,7 @@
 
 #include "emulator/boot_node.h"
 #include "emulator/bus.h"
+#include "emulator/psoc4200/psoc.h"
 #include "emulator/uart.h"
 #include "emulator/vtime.h"
 #include "hub/hub.h"
@@ -14,6 +15,8 @@
 
 struct hub_node {
     struct boot_node boot;
+    struct psoc *psoc; /* NULL: this program's own firmware runs, else an image is executed (hub_cortex.h) */
+    bool rts_is_wired;
     enum boot_node_runs runs;
     bool has_confirmed;
     struct taxel_hub hub;
@@ -30,11 +33,14 @@ struct hub_node {
     vtime now; /* while firmware runs: the time it sees */
     vtime cpu_free;
     vtime wake; /* when the main loop next has something to do */
+    vtime power_back_at; /* after a planned cut */
     bool restart_wanted;
     bool powered;
 };
 
-void hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world);
+/* Returns 0, or -1 without memory. */
+int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world);
+void hub_node_free(struct hub_node *node);
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
 void hub_node_unplug(struct hub_node *node, vtime now);
 
@@ -46,7 +52,8 @@ void hub_node_i2c_done(struct hub_node *node, vtime now);
 void hub_node_uart_received(struct hub_node *node, vtime now);
 void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes);
 
-/* One pass of the main loop, at node->wake. */
-void hub_node_run(struct hub_node *node);
+/* When its main loop next has something to do, and one pass of it; an executed hub runs on to `horizon`, or until it acts. */
+vtime hub_node_next(const struct hub_node *node);
+void hub_node_run(struct hub_node *node, vtime horizon);
 
 #endif

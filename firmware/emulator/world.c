@@ -3,6 +3,8 @@
 #include <errno.h>
 #include <string.h>
 
+#include "emulator/power_cuts.h"
+
 size_t world_taxels(const struct world_description *description)
 {
     size_t taxels = 0;
@@ -73,8 +75,10 @@ int world_init(struct world *world, const struct world_description *description,
     }
     enter_fields(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
-    uart_init(&world->uart, endpoint, description->baud, description->usb_latency_ms, &world->log);
-    hub_node_init(&world->hub, &world->bus, &world->uart, description);
+    uart_init(&world->uart, endpoint, description, &world->log);
+    if (hub_node_init(&world->hub, &world->bus, &world->uart, description)) {
+        return -1;
+    }
     hub_node_boot(&world->hub, 0, TAXEL_RESET_CAUSE_POWER_ON);
     return 0;
 }
@@ -84,6 +88,7 @@ void world_free(struct world *world)
     for (size_t i = 0; i < world->board_count; i++) {
         board_node_free(&world->boards[i]);
     }
+    hub_node_free(&world->hub);
     skin_free(&world->skin);
 }
 
@@ -199,6 +204,7 @@ int world_inject(struct world *world, const struct fault_description *fault)
 enum event {
     EVENT_STIMULUS,
     EVENT_FAULT,
+    EVENT_POWER,
     EVENT_SKIN,
     EVENT_SCRIPT,
     EVENT_RECEIVE,
@@ -213,13 +219,14 @@ static void list_times(const struct world *world, vtime times[EVENT_COUNT])
 {
     times[EVENT_STIMULUS] = world->stimulus->until;
     times[EVENT_FAULT] = next_fault_time(world);
+    times[EVENT_POWER] = world->has_power_cuts ? power_cuts_next(world) : VTIME_NEVER;
     times[EVENT_SKIN] = world->skin.next;
     times[EVENT_SCRIPT] = world->script->next;
     times[EVENT_RECEIVE] = world->uart.receive_next;
     times[EVENT_BUS] = world->bus.next;
     times[EVENT_TRANSMIT] = world->uart.transmit_next;
     times[EVENT_PACKET] = world->uart.packet_deadline;
-    times[EVENT_HUB] = world->hub.wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(world->hub.wake, world->hub.cpu_free);
+    times[EVENT_HUB] = hub_node_next(&world->hub);
 }
 
 static enum event earliest(const struct world *world, vtime *time)
@@ -236,24 +243,29 @@ static enum event earliest(const struct world *world, vtime *time)
     return first;
 }
 
-/* How far the bus may run on at once: up to the next event of another kind. Not further: the end of a transfer and a UART
+/* How far bus or hub may run on at once: up to the next event of another kind. Not further: the end of a transfer and a UART
  * interrupt share the hub's CPU, so their order decides when the hub is free. */
-static vtime bus_horizon(const struct world *world, vtime now, vtime until)
+static vtime horizon(const struct world *world, enum event running, vtime now, vtime until)
 {
     vtime times[EVENT_COUNT];
     list_times(world, times);
     for (enum event event = EVENT_STIMULUS; event < EVENT_COUNT; event++) {
-        if (event != EVENT_BUS && times[event] <= until) {
+        if (event != running && times[event] <= until) {
             until = times[event] > now ? times[event] - 1u : now;
         }
     }
     return vtime_max(now, until);
 }
 
-/* The result is handed over before the bus is: the next transfer writes its own over it. */
+/* A transfer, or a step of one. The result is handed over before the bus is: the next transfer writes its own over it. */
 static void end_transfer(struct world *world)
 {
     const vtime end = world->bus.next;
+    if (world->bus.phase == BUS_HELD) {
+        world->bus.next = VTIME_NEVER;
+        hub_node_i2c_done(&world->hub, end);
+        return;
+    }
     if (world->bus.master == BUS_HUB) {
         hub_node_i2c_done(&world->hub, end);
     } else {
@@ -271,6 +283,9 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
         return take_stimulus(world, now);
     case EVENT_FAULT:
         return world_inject(world, &world->description->faults[world->next_fault++]);
+    case EVENT_POWER:
+        power_cuts_make(world, now);
+        return 0;
     case EVENT_SKIN:
         advance_boards(world, now);
         if (leave_fields(world, now)) {
@@ -289,7 +304,7 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
         }
         return 0;
     case EVENT_BUS:
-        if (bus_run(&world->bus, bus_horizon(world, now, until))) {
+        if (bus_run(&world->bus, horizon(world, EVENT_BUS, now, until))) {
             end_transfer(world);
         }
         return 0;
@@ -300,7 +315,7 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
         uart_flush_packet(&world->uart, now);
         return 0;
     default:
-        hub_node_run(&world->hub);
+        hub_node_run(&world->hub, world->hub.psoc ? horizon(world, EVENT_HUB, now, until) : now);
         return 0;
     }
 }

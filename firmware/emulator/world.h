@@ -33,6 +33,7 @@ struct world {
     struct hub_node hub;
     size_t next_fault;
     struct fault_log log;
+    bool has_power_cuts; /* some are planned */
     vtime now;
     uint64_t events;
 };
@@ -54,6 +55,9 @@ int world_press(struct world *world, const float *values);
 
 /* Let something go wrong at once (`time_s` is not looked at). Returns -1 if too much waits to go wrong already. */
 int world_inject(struct world *world, const struct fault_description *fault);
+
+/* Cut the power in a write to the flash of a board, or of the hub (NULL). Returns -1 if too many cuts wait already. */
+int world_plan_power_cut(struct world *world, struct board_node *board, const struct flash_cut_plan *plan);
 int world_write_statistics(const struct world *world, const char *path, double wall_seconds);
 
 #endif

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "emulator/hex_image.h"
 #include "emulator/world_reader.h"
 #include "emulator/world_scene.h"
 
@@ -137,6 +138,36 @@ static int read_clock_start(const struct world_reader *reader)
     return 0;
 }
 
+/* A path that is not absolute begins where the world file lies. */
+static int read_image(const struct world_reader *reader, int index, uint8_t **image)
+{
+    char path[4096];
+    int line;
+    if (index >= reader->count) {
+        return world_reader_complain(reader, "the image's file is missing");
+    }
+    const char *name = reader->words[index], *folder_end = strrchr(reader->path, '/');
+    const int folder = *name == '/' || !folder_end ? 0 : (int)(folder_end - reader->path) + 1;
+    snprintf(path, sizeof path, "%.*s%s", folder, reader->path, name);
+    free(*image);
+    *image = malloc(WORLD_IMAGE_SIZE);
+    if (!*image) {
+        return world_reader_complain(reader, "out of memory");
+    }
+    const char *complaint = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &line);
+    if (complaint) {
+        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", reader->path, reader->line, path, line, complaint);
+        return -1;
+    }
+    return 0;
+}
+
+static int read_flag(const struct world_reader *reader, bool *flag)
+{
+    long wanted;
+    return world_reader_whole(reader, 1, 0, 1, &wanted) ? -1 : (*flag = wanted != 0, 0);
+}
+
 static int read_seed(const struct world_reader *reader, const char *complaint, uint64_t *seed)
 {
     char *end;
@@ -173,9 +204,18 @@ static int read_line(const struct world_reader *reader)
         struct board_description *board = board_of(reader);
         return board ? (board->is_blank = true, 0) : -1;
     }
+    if (strcmp(word, "image") == 0) {
+        struct board_description *board = board_of(reader);
+        return board ? read_image(reader, 2, &board->image) : -1;
+    }
+    if (strcmp(word, "hub_image") == 0) {
+        return read_image(reader, 1, &world->hub_image);
+    }
     if (strcmp(word, "boot_listens") == 0) {
-        long wanted;
-        return world_reader_whole(reader, 1, 0, 1, &wanted) ? -1 : (world->boot_listens = wanted != 0, 0);
+        return read_flag(reader, &world->boot_listens);
+    }
+    if (strcmp(word, "flow_control") == 0) {
+        return read_flag(reader, &world->flow_control);
     }
     if (strcmp(word, "clock_start") == 0) {
         return read_clock_start(reader);
@@ -198,6 +238,7 @@ static int read_line(const struct world_reader *reader)
         {"scl_hz", 1e4, 5e6, &world->scl_hz},
         {"baud", 1e3, 1e8, &world->baud},
         {"usb_latency_ms", 0.0, 255.0, &world->usb_latency_ms},
+        {"usb_latency_down_ms", 0.0, 255.0, &world->usb_latency_down_ms},
         {"hub_clock_ppm", -1e5, 1e5, &world->hub_clock_ppm},
         {"hub_clock_start_us", 0.0, 1e12, &world->hub_clock_start_us},
         {"noise_counts", 0.0, 1e4, &world->noise_counts},
@@ -261,6 +302,7 @@ int world_file_read(struct world_description *world, const char *path)
     world->scl_hz = 400000.0;
     world->baud = 1000000.0;
     world->usb_latency_ms = 16.0;
+    world->usb_latency_down_ms = 1.0;
     world->scan = (struct taxel_scan_settings){
         .sub_conversions = 160, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 16, .settle_cycles = 96};
     if (!file) {
@@ -280,7 +322,9 @@ void world_file_free(struct world_description *world)
     for (size_t i = 0; i < world->board_count; i++) {
         free(world->boards[i].places);
         free(world->boards[i].margins);
+        free(world->boards[i].image);
     }
+    free(world->hub_image);
     free(world->objects);
     memset(world, 0, sizeof *world);
 }

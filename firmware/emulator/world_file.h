@@ -16,6 +16,7 @@
 #define WORLD_BOARDS_MAX 64
 #define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of boards about which the file says nothing else, and of the hub */
 #define WORLD_FAULTS_MAX 4096
+#define WORLD_IMAGE_SIZE 32768u
 #define WORLD_OBJECTS_MAX 16
 #define WORLD_MARGINS_MAX 512
 
@@ -32,6 +33,7 @@ struct board_description {
     double clock_ppm;
     double clock_start_us; /* what the board's clock says when it has booted */
     double boot_ms;
+    uint8_t *image; /* [WORLD_IMAGE_SIZE] flash of a board whose program is executed; NULL: this program's own firmware runs */
     bool is_blank; /* nothing but the bootloader, as boards come from assembly */
     size_t placed;                   /* taxels whose place is known; all or none */
     struct taxel_place *places;      /* [placed] */
@@ -52,8 +54,11 @@ struct world_description {
     double scl_hz;
     double baud;
     double usb_latency_ms;
+    double usb_latency_down_ms;
+    bool flow_control; /* the hub's RTS is wired to the adapter */
     double hub_clock_ppm;
     double hub_clock_start_us;
+    uint8_t *hub_image; /* as of a board */
     double noise_counts;
     bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, as on silicon */
     struct taxel_scan_settings scan;

@@ -113,6 +113,12 @@ static void on_uart_kick(void *context)
     (void)context;
 }
 
+static void on_uart_hold(void *context, bool hold)
+{
+    (void)context;
+    bench.host_is_held = hold;
+}
+
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     (void)context;
@@ -138,6 +144,7 @@ static const struct taxel_hub_hal hal = {
     .i2c_scl = on_i2c_scl,
     .i2c_sda = on_i2c_sda,
     .uart_kick = on_uart_kick,
+    .uart_hold = on_uart_hold,
     .clock_us = on_clock_us,
     .delay_us = on_delay_us,
     .wake_at = on_wake_at,
@@ -213,6 +220,10 @@ static void check_hub(void)
     FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job.slot == TAXEL_NO_SLOT || hub->job.slot < hub->slot_count);
     FUZZ_CHECK(hub->cycle.position <= hub->slot_count && hub->inbox.commands_rejected <= hub->inbox.commands);
     FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job_done || bench.done_us != BENCH_NEVER);
+    const unsigned waiting = (uint8_t)(hub->inbox.head - hub->inbox.tail);
+    FUZZ_CHECK(hub->inbox.holds == bench.host_is_held);
+    FUZZ_CHECK(bench.host_is_held || waiting < TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_HOLD_ROOM);
+    FUZZ_CHECK(!bench.host_is_held || bench.restarted || waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_ROOM);
 }
 
 void bench_pass(void)

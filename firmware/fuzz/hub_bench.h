@@ -54,6 +54,7 @@ struct bench {
     uint8_t verdict_place, verdict_value;
     bool scl, sda, scl_held;
     unsigned sda_held_clocks;
+    bool host_is_held;
     bool host_reads; /* everything, after each pass */
     bool restarted;
 

@@ -40,6 +40,9 @@ struct taxel_hub_hal {
 
     /* Bytes wait in the transmit ring: fetch them with taxel_hub_uart_pull(). */
     void (*uart_kick)(void *context);
+    /* Let the host's adapter send no more (RTS high), or go on. NULL: the line is not wired. Also called from the interrupt that
+     * hands bytes over. While the processor starts the line must say "go on". */
+    void (*uart_hold)(void *context, bool hold);
 
     /* Microseconds since boot. */
     uint64_t (*clock_us)(void *context);

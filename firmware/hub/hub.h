@@ -22,6 +22,8 @@
 #define TAXEL_HUB_COMMAND_PAYLOAD_MAX 68u
 #define TAXEL_HUB_COMMAND_ENCODED_MAX (2u * 80u)
 #define TAXEL_HUB_RECEIVE_RING 256u
+#define TAXEL_HUB_HOLD_ROOM 32u    /* free bytes at which the host is asked to hold back: what adapters still send after that */
+#define TAXEL_HUB_RELEASE_ROOM 128u /* and at which it may go on */
 #define TAXEL_HUB_REPLY_RESERVE 200u
 
 struct taxel_hub_slot {
@@ -140,6 +142,7 @@ struct taxel_outbox {
 
 struct taxel_inbox {
     volatile uint8_t head, tail;
+    volatile bool holds; /* the host has been asked to hold back */
     volatile uint32_t overruns;
     uint32_t overruns_told;
     uint32_t commands, commands_rejected;
@@ -162,6 +165,7 @@ struct taxel_hub {
     struct taxel_inbox inbox;
     uint64_t restart_by_us;
     uint64_t bus_down_until_us;
+    uint64_t host_until_us; /* transfers of the host have the idle bus to themselves until then */
     uint64_t room_wanted_since_us; /* 0: nobody waits for room in the transmit ring */
     size_t room_wanted_tail;
     bool uart_is_stalled; /* polls go on without waiting for room */

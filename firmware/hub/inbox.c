@@ -5,17 +5,34 @@
 
 #define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
 
+/* Interrupt and main loop both come here, the one to hold and the other to let go: so far apart that neither sees the other's. */
+static void hold(struct taxel_hub *hub, bool wanted)
+{
+    const struct taxel_hub_hal *hal = hub->config->hal;
+    if (hal->uart_hold && hub->inbox.holds != wanted) {
+        hub->inbox.holds = wanted;
+        hal->uart_hold(hal->context, wanted);
+    }
+}
+
+static uint8_t room_in(const struct taxel_inbox *inbox)
+{
+    return (uint8_t)(inbox->tail - inbox->head - 1u); /* the ring has 256 bytes: indices wrap by themselves */
+}
+
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 {
     struct taxel_inbox *inbox = &hub->inbox;
-    const uint8_t next = (uint8_t)(inbox->head + 1u); /* the ring has 256 bytes: indices wrap by themselves */
-    if (next == inbox->tail) {
+    if (room_in(inbox) == 0) {
         inbox->overruns++;
         return;
     }
     inbox->ring[inbox->head] = byte;
     atomic_signal_fence(memory_order_release);
-    inbox->head = next;
+    inbox->head = (uint8_t)(inbox->head + 1u);
+    if (room_in(inbox) <= TAXEL_HUB_HOLD_ROOM) {
+        hold(hub, true);
+    }
 }
 
 void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
@@ -311,7 +328,11 @@ void taxel_hub_inbox_init(struct taxel_hub *hub)
         .handler = take_frame,
         .context = hub,
     };
+    const struct taxel_hub_hal *hal = hub->config->hal;
     taxel_deframer_init(&inbox->deframer, &config);
+    if (hal->uart_hold) {
+        hal->uart_hold(hal->context, false); /* the hub may have been restarted while it held */
+    }
 }
 
 void taxel_hub_read_inbox(struct taxel_hub *hub)
@@ -325,5 +346,8 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
         const uint8_t byte = inbox->ring[inbox->tail];
         inbox->tail = (uint8_t)(inbox->tail + 1u);
         taxel_deframer_push(&inbox->deframer, &byte, 1);
+    }
+    if (room_in(inbox) >= TAXEL_HUB_RELEASE_ROOM) {
+        hold(hub, false);
     }
 }

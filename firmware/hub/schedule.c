@@ -8,6 +8,7 @@
 #define UART_STALL_US 100000u    /* a UART that takes nothing for so long has no reader: go on, and drop */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
+#define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
 #define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
 #define CLOCKS_PER_BYTE 9u
 #define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
@@ -85,11 +86,18 @@ static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
     launch(hub, TAXEL_JOB_WRITE_SETTINGS, slot, board->address, 0);
 }
 
+/* A host that talks to boards, to those in their bootloaders above all, has the idle bus to itself. */
+static bool bus_is_the_hosts(const struct taxel_hub *hub)
+{
+    return !hub->streaming && taxel_hub_clock(hub) < hub->host_until_us;
+}
+
 /* What a board needs before it can be polled; false if it needs nothing. */
 static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
-    if (board->state == TAXEL_BOARD_STATE_IDENTIFYING || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_wanted)) {
+    const bool is_new = board->state == TAXEL_BOARD_STATE_IDENTIFYING && !bus_is_the_hosts(hub);
+    if (is_new || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_wanted)) {
         launch_read(hub, TAXEL_JOB_IDENTIFY, slot, TAXEL_REGISTER_IDENTITY, TAXEL_IDENTITY_SIZE);
         return true;
     }
@@ -336,8 +344,9 @@ static bool launch_from_idle(struct taxel_hub *hub)
     if (launch_any_upkeep(hub)) {
         return true;
     }
-    if (taxel_hub_clock(hub) < hub->sweep.next_us) {
-        hal->wake_at(hal->context, hub->sweep.next_us);
+    const uint64_t next = hub->sweep.next_us > hub->host_until_us ? hub->sweep.next_us : hub->host_until_us;
+    if (taxel_hub_clock(hub) < next) {
+        hal->wake_at(hal->context, next);
         return false;
     }
     taxel_hub_start_sweep(hub, false);
@@ -370,6 +379,7 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
         if (slot != TAXEL_NO_SLOT) {
             slot_at(hub, slot)->pointer_is_snapshot = false;
         }
+        hub->host_until_us = taxel_hub_clock(hub) + HOST_BUS_US;
         launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
         return;
     }

@@ -45,6 +45,13 @@ static void on_uart_kick(void *context)
     (void)context; /* fake_hub_run() drains after every pass */
 }
 
+static void on_uart_hold(void *context, bool hold)
+{
+    struct fake_hub *fake = context;
+    fake->hold_changes += fake->holds != hold;
+    fake->holds = hold;
+}
+
 static uint64_t on_clock_us(void *context)
 {
     return ((const struct fake_hub *)context)->now_us;
@@ -102,6 +109,7 @@ void fake_hub_init(struct fake_hub *fake)
         .i2c_scl = on_i2c_scl,
         .i2c_sda = on_i2c_sda,
         .uart_kick = on_uart_kick,
+        .uart_hold = on_uart_hold,
         .clock_us = on_clock_us,
         .delay_us = on_delay_us,
         .wake_at = on_wake_at,

@@ -69,6 +69,8 @@ struct fake_hub {
     } lines[FAKE_LINES];
     size_t line_count;
 
+    bool holds; /* the hub asks the host to hold back */
+    unsigned hold_changes;
     size_t drain_bytes; /* that the host takes each time the hub has run; 0: it does not read */
     struct taxel_deframer deframer;
     uint8_t chunk[2 * (TAXEL_ENCODED_MAX + 2)];

@@ -49,6 +49,7 @@ void fake_world_describe(struct fake_world *fake, size_t boards, uint16_t taxels
     world->scl_hz = 400000.0;
     world->baud = 1000000.0;
     world->usb_latency_ms = 1.0;
+    world->usb_latency_down_ms = 1.0;
     world->noise_counts = 3.0;
     world->scan = (struct taxel_scan_settings){160, 40, 1, 16, 96};
     world->layer_thickness = 0.001;

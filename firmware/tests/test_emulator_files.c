@@ -67,6 +67,7 @@ static int read_world(const void *text, size_t size, unsigned *lines, bool *name
 static void a_good_world_is_read(void)
 {
     static const char text[] = "taxel-world 1\n# a comment\n\nseed 42\nscl_hz 1e6\nbaud 2000000\nusb_latency_ms 2\n"
+                               "usb_latency_down_ms 3\nflow_control 1\n"
                                "hub_clock_ppm -20\nnoise_counts 0.5\nscan 100 50 2 9 10\n" BOARD
                                "board 0x21 2 16 16 1 " MAP_3 " " ID " 1.5 10 9 # and its map version\n"
                                "fault 1.5 unplug 32\nfault 1.5 plug 32\nfault 2 mute_host 0 1";
@@ -76,6 +77,7 @@ static void a_good_world_is_read(void)
     CHECK_EQUAL(lines, 0);
     CHECK_EQUAL(description.seed, 42);
     CHECK(description.scl_hz == 1e6 && description.noise_counts == 0.5 && description.hub_clock_ppm == -20.0);
+    CHECK(description.usb_latency_down_ms == 3.0 && description.flow_control);
     CHECK_EQUAL(description.scan.idac_code, 9);
     CHECK_EQUAL(description.board_count, 2);
     CHECK_EQUAL(description.boards[0].unique_id[7], 8);
@@ -99,6 +101,9 @@ static const char *const bad_worlds[] = {
     WORLD "scl_hz inf\n",
     WORLD "scl_hz 400000x\n",
     WORLD "baud -5\n",
+    WORLD "usb_latency_down_ms 256\n",
+    WORLD "flow_control\n",
+    WORLD "flow_control 2\n",
     WORLD "seed\n",
     WORLD "seed x\n",
     WORLD "seed -1\n",

@@ -145,6 +145,53 @@ static void a_delay_loses_nothing(void)
     check_streams_on();
 }
 
+/* The hub's processor is away while 2,000 bytes come: with RTS they wait in the adapter, without it they are lost. */
+static void a_held_adapter_keeps_what_the_hub_cannot_take(void)
+{
+    static const uint8_t rubbish[2000] = {1};
+    for (int wired = 0; wired < 2; wired++) {
+        fake_world_describe(&fake, BOARDS, TAXELS);
+        fake.description.flow_control = wired != 0;
+        fake_world_fault(&fake, 0.9, FAULT_HUB_STALL, 0, 40);
+        CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+        CHECK(fake_world_start(&fake));
+        CHECK_EQUAL(fake_world_run(&fake, 0.4), 0);
+        const struct taxel_inbox *inbox = &fake.world.hub.hub.inbox;
+        CHECK_EQUAL(uart_host_sends(&fake.world.uart, rubbish, sizeof rubbish, fake.world.now), sizeof rubbish);
+        CHECK_EQUAL(fake_world_run(&fake, 0.02), 0);
+        CHECK_EQUAL(fake.world.uart.holds, wired != 0);
+        if (wired) {
+            CHECK_EQUAL((uint8_t)(inbox->head - inbox->tail), 255u - TAXEL_HUB_HOLD_ROOM + UART_SENT_AFTER_HOLD);
+            CHECK_EQUAL(UART_RECEIVE_BUFFER - uart_host_room(&fake.world.uart), sizeof rubbish - 255u + 32u - 3u);
+        }
+        CHECK_EQUAL(fake_world_run(&fake, 0.3), 0);
+        CHECK_EQUAL(inbox->overruns, wired ? 0 : sizeof rubbish - 255u);
+        CHECK_EQUAL(uart_host_room(&fake.world.uart), UART_RECEIVE_BUFFER);
+        CHECK(!fake.world.uart.holds);
+        check_streams_on();
+    }
+}
+
+/* Bytes that follow others take as long as these: they do not overtake the time that the wire needs. */
+static void a_latency_towards_the_hub_delays_every_byte(void)
+{
+    fake_world_describe(&fake, BOARDS, TAXELS);
+    fake.description.usb_latency_down_ms = 16.0;
+    CHECK_EQUAL(fake_world_open(&fake, -1), 0);
+    struct uart *uart = &fake.world.uart;
+    CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
+    for (int i = 0; i < 8; i++) {
+        CHECK_EQUAL(uart_host_sends(uart, (const uint8_t[100]){0}, 100, fake.world.now), 100);
+        CHECK_EQUAL(fake_world_run(&fake, 0.002), 0);
+        CHECK_EQUAL(UART_RECEIVE_BUFFER - uart_host_room(uart), 100 * (i + 1));
+    }
+    CHECK_EQUAL(fake_world_run(&fake, 0.0005), 0); /* 16.5 ms after the first: half of its bytes are through */
+    CHECK_BETWEEN(UART_RECEIVE_BUFFER - uart_host_room(uart), 748, 752);
+    CHECK_EQUAL(fake_world_run(&fake, 0.0134), 0); /* all but the last packet */
+    CHECK_EQUAL(UART_RECEIVE_BUFFER - uart_host_room(uart), 100);
+    fake_world_close(&fake);
+}
+
 static void a_hub_that_restarts_or_loses_power_greets_anew(void)
 {
     static const enum fault_kind kinds[] = {FAULT_HUB_RESTART, FAULT_HUB_UNPLUG};
@@ -194,6 +241,8 @@ int main(void)
     RUN(scl_held_low_is_told_and_over_when_it_is_released);
     RUN(two_boards_on_one_address_give_no_wrong_count);
     RUN(uart_faults_cost_the_frames_that_they_touch);
+    RUN(a_held_adapter_keeps_what_the_hub_cannot_take);
+    RUN(a_latency_towards_the_hub_delays_every_byte);
     RUN(a_delay_loses_nothing);
     RUN(a_hub_that_restarts_or_loses_power_greets_anew);
     RUN(clocks_that_wrap_cost_nothing);

@@ -164,6 +164,42 @@ static void a_pass_through_costs_no_poll_a_second_attempt(void)
     end();
 }
 
+/* Not streaming, the hub sweeps and identifies; while a host talks to boards, nothing but the host's transfers is on the bus. */
+static void the_idle_bus_is_the_hosts_while_it_makes_transfers(void)
+{
+    const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
+    begin(false);
+    fake.devices[1].unplugged = true;
+    fake_hub_run(&fake, 100000);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_ABSENT);
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
+    fake_hub_run(&fake, 5000); /* a sweep that had begun ends */
+    fake.devices[1].unplugged = false;
+    const uint64_t before = fake.transfers;
+    for (unsigned i = 0; i < 20; i++) {
+        CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
+        fake_hub_run(&fake, 50000);
+    }
+    CHECK_EQUAL(fake.transfers - before, 20);
+    CHECK_EQUAL(command(TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0); /* asked for, a sweep is made */
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_IDENTIFYING);
+    fake_hub_run(&fake, 110000);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_STREAMING);
+    end();
+}
+
+/* Commands that need the hub's own transfers are not kept waiting by those of the host. */
+static void what_the_host_asks_of_a_board_is_done_between_its_transfers(void)
+{
+    const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
+    const uint8_t all = 0;
+    begin(false);
+    CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
+    CHECK_EQUAL(fake_hub_command_within(&fake, TAXEL_COMMAND_GET_BOARD_INFO, &all, 1, 20000), 0);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 3);
+    end();
+}
+
 static void pass_through_refuses_what_it_cannot_do(void)
 {
     uint8_t arguments[3] = {0x07, 1, 0};
@@ -293,6 +329,8 @@ int main(void)
     RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);
     RUN(pass_through_reads_and_writes);
     RUN(a_pass_through_costs_no_poll_a_second_attempt);
+    RUN(the_idle_bus_is_the_hosts_while_it_makes_transfers);
+    RUN(what_the_host_asks_of_a_board_is_done_between_its_transfers);
     RUN(pass_through_refuses_what_it_cannot_do);
     RUN(pass_through_tells_how_it_failed);
     RUN(the_longest_pass_through_fits_its_time_limit_on_a_slow_bus);

@@ -89,6 +89,85 @@ static void a_full_receive_ring_drops_bytes_and_counts_them(void)
     end();
 }
 
+static void a_receive_ring_that_fills_holds_the_host_back_and_lets_it_go_on_when_it_has_emptied(void)
+{
+    begin(1);
+    for (unsigned i = 0; i < 255u - TAXEL_HUB_HOLD_ROOM - 1u; i++) {
+        taxel_hub_on_uart_byte(&fake.hub, (uint8_t)(i | 1u));
+    }
+    CHECK(!fake.holds);
+    taxel_hub_on_uart_byte(&fake.hub, 1);
+    CHECK(fake.holds);
+    for (unsigned i = 0; i < TAXEL_HUB_HOLD_ROOM; i++) { /* what the adapter still sends */
+        taxel_hub_on_uart_byte(&fake.hub, 0);
+    }
+    CHECK_EQUAL(fake.hub.inbox.overruns, 0);
+    CHECK_EQUAL(fake.hold_changes, 1);
+    fake_hub_run(&fake, 1000);
+    CHECK(!fake.holds);
+    CHECK_EQUAL(fake.hold_changes, 2);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
+    end();
+}
+
+/* The hub works off a command and takes nothing meanwhile: a host that may send on and on loses nothing. */
+static void a_host_that_is_held_back_loses_no_command(void)
+{
+    static const uint8_t transfer[3] = {TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64};
+    static const size_t commands = 200;
+    uint8_t bytes[200 * 32];
+    size_t size = 0, sent = 0;
+    begin(1);
+    fake_hub_run(&fake, 1000);
+    fake_hub_forget_frames(&fake);
+    for (size_t i = 0; i < commands; i++) {
+        const uint8_t payload[4] = {(uint8_t)i, transfer[0], transfer[1], transfer[2]};
+        struct taxel_encoder encoder;
+        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0, sizeof payload);
+        taxel_encoder_put(&encoder, payload, sizeof payload);
+        size += taxel_encoder_end(&encoder);
+    }
+    while (sent < size) {
+        for (unsigned after = 0; sent < size && (!fake.holds || after < TAXEL_HUB_HOLD_ROOM); after += fake.holds) {
+            taxel_hub_on_uart_byte(&fake.hub, bytes[sent++]);
+        }
+        while (fake.holds) {
+            fake_hub_run(&fake, 100);
+        }
+    }
+    fake_hub_run(&fake, 500000);
+    CHECK_EQUAL(fake.hub.inbox.overruns, 0);
+    CHECK(fake.hold_changes > 20);
+    CHECK(!fake.holds);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), commands);
+    end();
+}
+
+static void a_hub_whose_line_is_not_wired_counts_what_it_loses(void)
+{
+    begin(1);
+    fake.hal.uart_hold = NULL;
+    for (unsigned i = 0; i < 300; i++) {
+        taxel_hub_on_uart_byte(&fake.hub, 1);
+    }
+    CHECK_EQUAL(fake.hub.inbox.overruns, 300 - 255);
+    CHECK(!fake.holds);
+    fake_hub_run(&fake, 1000);
+    end();
+}
+
+static void a_hub_that_restarts_while_it_holds_lets_the_host_go_on(void)
+{
+    begin(1);
+    for (unsigned i = 0; i < 250; i++) {
+        taxel_hub_on_uart_byte(&fake.hub, 1);
+    }
+    CHECK(fake.holds);
+    fake_hub_boot(&fake);
+    CHECK(!fake.holds);
+    fake_hub_free_boards(&fake);
+}
+
 static void several_commands_at_once_are_obeyed_in_order(void)
 {
     uint8_t bytes[255];
@@ -243,6 +322,10 @@ int main(void)
     RUN(frames_of_the_hub_itself_are_not_taken_as_commands);
     RUN(a_command_with_any_bit_flipped_is_not_obeyed);
     RUN(a_full_receive_ring_drops_bytes_and_counts_them);
+    RUN(a_receive_ring_that_fills_holds_the_host_back_and_lets_it_go_on_when_it_has_emptied);
+    RUN(a_host_that_is_held_back_loses_no_command);
+    RUN(a_hub_whose_line_is_not_wired_counts_what_it_loses);
+    RUN(a_hub_that_restarts_while_it_holds_lets_the_host_go_on);
     RUN(several_commands_at_once_are_obeyed_in_order);
     RUN(without_a_reader_whole_frames_are_dropped_and_counted);
     RUN(the_transmit_ring_is_never_filled_to_its_last_byte);

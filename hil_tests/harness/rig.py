@@ -33,6 +33,8 @@ ABILITIES = {
     "stimulus": "taxels pressed with a probe",
     "counts": "raw counts that are known",
     "build": "boards, clocks and settings chosen for the test",
+    "clocks": "clocks of boards and hub that begin where the test wants",
+    "hours": "minutes and more of virtual time in a test",
 }
 """What a test may need, and what a rig without it lacks."""
 
@@ -62,7 +64,7 @@ class Rig:
 def abilities_of(description: RigDescription) -> set[str]:
     """What a rig can do, before anything is opened."""
     if description.is_virtual:
-        return set(ABILITIES)
+        return set(ABILITIES) - ({"clocks", "hours"} if description.executed else set())
     return set(description.devices) & set(ABILITIES)
 
 

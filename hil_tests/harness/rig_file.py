@@ -42,13 +42,16 @@ class Device:
 
 @dataclass(frozen=True)
 class RigDescription:
-    """A rig as its file has it. `world`: settings of the emulated world of a virtual rig."""
+    """A rig as its file has it. `world`: settings of the emulated world of a virtual rig. `executed`: addresses of its
+    boards whose images are executed as ARM code; 0: the hub's.
+    """
 
     path: Path
     name: str
     hand: Hand
     devices: Mapping[str, Device]
     world: Mapping[str, Any]
+    executed: tuple[int, ...] = ()
 
     @property
     def is_virtual(self) -> bool:
@@ -71,7 +74,7 @@ def load_rig(name: str) -> RigDescription:
 
 def _described(path: Path, table: dict[str, Any]) -> RigDescription:
     hand = _field(path, table, "hand", str)
-    known = {"name", "hand", "world"} | {wire for wire, _ in OPTIONS}
+    known = {"name", "hand", "world", "executed"} | {wire for wire, _ in OPTIONS}
     for word in table:
         if word not in known:
             raise RigError(f"rig {path}: '{word}' is unknown; expected one of {', '.join(sorted(known))}")
@@ -88,7 +91,22 @@ def _described(path: Path, table: dict[str, Any]) -> RigDescription:
         if word not in WORLD or isinstance(value, bool) or not isinstance(value, WORLD[word] | int):
             raise RigError(f"rig {path}: [world] {word} = {value!r}; expected numbers of {', '.join(sorted(WORLD))}")
     path_or_name = path.parent / hand if hand.endswith(".toml") else hand
-    return RigDescription(path, str(table.get("name", path.stem)), load_hand(path_or_name), devices, world)
+    loaded = load_hand(path_or_name)
+    executed = _executed(path, table, {board.address for board in loaded.boards})
+    if executed and True not in virtual:
+        raise RigError(f"rig {path}: 'executed' is of virtual rigs only; leave it out")
+    return RigDescription(path, str(table.get("name", path.stem)), loaded, devices, world, executed)
+
+
+def _executed(path: Path, table: dict[str, Any], boards: set[int]) -> tuple[int, ...]:
+    wanted = table.get("executed", [])
+    expected = f'rig {path}: executed = {wanted!r}; expected a list of "hub" and addresses of boards, such as 0x2C'
+    if not isinstance(wanted, list):
+        raise RigError(expected)
+    addresses = tuple(0 if one == "hub" else one for one in wanted)
+    if any(isinstance(one, bool) or not isinstance(one, int) or one not in boards | {0} for one in addresses):
+        raise RigError(expected)
+    return addresses
 
 
 def _device(path: Path, wire: str, table: Any) -> Device:

@@ -18,6 +18,7 @@ class RecordingLink:
         self.baud = link.baud
         self.is_real_time = link.is_real_time
         self.is_recorded = link.is_recorded
+        self.holds_back = link.holds_back
 
     def read(self, timeout_s: float) -> Chunk | None:
         """The next bytes, written down."""

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bars
+from rich.progress import TaskID
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BootDevice
-from taxel_tools.cli_words import URL_HELP, address_of, boards, print_json, print_table
+from taxel_tools.cli_flash_hub import check_hub_words, flash_hub
+from taxel_tools.cli_flash_swd import flash_swd
+from taxel_tools.cli_words import URL_HELP, address_of, boards, print_json, print_table, progress_bars
 from taxel_tools.files import Firmware, load_firmware, slot_name
 from taxel_tools.interleave import run_all
 from taxel_tools.open_wire import open_wire
@@ -20,26 +20,45 @@ from taxel_tools.wires import BoardWire
 
 
 def flash_command(
-    url: Annotated[str, typer.Argument(help=URL_HELP)],
-    files: Annotated[list[Path], typer.Argument(help=".cyacd, .hex, .bin or a manifest; one file a slot.")],
+    url: Annotated[str, typer.Argument(help=URL_HELP + " With --swd: the .hex.")],
+    files: Annotated[
+        list[Path] | None, typer.Argument(help=".cyacd, .hex, .bin or a manifest; one file a slot.")
+    ] = None,
     board: Annotated[list[str] | None, typer.Option(help="Address of a board; may be repeated.")] = None,
     every: Annotated[bool, typer.Option("--all", help="Every board on the bus that the file is for.")] = False,
+    hub: Annotated[bool, typer.Option("--hub", help="The hub itself; the file says so too.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write also where this very image runs already.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check files and boards, say what would be done.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    swd: Annotated[bool, typer.Option("--swd", help="A blank board, by its debug port; no URL.")] = False,
+    swd_tool: Annotated[str | None, typer.Option(help="openocd or pyocd; else whichever is there.")] = None,
+    swd_interface: Annotated[str | None, typer.Option(help="OpenOCD's name of the probe (cmsis-dap).")] = None,
 ) -> None:
-    """Give boards new firmware: many at once, read back, started, and seen to work.
+    """Give boards new firmware, or the hub: many boards at once, read back, started, and seen to work.
 
-    Only the slot that is not in use is written; a board whose new image does not confirm itself goes back to the old
-    one by itself. An update that was cut off is resumed by running it again.
+    Only the slot that is not in use is written; what has a new image that does not confirm itself goes back to the old
+    one by itself. An update that was cut off is resumed by running it again. A file for the hub goes to the hub, over
+    its UART. --swd is for a board without a bootloader.
 
     Example: taxel flash serial:///dev/ttyUSB0 fingertip-a.cyacd fingertip-b.cyacd --all --dry-run
     """
-    if bool(board) == every:
-        raise TaxelError("flash: expected either --board ADDRESS (as often as wanted) or --all")
+    if swd:
+        if board or every or hub or force:
+            raise TaxelError(
+                "flash: --swd programs the board on the probe; leave --board, --all, --hub and --force out"
+            )
+        flash_swd([Path(url), *(files or [])], swd_tool, swd_interface, dry_run, as_json)
+        return
+    if not files:
+        raise TaxelError("flash: expected firmware files after the URL, found none; --swd FILE is for a blank board")
+    if (bool(board) and every) or (hub and (board or every)):
+        raise TaxelError("flash: expected one of --board ADDRESS (as often as wanted), --all and --hub")
     firmware = load_firmware(files)
-    if firmware.device != BootDevice.BOARD:
-        raise TaxelError(f"{firmware.source}: is an image for the hub; flash writes sensor boards only")
+    if check_hub_words(firmware, hub, board, every):
+        flash_hub(url, firmware, force, dry_run, as_json)
+        return
+    if not (board or every):
+        raise TaxelError("flash: expected either --board ADDRESS (as often as wanted) or --all")
     console = Console(stderr=True, soft_wrap=True)
     with open_wire(url) as wire:
         found = {one.address: one for one in scan(wire)}
@@ -101,8 +120,7 @@ def _announce(console: Console, firmware: Firmware, wanted: list[int], found: di
 def _run(
     wire: BoardWire, firmware: Firmware, wanted: list[int], force: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Bars(*columns, console=console) as bars:
+    with progress_bars(console) as bars:
         tasks: dict[int, TaskID] = {
             address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in wanted
         }

@@ -1,6 +1,5 @@
 """`taxel provision`."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,8 +11,7 @@ from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS
 from taxel_tools.cli_words import URL_HELP, address_of, boards, print_json, print_table
 from taxel_tools.open_wire import open_wire
 from taxel_tools.plan import Entry, checked, read_plan
-from taxel_tools.provision import Candidate, Change, apply, changes_of, find, open_bootloaders, release
-from taxel_tools.wires import BoardWire
+from taxel_tools.provision import Candidate, Change, provision
 
 
 def provision_command(
@@ -43,22 +41,13 @@ def provision_command(
     if not entries and not search:
         raise TaxelError("provision: say what to write (--address, --kind, --serial, --idac or --plan), or --search")
     console = Console(stderr=True, soft_wrap=True)
+
+    def tell(change: Change) -> None:
+        console.print(f"  {_told(change)} {'would be written' if dry_run else 'is written'}")
+
     with open_wire(url) as wire:
-        in_use = wire.scan()
         console.print(f"boards at {', '.join(f'0x{place:02X}' for place in places)} restart into their bootloaders")
-        candidates = _candidates(wire, places)
-        try:
-            changes = [] if search else changes_of(candidates, entries, in_use)
-            for change in changes:
-                console.print(f"  {_told(change)} {'would be written' if dry_run else 'is written'}")
-            if not dry_run:
-                apply(wire, changes)
-        except TaxelError:
-            with suppress(TaxelError):
-                release(wire, candidates)
-            raise
-        changed = set() if dry_run else {change.candidate.unique_id for change in changes}
-        release(wire, [one for one in candidates if one.unique_id not in changed])
+        candidates, changes = provision(wire, places, [] if search else entries, tell, not dry_run)
     _print(candidates, changes, search, dry_run, as_json)
 
 
@@ -84,14 +73,6 @@ def _entries(
 
 def _number(text: str) -> int | str:
     return int(text) if text.strip().isdecimal() else text
-
-
-def _candidates(wire: BoardWire, places: list[int]) -> list[Candidate]:
-    found: list[Candidate] = []
-    for place in places:
-        open_bootloaders(wire, place)
-        found += find(wire, place)
-    return found
 
 
 def _serial(configuration: dict[str, Any] | None) -> str:

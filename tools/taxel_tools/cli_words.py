@@ -1,4 +1,4 @@
-"""What the three commands share: addresses on the command line, and ways to print."""
+"""What the commands share: addresses on the command line, and ways to print."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any, Final
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
 
 from taxel.errors import TaxelError
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
@@ -27,6 +31,13 @@ def address_of(text: str, option: str) -> int:
 def boards(count: int) -> str:
     """1 board, 2 boards."""
     return f"{count} board" if count == 1 else f"{count} boards"
+
+
+def progress_bars(console: Console) -> Bars:
+    """Bars of rows, one a task."""
+    return Bars(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+    )
 
 
 def print_json(value: Any) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from taxel.errors import FieldError, TaxelError
+
+HUB: Final = 0
+"""In place of a board's address: no board has it (I2C's general call)."""
 
 
 class WireError(TaxelError):
@@ -18,7 +23,7 @@ class WireError(TaxelError):
 
 
 class BoardError(TaxelError):
-    """One board did not do what was asked. `address`: 7-bit; `problem`: what and what to do."""
+    """One board, or the hub, did not do what was asked. `address`: 7-bit, or `HUB`; `problem`: what and what to do."""
 
     def __init__(self, address: int, problem: str) -> None:
         super().__init__(address, problem)
@@ -26,7 +31,7 @@ class BoardError(TaxelError):
         self.problem = problem
 
     def __str__(self) -> str:
-        return f"board 0x{self.address:02X}: {self.problem}"
+        return f"hub: {self.problem}" if self.address == HUB else f"board 0x{self.address:02X}: {self.problem}"
 
 
 class TransferError(BoardError):

@@ -2,7 +2,7 @@
 
 The hub works off one command after the other, and what comes meanwhile waits in a ring of 255 bytes
 (protocol/SPEC.md). A host that waits for each reply pays the USB adapter's latency for every transfer; here it pays for
-every ring-full.
+every ring-full, or, where the hub holds the host back before the ring is full, for every few KiB.
 
 The adapter also holds back what the hub says until 62 bytes are together or its latency timer (16 ms) has run out.
 Where replies are too short to fill it, GET_TIME commands go after them: their replies push those before them out.
@@ -15,15 +15,22 @@ from dataclasses import dataclass
 from typing import Final
 
 from taxel.link import Link, clock_of
-from taxel.stream import HubClient
+from taxel.stream import HubClient, HubMessage
 from taxel_protocol import Command, FrameType, ReplyStatus, encode_frame
 from taxel_protocol.frames import CommandPayload, GetTimeReply, TransferArguments
 from taxel_protocol.layout import pack, packer_of
+from taxel_protocol.names import LogCode
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
 from taxel_tools.steps import Transfer
 
 WINDOW: Final = 255
 """Bytes of commands without a reply yet: what the hub's receive ring holds."""
+HELD_WINDOW: Final = 3072
+"""The same where the hub makes the host wait: a serial driver's buffer takes 4096, so that a write never blocks while
+replies want to be read."""
+GAP: Final = 16
+"""Bytes of other boards' transfers between two of one board while the first is unanswered: 0.36 ms at 400 kHz, in which
+a bootloader works a packet off. Sooner it would not acknowledge the second."""
 FILL: Final = 62 + 14
 """Bytes of replies that surely push one out: an adapter's packet, and a reply of which all but a byte is through."""
 LOST_S: Final = 1.0
@@ -59,18 +66,32 @@ class _Sent:
     size: int
     reply_size: int
     deadline_s: float
+    greetings: int
 
 
 class HubQueue(HubClient):
-    """A hub client that also takes transfers ahead of their turn."""
+    """A hub client that also takes transfers ahead of their turn.
 
-    def __init__(self, link: Link, window: int = WINDOW) -> None:
+    `window`: bytes of commands that may be without a reply. It falls to what the hub's ring holds when the hub says
+    that bytes were lost: then its RTS is not wired, whatever the link was told.
+    """
+
+    def __init__(self, link: Link) -> None:
         super().__init__(link)
         self.now_s = clock_of(link)
-        self.window = window
+        self.window = HELD_WINDOW if link.holds_back else WINDOW
         self._number = 0
         self._waiting: deque[tuple[int, Transfer]] = deque()
         self._sent: deque[_Sent] = deque()
+        self._under_way = self._expected = 0
+        self._bus_bytes = 0
+        self._unanswered: dict[int, tuple[int, int]] = {}
+        self._greetings = 0
+
+    def _take(self, message: HubMessage) -> None:
+        super()._take(message)
+        if message.type is FrameType.LOG and message.fields["code"] == LogCode.RECEIVE_OVERRUN:
+            self.window = min(self.window, WINDOW)
 
     def submit(self, transfer: Transfer) -> int:
         """Queue a transfer; returns its number."""
@@ -94,28 +115,47 @@ class HubQueue(HubClient):
                 raise WireError(self._link.name, "ended while boards were being talked to") from None
 
     def _send_waiting(self) -> None:
-        """Send what the hub's ring has room for, and after it what pushes the replies out of the adapter."""
-        under_way = sum(sent.size for sent in self._sent)
-        expected = sum(sent.reply_size for sent in self._sent)
-        kept: deque[tuple[int, Transfer]] = deque()
-        while self._waiting:
-            number, transfer = self._waiting.popleft()
-            size = TRANSFER_SIZE + len(transfer.write)
-            reply_size = REPLY_SIZE + transfer.read_size
-            room_to_push = PUSH_SIZE * _pushes(expected + reply_size)
-            if under_way and under_way + size + room_to_push > self.window:
-                kept.append((number, transfer))  # a smaller one of another board may find room
-                continue
+        """Send what the hub has room for, and after it what pushes the replies out of the adapter."""
+        while (place := self._next_place()) is not None:
+            number, transfer = self._waiting[place]
+            del self._waiting[place]
             fields = {"address": transfer.address, "read_length": transfer.read_size}
             frame = self._frame(Command.I2C_TRANSFER, pack(TransferArguments, fields, transfer.write))
-            self._send_frame(number, transfer, frame, reply_size)
-            under_way += size
-            expected += reply_size
-        self._waiting = kept
-        while any(sent.number for sent in self._sent) and expected < FILL and under_way + PUSH_SIZE <= self.window:
+            self._send_frame(number, transfer, frame, REPLY_SIZE + transfer.read_size)
+            self._bus_bytes += len(transfer.write) + transfer.read_size
+            self._unanswered[transfer.address] = (number, self._bus_bytes)
+        while self._unanswered and self._expected < FILL and self._under_way + PUSH_SIZE <= self.window:
             self._send_frame(PUSH, Transfer(0), self._frame(Command.GET_TIME), PUSH_REPLY_SIZE)
-            under_way += PUSH_SIZE
-            expected += PUSH_REPLY_SIZE
+
+    def _next_place(self) -> int | None:
+        """The first waiting transfer that may be sent now; those of one board keep their order."""
+        passed_over: set[int] = set()
+        for place, (_, transfer) in enumerate(self._waiting):
+            if transfer.address not in passed_over and not self._is_too_soon(transfer) and self._has_room(transfer):
+                return place
+            passed_over.add(transfer.address)
+        return None
+
+    def _is_too_soon(self, transfer: Transfer) -> bool:
+        last = self._unanswered.get(transfer.address)
+        return last is not None and self._bus_bytes - last[1] < GAP
+
+    def _has_room(self, transfer: Transfer) -> bool:
+        if not self._under_way:
+            return True
+        reply_size = REPLY_SIZE + transfer.read_size
+        to_push = PUSH_SIZE * _pushes(self._expected + reply_size)
+        return self._under_way + TRANSFER_SIZE + len(transfer.write) + to_push <= self.window
+
+    def _forget(self) -> _Sent:
+        """Take the oldest command off the list of those that are under way."""
+        sent = self._sent.popleft()
+        self._under_way -= sent.size
+        self._expected -= sent.reply_size
+        last = self._unanswered.get(sent.transfer.address)
+        if last is not None and last[0] == sent.number:
+            del self._unanswered[sent.transfer.address]
+        return sent
 
     def _frame(self, command: Command, arguments: bytes = b"") -> bytes:
         payload = pack(CommandPayload, {"tag": self._tag % 255 + 1, "command": int(command)}, arguments)
@@ -126,19 +166,21 @@ class HubQueue(HubClient):
         self._sequence = (self._sequence + 1) % 65536
         self._replies.pop(tag, None)
         self._link.write(frame)
-        self._sent.append(_Sent(number, transfer, tag, len(frame), reply_size, self.now_s() + LOST_S))
+        self._sent.append(_Sent(number, transfer, tag, len(frame), reply_size, self.now_s() + LOST_S, self._greetings))
+        self._under_way += len(frame)
+        self._expected += reply_size
 
     def _ended(self) -> list[tuple[int, bytes | TransferError]]:
         """The hub answers in order: whatever was sent before something that has been answered is lost."""
         ended: list[tuple[int, bytes | TransferError]] = []
         answered = [place for place, sent in enumerate(self._sent) if sent.tag in self._replies]
         for _ in range(answered[-1] + 1 if answered else 0):
-            sent = self._sent.popleft()
+            sent = self._forget()
             outcome = self._outcome(sent)
             if sent.number != PUSH:
                 ended.append((sent.number, outcome))
         while self._sent and self._sent[0].deadline_s <= self.now_s():
-            sent = self._sent.popleft()
+            sent = self._forget()
             if sent.number != PUSH:
                 ended.append((sent.number, self._lost(sent, "the hub does not answer")))
         return ended
@@ -153,7 +195,9 @@ class HubQueue(HubClient):
         if status == ReplyStatus.NACK:
             return NackError(sent.transfer.address, f"does not acknowledge on the bus of {self._link.name}")
         if status == ReplyStatus.NO_HELLO:
-            self.greet()
+            if sent.greetings == self._greetings:  # those sent before the last greeting need no other
+                self._greetings += 1
+                self.greet()
             return self._lost(sent, "the hub has started anew")
         if status in (ReplyStatus.BUSY, ReplyStatus.TIMEOUT, ReplyStatus.BUS_ERROR):
             return self._lost(sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})")

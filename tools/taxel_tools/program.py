@@ -1,17 +1,17 @@
-"""One board's update, as a talk that can run beside those of other boards."""
+"""One board's update, or the hub's, as a talk that can run beside others."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from taxel_protocol.bootloader import LAYOUTS, BootDevice, row_sum
-from taxel_tools.application import confirm, read_identity, version_of, wait_for_application
-from taxel_tools.errors import BoardError, TransferError
+from taxel_tools.errors import BoardError
 from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
-from taxel_tools.session import BootInfo, BootSession
-from taxel_tools.steps import Clock, Pause, Steps
+from taxel_tools.session import BootInfo
+from taxel_tools.steps import Clock, Pause, Steps, Version
+from taxel_tools.targets import BoardTarget, Target
 
 TRIAL_S: Final = 8.0
 """How long a new image may take to answer: three tries, each ended by a watchdog of a second, and the listening."""
@@ -21,7 +21,7 @@ CONFIRM_WRITE_S: Final = 0.05
 
 @dataclass(frozen=True)
 class Progress:
-    """How far one board's update is: a word for what it does, rows behind it, rows in all."""
+    """How far one update is: a word for what it does, rows behind it, rows in all."""
 
     address: int
     stage: str
@@ -31,14 +31,14 @@ class Progress:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a board: versions before and after, slot, rows written and found right, seconds.
+    """What became of a board or the hub: versions before and after, slot, rows written and found right, seconds.
 
-    `is_written` is False if the board ran this very image already.
+    `is_written` is False if it ran this very image already.
     """
 
     address: int
-    before: tuple[int, int, int] | None
-    after: tuple[int, int, int]
+    before: Version | None
+    after: Version
     slot: int
     rows_written: int
     rows_kept: int
@@ -50,29 +50,35 @@ Report = Callable[[Progress], None]
 
 
 def update(address: int, firmware: Firmware, now_s: Clock, report: Report, force: bool = False) -> Steps[Outcome]:
-    """Bring `firmware` to the board at `address`: write the free slot, read back, start, see it confirmed.
+    """Bring `firmware` to the board at `address`, as `update_target` does."""
+    return update_target(BoardTarget(address, now_s), firmware, report, force)
+
+
+def update_target(target: Target, firmware: Firmware, report: Report, force: bool = False) -> Steps[Outcome]:
+    """Bring `firmware` to a board or the hub: write the free slot, read back, start, see it confirmed.
 
     May be cut off anywhere and begun anew: rows that read back right from the slot's beginning on are not written
-    again. force: write although the board runs this image. Raises `BoardError` of one line, and `TransferError`.
+    again. force: write although it runs this image. Raises `BoardError` of one line, and `TransferError`.
     """
-    return (yield from _Update(address, firmware, now_s, report, force).run())
+    return (yield from _Update(target, firmware, report, force).run())
 
 
 class _Update:
-    def __init__(self, address: int, firmware: Firmware, now_s: Clock, report: Report, force: bool) -> None:
-        self.address = address
+    def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool) -> None:
+        self.target = target
+        self.address = target.address
         self.firmware = firmware
-        self.now_s = now_s
+        self.now_s = target.now_s
         self.report = report
         self.force = force
-        self.session = BootSession(address, now_s)
+        self.session = target.session
         self.kept = self.written = 0
 
     def run(self) -> Steps[Outcome]:
         began = self.now_s()
-        before = yield from self._version()
+        before = yield from self.target.version()
         self.report(Progress(self.address, "entering"))
-        yield from self.session.enter()
+        yield from self.target.enter()
         info = yield from self.session.info()
         try:
             self._check(info)
@@ -94,17 +100,10 @@ class _Update:
         self.report(Progress(self.address, "done", self._total(image), self._total(image)))
         return self._outcome(before, image.slot, True, began)
 
-    def _outcome(self, before: tuple[int, int, int] | None, slot: int, is_written: bool, began: float) -> Outcome:
+    def _outcome(self, before: Version | None, slot: int, is_written: bool, began: float) -> Outcome:
         seconds = self.now_s() - began
         after = self.firmware.version
         return Outcome(self.address, before, after, slot, self.written, self.kept, is_written, seconds)
-
-    def _version(self) -> Steps[tuple[int, int, int] | None]:
-        try:
-            identity = yield from read_identity(self.address)
-        except TransferError:  # it may be writing, or restarting
-            return None
-        return None if identity is None else version_of(identity)
 
     def _check(self, info: BootInfo) -> None:
         firmware = self.firmware
@@ -128,9 +127,10 @@ class _Update:
         confirmed = info.confirmed == kept
         return confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
 
-    def _leave(self, before: tuple[int, int, int] | None, slot: int, began: float) -> Steps[Outcome]:
+    def _leave(self, before: Version | None, slot: int, began: float) -> Steps[Outcome]:
         yield from self.session.exit()
-        yield from wait_for_application(self.address, self.now_s, TRIAL_S)
+        yield from self.target.wait_for_application(TRIAL_S)
+        yield from self.target.settle()
         self.report(Progress(self.address, "runs it already", 1, 1))
         return self._outcome(before, slot, False, began)
 
@@ -164,36 +164,37 @@ class _Update:
             self.report(Progress(self.address, "comparing", place, len(rows)))
         return len(rows)
 
-    def _start(self, image: FirmwareImage, before: tuple[int, int, int] | None) -> Steps[None]:
-        total = self._total(image)
+    def _start(self, image: FirmwareImage, before: Version | None) -> Steps[None]:
+        total, noun = self._total(image), self.target.noun
         self.report(Progress(self.address, "starting", total, total))
         yield from self.session.exit()
         yield Pause(CONFIRM_WRITE_S)
-        identity = yield from wait_for_application(self.address, self.now_s, TRIAL_S)
-        self._check_version(identity, before)
+        self._check_version((yield from self.target.wait_for_application(TRIAL_S)), before)
         self.report(Progress(self.address, "confirming", total, total))
-        yield from confirm(self.address, self.now_s, SCAN_S)
+        yield from self.target.confirm(SCAN_S)
         yield Pause(CONFIRM_WRITE_S)
-        yield from self.session.enter()  # only the bootloader tells, and the new image must let it in
+        yield from self.target.enter()  # only the bootloader tells, and the new image must let it in
         info = yield from self.session.info()
         yield from self.session.exit()
         if info.confirmed != image.slot:
-            raise BoardError(self.address, "the new image has not confirmed itself; the board goes back to the old one")
-        if (yield from wait_for_application(self.address, self.now_s, TRIAL_S)) is None:
+            why = f"the new image has not confirmed itself; the {noun} goes back to the old one"
+            raise BoardError(self.address, why)
+        if (yield from self.target.wait_for_application(TRIAL_S)) is None:
             raise BoardError(self.address, "the confirmed image does not answer after a restart; unplug and plug it")
+        yield from self.target.settle()
 
-    def _check_version(self, identity: dict[str, Any] | None, before: tuple[int, int, int] | None) -> None:
-        if identity is None:
+    def _check_version(self, found: Version | None, before: Version | None) -> None:
+        noun = self.target.noun
+        if found is None:
             raise BoardError(self.address, f"no application answers {TRIAL_S:g} s after the restart; run this again")
-        found = version_of(identity)
         if found != self.firmware.version:
-            now = f"the board is back on {dotted(found)}" if found == before else f"the board runs {dotted(found)}"
+            now = f"the {noun} is back on {dotted(found)}" if found == before else f"the {noun} runs {dotted(found)}"
             raise BoardError(
                 self.address,
                 f"the new image {dotted(self.firmware.version)} did not come up, {now}; do not use this file",
             )
 
 
-def dotted(version: tuple[int, int, int] | None) -> str:
+def dotted(version: Version | None) -> str:
     """1.2.3; `?` for none."""
     return "?" if version is None else ".".join(str(part) for part in version)

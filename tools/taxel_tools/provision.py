@@ -6,10 +6,12 @@ configured, and restarted, which makes them leave the shared address.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
+from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_VERSION, search_ids
 from taxel_protocol.limits import REGISTER_COMMAND
 from taxel_protocol.names import BoardCommand
@@ -48,6 +50,34 @@ class Change:
         return int(self.configuration["address"])
 
 
+def provision(
+    wire: BoardWire,
+    places: Sequence[int],
+    entries: Sequence[Entry],
+    tell: Callable[[Change], None] = lambda change: None,
+    write: bool = True,
+) -> tuple[list[Candidate], list[Change]]:
+    """Carry entries out on the boards at these addresses: who was found, and what was (or would be) written.
+
+    A run that was cut off is completed by running it again. Boards that are not meant are let go. Raises `BoardError`.
+    """
+    in_use = wire.scan()
+    candidates = gather(wire, places, entries)
+    try:
+        changes = changes_of(candidates, entries, in_use)
+        for change in changes:
+            tell(change)
+        if write:
+            apply(wire, changes)
+    except TaxelError:
+        with suppress(TaxelError):
+            release(wire, candidates)
+        raise
+    changed = {change.candidate.unique_id for change in changes} if write else set()
+    release(wire, [one for one in candidates if one.unique_id not in changed])
+    return candidates, changes
+
+
 def open_bootloaders(wire: BoardWire, address: int) -> None:
     """Bring every board at `address` into its bootloader. Those that are there already stay."""
     run(wire, _ask_for_bootloader(address))
@@ -80,6 +110,50 @@ def find(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Candidate
     except ValueError as error:
         raise BoardError(address, f"the boards there contradict each other ({error}); check the wiring") from None
     return found
+
+
+def gather(wire: BoardWire, places: Sequence[int], entries: Sequence[Entry]) -> list[Candidate]:
+    """Every board at these addresses, in its bootloader, and those of the entries that have left them already.
+
+    An earlier run may have been cut off when some boards had their new addresses: who is named by unique id is looked
+    for there too. Raises `BoardError` if nobody answers at an address, and nobody has left it.
+    """
+    found: list[Candidate] = []
+    silent: BoardError | None = None
+    for place in places:
+        try:
+            open_bootloaders(wire, place)
+        except BoardError as error:
+            silent = silent or error
+            continue
+        found += find(wire, place)
+    moved = [board for entry in entries for board in _moved(wire, entry, found)]
+    if silent is not None and not moved:
+        release(wire, found)
+        raise silent
+    return found + moved
+
+
+def _moved(wire: BoardWire, entry: Entry, found: Sequence[Candidate]) -> list[Candidate]:
+    """The entry's board, if it is not among those found, but answers at its new address."""
+    is_found = any(board.unique_id == entry.unique_id for board in found)
+    if entry.unique_id is None or entry.address is None or is_found or not _answers(wire, entry.address):
+        return []
+    open_bootloaders(wire, entry.address)
+    there = find(wire, entry.address)
+    release(wire, [board for board in there if board.unique_id != entry.unique_id])
+    return [board for board in there if board.unique_id == entry.unique_id]
+
+
+def _answers(wire: BoardWire, address: int) -> bool:
+    def probe() -> Steps[bool]:
+        try:
+            yield Transfer(address)
+        except TransferError:
+            return False
+        return True
+
+    return run(wire, probe())
 
 
 def _choose(wire: BoardWire, session: BootSession, unique_id: bytes) -> None:

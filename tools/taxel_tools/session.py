@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -28,15 +30,18 @@ from taxel_protocol.layout import pack, packer_of, unpack
 from taxel_protocol.limits import REGISTER_COMMAND
 from taxel_protocol.names import BoardCommand
 from taxel_tools.errors import BoardError, LostError, NackError, StatusError, TransferError
-from taxel_tools.steps import Clock, Pause, Steps, Transfer
+from taxel_tools.steps import Burst, Clock, Pause, Steps, Transfer
 
 PATIENCE_S: Final = 0.3
 """How long a board may not be ready: a row and a record take 20 ms each, a restart some 50 ms."""
 RESTART_S: Final = 1.0
 """From a restart until the bootloader must answer."""
 AGAIN_S: Final = 0.002
+AGAIN_MAX_S: Final = 0.016
+"""Between two looks at a board that is not ready, longer and longer: a silent board must not keep the bus busy."""
 ROW_WRITE_S: Final = 0.02
-ROW_ATTEMPTS: Final = 4
+ATTEMPTS: Final = 3
+ROW_ATTEMPTS: Final = 8
 PIECE: Final = 57
 """Data bytes of a SEND_DATA packet; PROGRAM_ROW takes 54."""
 
@@ -81,6 +86,7 @@ class BootSession:
     def __init__(self, address: int, now_s: Clock) -> None:
         self.address = address
         self.now_s = now_s
+        self.row_write_s = ROW_WRITE_S
 
     def enter(self) -> Steps[dict[str, Any]]:
         """Ask a running application for its bootloader, and begin a session; returns the fields of `EnterReply`."""
@@ -131,25 +137,66 @@ class BootSession:
     def write_row(self, row: int, data: bytes) -> Steps[None]:
         """Write 128 bytes and have them summed up again; a row that went wrong on the wire is sent anew."""
         assert len(data) == BOOT_ROW_SIZE
-        for _ in range(ROW_ATTEMPTS):
+        for attempt in range(ROW_ATTEMPTS):
             try:
+                if attempt:
+                    yield from self.post(BootCommand.SYNC)
                 yield from self._send_row(row, data)
-                if (yield from self.row_sum(row)) == row_sum(data):
+                if (yield from self._row_written(row)) == row_sum(data):
                     return
             except (StatusError, LostError) as error:
                 if isinstance(error, StatusError) and error.status not in (BootStatus.LENGTH, BootStatus.CHECKSUM):
                     raise
-            yield from self.post(BootCommand.SYNC)
         raise BoardError(self.address, f"row {row} does not read back as sent after {ROW_ATTEMPTS} attempts; check it")
 
     def _send_row(self, row: int, data: bytes) -> Steps[None]:
         """The responses to the first two packets are not read: a missing piece is seen by the third."""
-        yield from self.post(BootCommand.SEND_DATA, data[:PIECE])
-        yield from self.post(BootCommand.SEND_DATA, data[PIECE : 2 * PIECE])
         place = pack(RowAddress, {"array": 0, "row": row})
-        yield from self.post(BootCommand.PROGRAM_ROW, place + data[2 * PIECE :])
-        yield Pause(ROW_WRITE_S)
-        yield from self.response(0)
+        yield from self._write_all(
+            (
+                build_packet(BootCommand.SEND_DATA, data[:PIECE]),
+                build_packet(BootCommand.SEND_DATA, data[PIECE : 2 * PIECE]),
+                build_packet(BootCommand.PROGRAM_ROW, place + data[2 * PIECE :]),
+            )
+        )
+        yield Pause(self.row_write_s)
+
+    def _write_all(self, packets: Sequence[bytes]) -> Steps[None]:
+        """Pieces that belong together. A board that is busy with one takes no other: from there on, one at a time."""
+        burst = Burst(tuple(Transfer(self.address, packet) for packet in packets))
+        yield burst
+        failed = {place: one for place, one in enumerate(burst.outcomes) if isinstance(one, TransferError)}
+        if not failed:
+            return
+        first = min(failed)
+        if isinstance(failed[first], LostError):
+            raise failed[first]
+        if len(failed) < len(burst.outcomes) - first:  # a later one was taken: there is a gap
+            yield from self.post(BootCommand.SYNC)
+            first = 0
+        for packet in packets[first:]:
+            yield from self._write(packet)
+
+    def _row_written(self, row: int) -> Steps[int]:
+        """The end of a PROGRAM_ROW, and the 8-bit sum of what is in flash then."""
+        question = build_packet(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}))
+        burst = Burst((self._reading(0), Transfer(self.address, question), self._reading(1)))
+        yield burst
+        written, asked, summed = [*burst.outcomes, None, None][:3]
+        if self._data_if_ready(written, 0) is None:
+            yield from self.response(0)
+            return (yield from self.row_sum(row))
+        if not isinstance(asked, bytes):
+            return (yield from self.row_sum(row))
+        data = self._data_if_ready(summed, 1)
+        return (data if data is not None else (yield from self.response(1)))[0]
+
+    def _data_if_ready(self, outcome: bytes | TransferError | None, size: int) -> bytes | None:
+        """Data of a response; None if it is not there yet, or damaged. Raises `StatusError` for a refusal."""
+        if isinstance(outcome, bytes):
+            with suppress(ValueError):
+                return self._data_of(outcome, size)
+        return None
 
     def verify_application(self) -> Steps[bool]:
         """Whether the image in the free slot is whole; if rows were written it is the next to start."""
@@ -160,8 +207,17 @@ class BootSession:
         yield from self.ask(BootCommand.SET_ACTIVE, bytes([slot]))
 
     def exit(self) -> Steps[None]:
-        """Restart; there is no response."""
-        yield from self.post(BootCommand.EXIT)
+        """Restart; there is no response. If nobody knows whether the packet arrived, the bootloader is asked."""
+        for _ in range(ATTEMPTS):
+            try:
+                yield from self.post(BootCommand.EXIT)
+                return
+            except LostError:
+                try:
+                    yield from self.info()
+                except BoardError:
+                    return
+        raise LostError(self.address, "does not restart; check the wiring")
 
     def configuration(self) -> Steps[dict[str, Any] | None]:
         """Fields of `Configuration`; None if the board has none."""
@@ -189,6 +245,7 @@ class BootSession:
         yield Pause(0.01)
         size = BOOT_PACKET_OVERHEAD + packer_of(SearchReply).size
         deadline = self.now_s() + PATIENCE_S
+        again = _again()
         while True:
             try:
                 data = yield Transfer(self.address, read_size=size)
@@ -200,27 +257,32 @@ class BootSession:
                 return data[4 : size - 3]
             if self.now_s() > deadline:
                 raise BoardError(self.address, "the boards there do not answer a search; restart them")
-            yield Pause(AGAIN_S)
+            yield Pause(next(again))
 
     def post(self, command: BootCommand, data: bytes = b"") -> Steps[None]:
         """Send a packet and leave its response unread."""
         yield from self._write(build_packet(command, data))
 
     def ask(self, command: BootCommand, data: bytes = b"", reply: Struct | int = 0) -> Steps[bytes]:
-        """Send a packet; returns the response's data, of the expected size. A damaged packet is sent once more."""
+        """Send a packet; returns the response's data, of the expected size.
+
+        What was lost or damaged is sent again: nothing that is asked does harm when it is asked twice.
+        """
         size = reply if isinstance(reply, int) else packer_of(reply).size
-        for is_last in (False, True):
+        for attempt in range(1, ATTEMPTS + 1):
             try:
                 yield from self._write(build_packet(command, data))
                 return (yield from self.response(size))
             except (StatusError, LostError) as error:
-                if is_last or (isinstance(error, StatusError) and error.status != BootStatus.CHECKSUM):
+                may_pass = isinstance(error, LostError) or error.status == BootStatus.CHECKSUM
+                if attempt == ATTEMPTS or not may_pass:
                     raise
         raise AssertionError
 
     def _write(self, packet: bytes) -> Steps[None]:
         """A NACK means that the board is busy."""
         deadline = self.now_s() + PATIENCE_S
+        again = _again()
         while True:
             try:
                 yield Transfer(self.address, packet)
@@ -228,29 +290,44 @@ class BootSession:
             except NackError:
                 if self.now_s() > deadline:
                     raise
-            yield Pause(AGAIN_S)
+            yield Pause(next(again))
 
     def response(self, size: int) -> Steps[bytes]:
         """Read until there is a response: NACK and FF mean "not yet". Raises `StatusError` if it is not OK."""
         deadline = self.now_s() + PATIENCE_S
+        again = _again()
         wrong = "its bootloader does not answer; check its power"
         while True:
             try:
-                packet = yield Transfer(self.address, read_size=BOOT_PACKET_OVERHEAD + size)
+                packet = yield self._reading(size)
                 if packet[0] != 0xFF:
-                    status, data = parse_packet(packet)
-                    if status == BootStatus.OK and len(data) == size:
-                        return data
-                    if status != BootStatus.OK:
-                        raise StatusError(self.address, _words(status), status)
-                    wrong = f"its bootloader answers with {len(data)} bytes in place of {size}; check the wiring"
+                    return self._data_of(packet, size)
             except ValueError as error:
                 wrong = f"its bootloader's answers are damaged ({error}); check the wiring"
             except TransferError as error:
                 wrong = f"{error.problem}; check its power"
             if self.now_s() > deadline:
                 raise LostError(self.address, wrong)
-            yield Pause(AGAIN_S)
+            yield Pause(next(again))
+
+    def _reading(self, size: int) -> Transfer:
+        return Transfer(self.address, read_size=BOOT_PACKET_OVERHEAD + size)
+
+    def _data_of(self, packet: bytes, size: int) -> bytes:
+        """Raises `StatusError` for a refusal, ValueError for what is no response with that much data."""
+        status, data = parse_packet(packet)
+        if status != BootStatus.OK:
+            raise StatusError(self.address, _words(status), status)
+        if len(data) != size:
+            raise ValueError(f"{len(data)} bytes of data in place of {size}")
+        return data
+
+
+def _again() -> Iterator[float]:
+    pause = AGAIN_S
+    while True:
+        yield pause
+        pause = min(2.0 * pause, AGAIN_MAX_S)
 
 
 def _words(status: int) -> str:

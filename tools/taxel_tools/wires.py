@@ -25,9 +25,10 @@ _AGAIN: Final = {errno.EAGAIN, errno.EIO, errno.ETIMEDOUT, errno.EBUSY}
 
 
 class BoardWire(Protocol):
-    """A bus of boards. `name` goes into messages."""
+    """A bus of boards. `name` goes into messages; `is_queued`: several transfers may be under way at a time."""
 
     name: str
+    is_queued: bool
 
     def now_s(self) -> float:
         """Seconds of the wire's own clock."""
@@ -64,6 +65,8 @@ class SmbusBus(Protocol):
 
 class SmbusWire:
     """An I2C adapter of Linux, or anything with the interface of `smbus2.SMBus`."""
+
+    is_queued = False
 
     def __init__(
         self,
@@ -120,6 +123,8 @@ class SmbusWire:
 
 class HubWire:
     """The hub's I2C_TRANSFER over its UART: several commands are on their way at a time."""
+
+    is_queued = True
 
     def __init__(self, link: Link) -> None:
         self.name = link.name

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 from hil_tests.harness.rig_file import RigDescription
 from hil_tests.harness.virtual.can_bus import VirtualCanBus, VirtualCanFaults
 from hil_tests.harness.virtual.faults import VirtualFaultInjector
+from hil_tests.harness.virtual.images import images
 from hil_tests.harness.virtual.power import VirtualPower
 from hil_tests.harness.virtual.stimulus import VirtualCounts, VirtualStimulus
 from hil_tests.harness.virtual.uart import VirtualClock, VirtualUart
@@ -27,7 +29,9 @@ def open_virtual(
     text = world_text(description.hand, WorldSettings(**{**description.world, **settings, **scan}))
     text = _only(text, build.get("only")) + "".join(f"{line}\n" for line in build.get("lines", ()))
     port = description.devices["uart"].options.get("port", "pty")
-    world = stack.enter_context(VirtualWorld(text, port, counts=counts))
+    lines, files = _executed(description, text)
+    world = stack.enter_context(VirtualWorld(text + lines, port, counts=counts, files=files))
+    stack.callback(_check_processors, world, executed_of(description, text))
     can_bus = VirtualCanBus(stack)
     return {
         "clock": VirtualClock(world),
@@ -40,6 +44,28 @@ def open_virtual(
         "stimulus": VirtualStimulus(world, description.hand),
         "counts": VirtualCounts(world),
     }
+
+
+def _executed(description: RigDescription, text: str) -> tuple[str, dict[str, Path]]:
+    """Lines of the world file for the processors of this world that execute their images, and those files."""
+    if not description.executed:
+        return "", {}
+    files = {name: images() / name for name in ("board-factory.hex", "hub-factory.hex")}
+    executed = (address for address in executed_of(description, text) if address)
+    boards = "".join(f"image 0x{address:02X} board-factory.hex\n" for address in executed)
+    return boards + ("hub_image hub-factory.hex\n" if 0 in description.executed else ""), files
+
+
+def executed_of(description: RigDescription, text: str) -> list[int]:
+    """Those of a world file's boards that execute their images, and 0 for the hub."""
+    return [address for address in description.executed if not address or f"board 0x{address:02X} " in text]
+
+
+def _check_processors(world: VirtualWorld, executed: list[int]) -> None:
+    """No processor has asked for what nobody has modelled."""
+    for address in executed:
+        processor = world.processor(address)
+        assert not processor.is_broken, f"the processor of 0x{address:02X} stands still at 0x{processor.pc:04X}"
 
 
 def _only(text: str, places: Any) -> str:

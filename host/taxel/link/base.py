@@ -17,13 +17,15 @@ class Link(Protocol):
 
     `name` goes into messages. `is_real_time`: the source does not wait for its reader, and arrival times are this
     machine's monotonic clock. `is_recorded`: nobody answers, and the end is an end rather than a failure. `baud`:
-    bits a second on the wire.
+    bits a second on the wire. `holds_back`: whoever is at the other end makes this one wait before its own buffer is
+    full (RTS/CTS), so that no byte written is lost there.
     """
 
     name: str
     is_real_time: bool
     is_recorded: bool
     baud: float
+    holds_back: bool
 
     def read(self, timeout_s: float) -> Chunk | None:
         """The next bytes; None if none came in time. Raises EOFError at the end, `LinkError` for a failure."""

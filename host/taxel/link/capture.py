@@ -86,6 +86,7 @@ class CaptureLink:
 
     is_real_time = False
     is_recorded = True
+    holds_back = False
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.name = str(path)

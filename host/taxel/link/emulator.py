@@ -40,6 +40,7 @@ class EmulatorLink:
     """
 
     is_recorded = False
+    holds_back = False
 
     def __init__(
         self,

@@ -19,17 +19,19 @@ WRITE_TIMEOUT_S = 2.0
 class SerialLink:
     """Bytes of a serial port, 8N1.
 
-    Parameters: `port` is a device (`/dev/ttyUSB0`) or a pyserial URL; `baud` in bits a second; `rtscts` asks for
-    hardware flow control and `low_latency` for the driver's 1 ms mode: where a port has neither, it is used without.
-    Raises `PortMissingError` if the port cannot be opened.
+    Parameters: `port` is a device (`/dev/ttyUSB0`) or a pyserial URL; `baud` in bits a second; `low_latency` asks for
+    the driver's 1 ms mode, if it has one. `rtscts`: hardware flow control. True says that both lines are wired, so the
+    hub makes this side wait (`holds_back`), and a port without them is refused; None takes it where a port has it.
+    Raises `PortMissingError` if the port cannot be opened as asked.
     """
 
     is_real_time = True
     is_recorded = False
 
-    def __init__(self, port: str, baud: float = 1e6, rtscts: bool = True, low_latency: bool = True) -> None:
+    def __init__(self, port: str, baud: float = 1e6, rtscts: bool | None = None, low_latency: bool = True) -> None:
         self.name = port
         self.baud = baud
+        self.holds_back = rtscts is True
         self._failure: Exception | None = None
         try:
             self._port = serial.serial_for_url(
@@ -47,12 +49,17 @@ class SerialLink:
             ) from error
         self._prepare(rtscts, low_latency)
 
-    def _prepare(self, rtscts: bool, low_latency: bool) -> None:
-        # A pseudo-terminal has no modem lines, many drivers have no low-latency mode: both are offers, not conditions.
+    def _prepare(self, rtscts: bool | None, low_latency: bool) -> None:
+        # A pseudo-terminal has no modem lines, many drivers no low-latency mode: offers, unless asked for.
         refusals = (serial.SerialException, OSError, ValueError, NotImplementedError)
         try:
-            self._port.rtscts = rtscts
+            self._port.rtscts = rtscts is not False
         except refusals:
+            if rtscts:
+                self.close()
+                raise PortMissingError(
+                    self.name, "has no RTS and CTS, which rtscts=1 asks for; leave rtscts out, or use another adapter"
+                ) from None
             with contextlib.suppress(*refusals):
                 self._port.rtscts = False  # or every later setting would fail with it
         if low_latency and hasattr(self._port, "set_low_latency_mode"):

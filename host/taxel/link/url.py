@@ -11,7 +11,8 @@ from taxel.link.serial_port import SerialLink
 def open_link(url: str) -> Link:
     """Open what `url` names.
 
-    `serial:///dev/ttyUSB0?baud=1000000` is a serial port (a bare `/dev/...` too), `file:capture.bin` a capture; every
+    `serial:///dev/ttyUSB0?baud=1000000` is a serial port (a bare `/dev/...` too); `rtscts=1` says that its RTS and CTS
+    are wired to the hub, which may then make this side wait. `file:capture.bin` is a capture; every
     other scheme goes to pyserial (`socket://`, `rfc2217://`, `loop://` ...). Raises `LinkError` with one line that
     says what to do.
     """
@@ -29,7 +30,7 @@ def open_link(url: str) -> Link:
         return SerialLink(
             port,
             _number(url, "baud", options.get("baud", "1000000")),
-            _flag(url, "rtscts", options.get("rtscts", "1")),
+            _flag(url, "rtscts", options["rtscts"]) if "rtscts" in options else None,
             _flag(url, "low_latency", options.get("low_latency", "1")),
         )
     if url.startswith("/dev/") or "://" in url:

@@ -145,8 +145,12 @@ class FrameStream:
         index = np.minimum(index, len(self._arrival_ends) - 1)
         return np.asarray(self._arrival_ns)[index] * 1e-9
 
-    def close(self) -> None:
-        """Stop reading and close the link."""
+    def release(self) -> None:
+        """Stop reading; the link stays open for others. What they do not read is lost to this stream."""
         if self._pump is not None:
             self._pump.stop()
+
+    def close(self) -> None:
+        """Stop reading and close the link."""
+        self.release()
         self.link.close()

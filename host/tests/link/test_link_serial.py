@@ -163,6 +163,9 @@ class PortWithoutModemLines:
 
     in_waiting = 0
 
+    def close(self):
+        pass
+
     def set_low_latency_mode(self, wanted):
         raise OSError(25, "Inappropriate ioctl for device")
 
@@ -172,11 +175,18 @@ class PortWithoutModemLines:
 
 def test_flow_control_and_low_latency_are_offers_and_not_conditions(monkeypatch):
     monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: PortWithoutModemLines())
-    link = SerialLink("/dev/ttyUSB0", rtscts=True, low_latency=True)
+    link = SerialLink("/dev/ttyUSB0", low_latency=True)
     assert link.read(0.5).data == b"x"
+    assert not link.holds_back
 
 
-@pytest.mark.parametrize("rtscts", [False, True])
+def test_flow_control_that_was_asked_for_is_a_condition(monkeypatch):
+    monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: PortWithoutModemLines())
+    with pytest.raises(PortMissingError, match="/dev/ttyUSB0: has no RTS and CTS, which rtscts=1 asks for"):
+        SerialLink("/dev/ttyUSB0", rtscts=True)
+
+
+@pytest.mark.parametrize("rtscts", [False, None])
 @pytest.mark.parametrize("low_latency", [False, True])
 def test_a_pseudo_terminal_works_with_or_without_offers(terminal, read_bytes, rtscts, low_latency):
     link = SerialLink(terminal.name, rtscts=rtscts, low_latency=low_latency)

@@ -44,6 +44,13 @@ def test_options_of_a_serial_url_reach_the_port(terminal):
     link.close()
 
 
+@pytest.mark.parametrize(("query", "holds_back"), [("", False), ("?rtscts=0", False), ("?rtscts=1", True)])
+def test_a_serial_link_is_held_back_if_the_url_says_that_the_lines_are_wired(terminal, query, holds_back):
+    link = open_link(f"serial://{terminal.name}{query}")
+    assert link.holds_back is holds_back
+    link.close()
+
+
 @pytest.mark.parametrize("form", ["file:{}", "file://{}"])
 def test_a_capture_has_two_spellings(tmp_path, form):
     path = tmp_path / "a.bin"

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from host.tests.command_line import exit_status
+from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files.cyacd import write_cyacd
 
 URL = "emulator:?hand=rig4"
@@ -29,11 +30,12 @@ def run(capsys):
 def files(tmp_path, make_image):
     """Files of both slots."""
 
-    def write(**options):
+    def write(name="fw", **options):
         paths = []
-        for slot, row in ((0, 32), (1, 128)):
-            paths.append(tmp_path / f"fw-{'ab'[slot]}.cyacd")
-            paths[-1].write_text(write_cyacd(make_image(slot, **options), row))
+        for slot in (0, 1):
+            image = make_image(slot, **options)
+            paths.append(tmp_path / f"{name}-{'ab'[slot]}.cyacd")
+            paths[-1].write_text(write_cyacd(image, LAYOUTS[image.device].first_rows[slot]))
         return paths
 
     return write
@@ -90,7 +92,8 @@ def test_a_dry_run_of_flash_says_what_would_be_done_and_does_not_do_it(run, file
         (["--board", "0x60"], "board 0x60: does not answer; taxel scan shows who does"),
         (["--board", "x"], "--board: expected an I2C address from 0x08 to 0x77, found 'x'"),
         ([], "flash: expected either --board ADDRESS (as often as wanted) or --all"),
-        (["--all", "--board", "0x50"], "flash: expected either --board ADDRESS"),
+        (["--all", "--board", "0x50"], "flash: expected one of --board ADDRESS (as often as wanted), --all and --hub"),
+        (["--all", "--hub"], "flash: expected one of --board ADDRESS (as often as wanted), --all and --hub"),
     ],
 )
 def test_flash_refuses_boards_that_cannot_be_meant(run, files, arguments, words):
@@ -120,6 +123,65 @@ def test_flash_that_fails_on_a_board_ends_with_its_line(run, files):
     status, _, err = run("flash", URL, files()[0], "--board", "0x50")
     assert status == 1
     assert "taxel: not updated: 1 of 1 board: board 0x50: its free slot is B, but " in err
+
+
+@pytest.mark.parametrize("words", [[], ["--hub"]])
+def test_flash_of_a_file_for_the_hub_updates_the_hub(run, files, words):
+    status, out, err = run("flash", URL, *files("hub", device=BootDevice.HUB), *words)
+    assert status == 0, err
+    assert "the hub: 8 rows of version 1.2.3 (slot A and B) will be written into its free slot" in err
+    assert "0.1.0 -> 1.2.3, 4 boards polled" in err
+    assert out.splitlines()[1].split()[:6] == ["hub", "0.1.0", "1.2.3", "B", "8", "0"]
+    assert out.splitlines()[1].endswith("confirmed, 4 boards polled")
+
+
+def test_flash_of_the_hub_prints_json(run, files):
+    status, out, _ = run("flash", URL, *files("hub", device=BootDevice.HUB), "--json")
+    document = json.loads(out)
+    assert status == 0
+    assert (document["done"]["after"], document["boards"]) == ([1, 2, 3], [0x50, 0x51, 0x52, 0x53])
+
+
+def test_a_dry_run_for_the_hub_says_what_would_be_done_and_does_not_do_it(run, files):
+    hub = files("hub", device=BootDevice.HUB)
+    status, out, err = run("flash", URL, *hub, "--dry-run")
+    assert (status, out) == (0, "")
+    assert "the hub: 8 rows of version 1.2.3 (slot A and B) would be written into its free slot" in err
+    document = json.loads(run("flash", URL, *hub, "--dry-run", "--json")[1])
+    assert document == {"hub": "0.1.0", "boards": [0x50, 0x51, 0x52, 0x53], "version": "1.2.3"}
+
+
+def test_boards_and_the_hub_are_not_flashed_by_one_command(run, files):
+    both = [files()[0], files("hub", device=BootDevice.HUB)[1]]
+    status, out, err = run("flash", URL, *both, "--all")
+    assert (status, out) == (1, "")
+    assert err.endswith("found hub; flash boards and the hub one after the other\n")
+    assert f"{both[1]}: image device: expected board, as in {both[0]}" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("device", "url", "words", "problem"),
+    [
+        (BootDevice.HUB, URL, ["--all"], "is an image for the hub; leave --board and --all out"),
+        (BootDevice.HUB, URL, ["--board", "0x50"], "is an image for the hub; leave --board and --all out"),
+        (BootDevice.BOARD, URL, ["--hub"], "is an image for sensor boards; --hub takes one for the hub"),
+        (BootDevice.HUB, f"{URL}&wire=i2c", [], "leads to the boards' bus; the hub takes firmware on its UART only"),
+        (BootDevice.HUB, "/dev/i2c-1", [], "/dev/i2c-1: leads to the boards' bus"),
+        (BootDevice.HUB, "serial:///dev/ttyNONE", [], "/dev/ttyNONE: cannot be opened"),
+    ],
+)
+def test_flash_refuses_what_does_not_fit_the_hub(run, files, device, url, words, problem):
+    status, out, err = run("flash", url, *files(device=device), *words)
+    assert (status, out) == (1, "")
+    assert problem in err
+    assert err.count("\n") == 1
+
+
+def test_flash_of_the_hub_that_fails_ends_with_its_line(run, files):
+    status, _, err = run("flash", URL, files("hub", device=BootDevice.HUB)[0])
+    assert status == 1
+    assert err.splitlines()[-1].startswith("taxel: not updated: hub: its free slot is B, but ")
 
 
 def test_provision_gives_a_blank_board_its_address(run):

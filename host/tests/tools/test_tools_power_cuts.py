@@ -7,7 +7,7 @@ import random
 import pytest
 
 from taxel.errors import TaxelError
-from taxel.link.virtual import VirtualSMBus
+from taxel.link.virtual import FaultError, VirtualSMBus
 from taxel_tools.application import version_of, wait_for_application
 from taxel_tools.interleave import run, run_all
 from taxel_tools.program import update
@@ -89,3 +89,40 @@ def test_a_cut_leaves_the_old_or_the_new_image_and_the_update_can_be_begun_again
             world.close()
     print(f"{cuts} cuts: {torn} rows torn, {failed} updates failed and were done again, no board bricked")
     assert torn > cuts // 3
+
+
+def test_a_planned_cut_strikes_the_write_that_was_named(worlds, adapter, make_firmware):
+    world = worlds(boards=1)
+    firmware = make_firmware(size=384)
+    world.plan_cut(BOARD, 2, 0.0, OFF_S)  # the second row, before it is written
+    attempt(adapter(world), firmware)
+    world.run(0.1)
+    (cut,) = world.cuts(BOARD)
+    image = firmware.image_for(1)
+    assert (cut.row, cut.after_s, cut.wanted) == (129, 0.0, image.rows()[1])
+    flash = world.board_flash(BOARD)
+    assert flash.data[128 * 128 : 129 * 128] == image.rows()[0]
+    assert not any(flash.data[129 * 128 : 130 * 128])
+    assert (flash.torn, flash.runs) == (0, "application")
+
+
+def test_planned_cuts_follow_one_another(worlds, adapter, make_firmware):
+    world = worlds(boards=1)
+    world.plan_cut(BOARD, 1, 0.004, OFF_S)
+    world.plan_cut(BOARD, 3, 0.0201, OFF_S)
+    for _ in range(3):
+        last = attempt(adapter(world), make_firmware(size=384))
+        world.run(0.1)
+    assert not isinstance(last, TaxelError)
+    assert [(cut.row, cut.after_s) for cut in world.cuts(BOARD)] == [(128, 0.004), (130, 0.0201)]
+    assert world.board_flash(BOARD).torn == 1
+
+
+def test_cuts_that_cannot_be_planned_are_refused(worlds):
+    world = worlds(boards=1)
+    with pytest.raises(FaultError, match="a power cut of address 0x60 strikes a board that this world does not have"):
+        world.plan_cut(0x60, 1, 0.0, OFF_S)
+    for _ in range(8):
+        world.plan_cut(BOARD, 1, 0.0, OFF_S)
+    with pytest.raises(FaultError, match="is one too many"):
+        world.plan_cut(BOARD, 1, 0.0, OFF_S)

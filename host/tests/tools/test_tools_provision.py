@@ -8,7 +8,7 @@ from taxel_tools.errors import BoardError, PlanError
 from taxel_tools.interleave import run, run_all
 from taxel_tools.plan import Entry, read_plan
 from taxel_tools.program import update
-from taxel_tools.provision import apply, changes_of, find, open_bootloaders, release
+from taxel_tools.provision import apply, changes_of, find, gather, open_bootloaders, release
 from taxel_tools.scan import scan
 from taxel_tools.session import BootSession
 
@@ -83,6 +83,25 @@ def test_boards_that_are_not_meant_stay_blank_and_listen_again(worlds, open_wire
     candidates = find(wire)
     apply(wire, changes_of(candidates, [Entry(candidates[1].unique_id, 0x30, 1)], wire.scan()))
     assert [c.unique_id for c in find(wire)] == [candidates[0].unique_id, candidates[2].unique_id]
+
+
+def test_a_plan_that_was_cut_off_is_carried_out_by_running_it_again(worlds, open_wire):
+    wire = open_wire(worlds("blank 0x50", "blank 0x51", "blank 0x52"))
+    entries = [Entry(c.unique_id, 0x20 + place, 1) for place, c in enumerate(gather(wire, [BLANK], []))]
+    apply(wire, changes_of(gather(wire, [BLANK], entries), entries, wire.scan())[:2])  # the third was not reached
+    in_use = wire.scan()
+    candidates = gather(wire, [BLANK], entries)
+    assert sorted(c.address for c in candidates) == [0x20, 0x21, BLANK]
+    apply(wire, changes_of(candidates, entries, in_use))
+    assert [c.address for c in gather(wire, [BLANK], entries)] == [0x20, 0x21, 0x22], "all have moved already"
+
+
+def test_who_answers_at_a_new_address_but_is_not_meant_is_let_go_again(worlds, open_wire):
+    wire = open_wire(worlds())
+    with pytest.raises(BoardError, match="board 0x77: nobody answers there"):
+        gather(wire, [BLANK], [Entry(bytes(8), 0x51)])
+    wire.collect(0.2)
+    assert boards_of(wire)[0x51].runs == "application"
 
 
 def test_duplicates_get_addresses_of_their_own(worlds, open_wire):

@@ -15,8 +15,17 @@ OVERHEAD: Final = 5
 """Length, address, type and checksum of a record, in bytes."""
 
 
+Rows = dict[int, tuple[bytes, str]]
+"""Flash rows that a file sets, by number: their bytes, and the line that sets the first of them."""
+
+
 def read_intel_hex(text: str, source: str) -> FirmwareImage:
     """The image of an Intel HEX file; what no record names is 00, as in erased flash. Raises `FirmwareFileError`."""
+    return image_of_rows(rows_of_intel_hex(text, source), source)
+
+
+def rows_of_intel_hex(text: str, source: str) -> Rows:
+    """All rows that an Intel HEX file sets, of whatever part of the flash. Raises `FirmwareFileError`."""
     flash = bytearray(FLASH_SIZE)
     set_in: dict[int, str] = {}
     taken = bytearray(FLASH_SIZE)
@@ -38,11 +47,10 @@ def read_intel_hex(text: str, source: str) -> FirmwareImage:
             _fail(source, where, "record type 0 to 5", str(kind))
     if not has_end:
         _fail(source, "file", "an end record (:00000001FF)", "none", "the file is cut short; copy it anew")
-    rows = {
+    return {
         row: (bytes(flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]), where)
         for row, where in sorted(set_in.items())
     }
-    return image_of_rows(rows, source)
 
 
 def write_intel_hex(data: bytes, address: int) -> str:

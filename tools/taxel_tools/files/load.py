@@ -28,7 +28,15 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
         images += read_manifest(path, data, _read_one) if path.suffix in MANIFESTS else [_read_one(path, data)]
     first = images[0]
     for image in images[1:]:
-        for field in ("device", "kind", "version"):
+        if image.device != first.device:
+            raise FirmwareFileError(
+                image.source,
+                "image device",
+                f"{first.device.name.lower()}, as in {first.source}",
+                image.device.name.lower(),
+                "flash boards and the hub one after the other",
+            )
+        for field in ("kind", "version"):
             ours, theirs = getattr(first, field), getattr(image, field)
             if ours != theirs:
                 raise FirmwareFileError(

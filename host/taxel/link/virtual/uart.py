@@ -30,6 +30,7 @@ class VirtualMemoryLink:
         self.name = "virtual:"
         self.baud = baud
         self.world = world
+        self.holds_back = world.holds_back
 
     def now_s(self) -> float:
         """World seconds."""
@@ -68,6 +69,7 @@ class VirtualSerialLink(SerialLink):
     def __init__(self, world: VirtualWorld, baud: float = 1e6) -> None:
         self.world = world
         super().__init__(world.pty_name, baud)
+        self.holds_back = world.holds_back
         self._taken = world.delivered  # what came before nobody read: opening a port throws it away
 
     def now_s(self) -> float:

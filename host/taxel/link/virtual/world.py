@@ -5,7 +5,9 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import shutil
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import TracebackType
@@ -16,12 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from taxel.errors import TaxelError
 from taxel.link.errors import LinkError
+from taxel.link.virtual.processor import EXCEPTIONS, CostStruct, HandlerCost, Processor, ProcessorStruct
 from taxel.native_library import last_words, load_library, stderr_into
 
 PS_PER_S: Final = 10**12
 RECEIVE_SIZE: Final = 1 << 16
 FLASH_SIZE: Final = 32768
 FLASH_ROWS: Final = 256
+FLASH_ROW: Final = 128
 RUNS: Final[tuple[Literal["application", "bootloader", "hanging image"], ...]] = (
     "application",
     "bootloader",
@@ -62,6 +66,14 @@ class BoardFlash(NamedTuple):
     runs: Literal["application", "bootloader", "hanging image"]
 
 
+class PowerCut(NamedTuple):
+    """What a planned power cut has struck: a row, how long after its write had begun, and its 128 bytes to be."""
+
+    row: int
+    after_s: float
+    wanted: bytes
+
+
 class _Strike(ctypes.Structure):
     _fields_ = (("time", ctypes.c_uint64), ("kind", ctypes.c_uint32), ("address", ctypes.c_uint32))
 
@@ -81,6 +93,7 @@ def _library() -> ctypes.CDLL:
         ("send", size, pointer, text, size),
         ("receive", size, pointer, text, size),
         ("delivered", time, pointer),
+        ("holds_back", whole, pointer),
         ("press", whole, pointer, pointer),
         ("inject", whole, pointer, text, byte, number, number),
         ("transfer", whole, pointer, byte, text, size, text, size, time),
@@ -89,6 +102,11 @@ def _library() -> ctypes.CDLL:
         ("wear", pointer, pointer, byte),
         ("torn", time, pointer, byte),
         ("runs", whole, pointer, byte),
+        ("processor", whole, pointer, byte, ctypes.POINTER(ProcessorStruct)),
+        ("cost", whole, pointer, byte, ctypes.c_uint, ctypes.POINTER(CostStruct)),
+        ("plan_cut", whole, pointer, byte, time, time, time),
+        ("cuts", time, pointer, byte),
+        ("cut", whole, pointer, byte, time, ctypes.POINTER(ctypes.c_uint16), ctypes.POINTER(time), text),
         ("statistics", whole, pointer, text),
     ):
         function = getattr(library, f"taxel_bench_{name}")
@@ -100,21 +118,31 @@ class VirtualWorld:
     """A hub, its boards, their bus, UART and skin, in virtual time that only `run` and `transfer` move on.
 
     world: the text of a world file. uart: where the hub's UART ends: `memory` (`send` and `receive`), `pty` (whoever
-    opens `pty_name`) or `none`. counts: `press` gives raw counts instead of newtons. Use it as a context manager.
-    Raises `LinkError` with the emulator's own line if it refuses the world.
+    opens `pty_name`) or `none`. counts: `press` gives raw counts instead of newtons. files: images, by the name that
+    the world file's lines `image` and `hub_image` have for them. Use it as a context manager. Raises `LinkError` with
+    the emulator's own line if it refuses the world.
     """
 
-    def __init__(self, world: str, uart: Literal["memory", "pty", "none"] = "memory", *, counts: bool = False) -> None:
+    def __init__(
+        self,
+        world: str,
+        uart: Literal["memory", "pty", "none"] = "memory",
+        *,
+        counts: bool = False,
+        files: Mapping[str, Path] | None = None,
+    ) -> None:
         self._library = _library()
-        self._handle: int | None = self._open(world, uart, counts)
+        self._handle: int | None = self._open(world, uart, counts, files or {})
         self.taxels = int(self._library.taxel_bench_taxels(self._handle))
         self.pty_name = str(self._library.taxel_bench_pty(self._handle).decode())
         self._buffer = ctypes.create_string_buffer(RECEIVE_SIZE)
 
-    def _open(self, world: str, uart: str, counts: bool) -> int:
+    def _open(self, world: str, uart: str, counts: bool, files: Mapping[str, Path]) -> int:
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
+            for name, source in files.items():
+                shutil.copyfile(source, Path(folder) / name)
             with stderr_into(complaint):
                 handle = self._library.taxel_bench_open(os.fsencode(path), uart.encode(), int(counts))
             if not handle:
@@ -145,12 +173,17 @@ class VirtualWorld:
     def receive(self) -> bytes:
         """What has arrived at the host, up to 64 KiB."""
         size = self._library.taxel_bench_receive(self._open_handle, self._buffer, RECEIVE_SIZE)
-        return self._buffer.raw[:size]
+        return ctypes.string_at(self._buffer, size)  # `raw` would copy all of it
 
     @property
     def delivered(self) -> int:
         """Bytes that have arrived at the host so far."""
         return int(self._library.taxel_bench_delivered(self._open_handle))
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether the hub makes the host wait before its receive ring is full (`flow_control 1` in the world file)."""
+        return bool(self._library.taxel_bench_holds_back(self._open_handle))
 
     def press(self, values: ArrayLike) -> None:
         """[n] newtons (or raw counts) on the taxels from now on, in the order of the world's boards."""
@@ -184,7 +217,10 @@ class VirtualWorld:
         return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
 
     def board_flash(self, address: int) -> BoardFlash:
-        """A board's flash as it is now; `address` is that of the world file. Raises `FaultError` for no board."""
+        """The flash of a board, or of the hub (address 0), as it is now; `address` is that of the world file.
+
+        Raises `FaultError` for no board.
+        """
         handle = self._open_handle
         runs = int(self._library.taxel_bench_runs(handle, address))
         if runs < 0:
@@ -192,6 +228,49 @@ class VirtualWorld:
         data = ctypes.string_at(self._library.taxel_bench_flash(handle, address), FLASH_SIZE)
         wear = np.frombuffer(ctypes.string_at(self._library.taxel_bench_wear(handle, address), 4 * FLASH_ROWS), "<u4")
         return BoardFlash(data, wear, int(self._library.taxel_bench_torn(handle, address)), RUNS[runs])
+
+    def processor(self, address: int) -> Processor:
+        """Of an executed board, or of an executed hub (address 0). Raises `FaultError` where no image is executed."""
+        struct = ProcessorStruct()
+        if self._library.taxel_bench_processor(self._open_handle, address, ctypes.byref(struct)):
+            raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
+        return struct.read()
+
+    def handler_costs(self, address: int) -> dict[str, HandlerCost]:
+        """Cycles of its exceptions' handlers since its first power-up. Raises `FaultError` as above."""
+        costs = {}
+        for name, number in EXCEPTIONS.items():
+            struct = CostStruct()
+            if self._library.taxel_bench_cost(self._open_handle, address, number, ctypes.byref(struct)):
+                raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
+            costs[name] = struct.read()
+        return costs
+
+    def plan_cut(self, address: int, operation: int, after_s: float, off_s: float) -> None:
+        """Cut the power of a board or the hub (0) `after_s` into a write to its flash, for `off_s`.
+
+        operation: the next write is 1; if cuts wait already, the next after the last of them. after_s: 0 is before it,
+        0.02 its end. Raises `FaultError`.
+        """
+        after, off = round(after_s * PS_PER_S), round(off_s * PS_PER_S)
+        refusal = self._library.taxel_bench_plan_cut(self._open_handle, address, operation, after, off)
+        if refusal:
+            raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {_REFUSALS[refusal]}")
+
+    def cut_count(self, address: int) -> int:
+        """How many planned power cuts of a board or the hub have been made."""
+        return int(self._library.taxel_bench_cuts(self._open_handle, address))
+
+    def cuts(self, address: int, first: int = 0) -> list[PowerCut]:
+        """Planned power cuts that were made, from the `first` on; the latest eight are remembered."""
+        handle = self._open_handle
+        row, after, wanted = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)
+        made: list[PowerCut] = []
+        for number in range(first, self.cut_count(address)):
+            if self._library.taxel_bench_cut(handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted):
+                raise LinkError("virtual rig", f"has forgotten power cut {number}; ask more often")
+            made.append(PowerCut(row.value, after.value / PS_PER_S, wanted.raw))
+        return made
 
     def statistics(self) -> dict[str, Any]:
         """What the emulator has counted so far."""

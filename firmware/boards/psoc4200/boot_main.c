@@ -1,0 +1,185 @@
+/* The bootloader: one source for boards (packets over I2C) and the hub (over its UART). */
+#include "bootloader/bootloader.h"
+#include "boards/psoc4200/flash_rows.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/scb.h"
+#include "boards/psoc4200/reset.h"
+#include "boards/psoc4200/ticks.h"
+#include "boards/psoc4200/watchdog.h"
+#include "board_pins.h"
+
+#if IMAGE_DEVICE == 2
+#include "boards/psoc4200/uart.h"
+static struct taxel_boot_uart wire;
+#define LAYOUT taxel_boot_layout_hub
+#define wire_off uart_off
+#else
+#include "boards/psoc4200/i2c_slave.h"
+static struct taxel_boot_i2c wire;
+#define LAYOUT taxel_boot_layout_board
+#define wire_off i2c_slave_end
+#endif
+
+static struct taxel_boot boot;
+
+static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
+{
+    (void)context;
+    (void)interrupts_mask();
+#if IMAGE_DEVICE != 2
+    while (!i2c_slave_try_off()) { /* a master that never ends its transfer ends in the watchdog's reset */
+        interrupts_unmask(0);
+        (void)interrupts_mask();
+    }
+#endif
+    flash_rows_write(row, bytes);
+#if IMAGE_DEVICE != 2
+    i2c_slave_on();
+#endif
+    interrupts_unmask(0);
+    return 0; /* the caller reads the row back */
+}
+
+static uint32_t on_clock_us(void *context)
+{
+    (void)context;
+    return ticks_us_32();
+}
+
+static uint8_t on_reset_cause(void *context)
+{
+    (void)context;
+    return reset_was_commanded() ? TAXEL_RESET_CAUSE_COMMAND : 0; /* no other difference counts here */
+}
+
+static bool on_stay_requested(void *context)
+{
+    (void)context;
+    return reset_stay_requested();
+}
+
+/* The wire is off again, as after a reset; the watchdog and SysTick run, and the interrupt is enabled: the image's
+ * start-up knows. */
+static void on_start(void *context, uint32_t vectors)
+{
+    (void)context;
+    (void)interrupts_mask();
+    wire_off();
+    const uint32_t *const table = (const uint32_t *)(uintptr_t)vectors;
+    __asm__ volatile("msr msp, %0\n\tbx %1" ::"r"(table[0]), "r"(table[1]) : "memory");
+    __builtin_unreachable();
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+    reset_now();
+}
+
+static void on_unique_id(void *context, uint8_t *id)
+{
+    (void)context;
+    reset_unique_id(id);
+}
+
+static const struct taxel_boot_hal hal = {
+    .flash = (const uint8_t *)0,
+    .flash_write_row = on_write_row,
+    .clock_us = on_clock_us,
+    .reset_cause = on_reset_cause,
+    .stay_requested = on_stay_requested,
+    .start = on_start,
+    .restart = on_restart,
+    .unique_id = on_unique_id,
+};
+
+static const struct taxel_boot_config config = {
+    .flash = {.hal = &hal, .layout = &LAYOUT},
+    .checksum = TAXEL_BOOT_CHECKSUM_ANY,
+    .version = {TAXEL_BOOT_VERSION, 0, 0},
+};
+
+#if IMAGE_DEVICE == 2
+
+void uart_on_byte(uint8_t byte)
+{
+    taxel_boot_uart_on_byte(&wire, byte);
+}
+
+void uart_on_lost_byte(void)
+{
+    /* the packet's checksum fails, and the host asks again */
+}
+
+size_t uart_pull(uint8_t *bytes, size_t size)
+{
+    return taxel_boot_uart_pull(&wire, bytes, size);
+}
+
+static void wire_init(void)
+{
+    taxel_boot_uart_init(&wire, &boot);
+    uart_init();
+}
+
+static void wire_run(void)
+{
+    taxel_boot_uart_run(&wire);
+    if (wire.position < wire.response_size) {
+        uart_kick();
+    }
+}
+
+#else
+
+bool i2c_slave_on_address(bool reading)
+{
+    return taxel_boot_i2c_on_address(&wire, reading);
+}
+
+bool i2c_slave_on_write(uint8_t byte)
+{
+    return taxel_boot_i2c_on_write(&wire, byte);
+}
+
+uint8_t i2c_slave_on_read(void)
+{
+    return taxel_boot_i2c_on_read(&wire);
+}
+
+void i2c_slave_on_stop(void)
+{
+    taxel_boot_i2c_on_stop(&wire);
+}
+
+void i2c_slave_on_bus_error(void)
+{
+    taxel_boot_i2c_on_bus_error(&wire);
+}
+
+static void wire_init(void)
+{
+    taxel_boot_i2c_init(&wire, &boot);
+    i2c_slave_init(taxel_boot_i2c_address(&config.flash));
+}
+
+static void wire_run(void)
+{
+    taxel_boot_i2c_run(&wire);
+}
+
+#endif
+
+int main(void)
+{
+    watchdog_start();
+    reset_take_cause();
+    ticks_init();
+    taxel_boot_init(&boot, &config);
+    wire_init();
+    for (;;) {
+        watchdog_feed();
+        wire_run();
+        wait_for_interrupt(); /* SysTick's at the latest, within 1 ms */
+    }
+}

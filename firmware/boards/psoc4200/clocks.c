@@ -1,0 +1,28 @@
+#include "boards/psoc4200/clocks.h"
+
+#include "boards/psoc4200/regs/sflash.h"
+#include "boards/psoc4200/regs/srss.h"
+
+#define MHZ_OF_FIRST_TRIM 3u
+#define SETTLE_LOOPS 200u /* at least 12 us: the oscillator takes its new frequency within 5 us (confirm) */
+
+static void settle(void)
+{
+    for (volatile unsigned i = 0; i < SETTLE_LOOPS; i++) {
+    }
+}
+
+void clocks_init(void)
+{
+    CLK->imo_config = CLK->imo_config | CLK_ENABLE;
+    /* Before the flash gets too fast a clock. */
+    CLK->select = (CLK->select & ~CLK_SELECT_WDT_LOCK_MASK) | CLK_SELECT_HALF_EN;
+    /* The trims of 48 MHz are put in place at 24 MHz, where no trim makes it too fast; then the frequency (confirm:
+     * order). */
+    PWR_BG_TRIM4 = SFLASH->imo_abs_48mhz;
+    PWR_BG_TRIM5 = SFLASH->imo_tmpco_48mhz;
+    CLK_IMO_TRIM1 = SFLASH->imo_trim[48u - MHZ_OF_FIRST_TRIM];
+    settle();
+    CLK_IMO_TRIM2 = CLK_IMO_TRIM2_48MHZ;
+    settle();
+}

@@ -1,0 +1,15 @@
+/* HFCLK and SYSCLK come from the main oscillator: 24 MHz after a reset, where the bootloader stays, 48 MHz in
+ * applications. */
+#ifndef PSOC4200_CLOCKS_H
+#define PSOC4200_CLOCKS_H
+
+#ifdef IMAGE_IN_SLOT
+#define CPU_HZ 48000000u
+#else
+#define CPU_HZ 24000000u
+#endif
+
+/* From 24 to 48 MHz. */
+void clocks_init(void);
+
+#endif

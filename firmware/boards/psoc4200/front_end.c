@@ -1,0 +1,139 @@
+/* One conversion: TX takes the sense clock, RX goes to analog bus A where comparator, current source and integration
+ * capacitor are; all other lines are held low. The block counts the sample clocks in which the source was on. In a
+ * period of (sub-conversions * sense divider) sample clocks it takes
+ *
+ *     hardware count = period * 2 C V f_tx / I     and the raw count is period - hardware count,
+ *
+ * so that contact, which raises C, lowers it (facts in docs/psoc4200.md). */
+#include "boards/psoc4200/front_end.h"
+
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/csd.h"
+#include "boards/psoc4200/regs/peri_clk.h"
+#include "boards/psoc4200/regs/sflash.h"
+#include "board_pins.h"
+
+#define SENSE_HALVES 2u  /* the sense clock is halved in the block, to be symmetric */
+#define LOOPS_MAX 10000u /* 2 ms and more: a block that does not start must not hang the board */
+#define CYCLES_PER_SETTLE_LOOP 4u
+#define NO_LINE 0xFFu
+
+/* Between conversions the reference buffer keeps the capacitor charged; during one it is off the bus. */
+#define CONFIG_AT_REST                                                                                      \
+    (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP |  \
+     CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
+#define CONFIG_CONVERTING \
+    ((CONFIG_AT_REST & ~CSD_CONFIG_REFBUF_EN) | CSD_CONFIG_SENSE_EN | CSD_CONFIG_REFBUF_OUT_AMUX_B)
+
+static const uint8_t tx_pins[BOARD_TX_LINES] = BOARD_TX_PINS;
+static const uint8_t rx_pins[BOARD_RX_LINES] = BOARD_RX_PINS;
+
+static struct {
+    const uint8_t *idac_codes;
+    uint16_t period;
+    uint16_t settle_cycles;
+    uint16_t early_count; /* counted before the sense clock ran: belongs to no crossing */
+    uint8_t idac_code;
+    uint8_t tx, rx; /* connected lines, or NO_LINE */
+} front_end;
+
+static void hold_low(uint8_t pin)
+{
+    pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);
+}
+
+void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes)
+{
+    front_end.idac_codes = idac_codes;
+    front_end.tx = NO_LINE;
+    front_end.rx = NO_LINE;
+    for (uint8_t line = 0; line < tx_lines && line < BOARD_TX_LINES; line++) {
+        hold_low(tx_pins[line]);
+    }
+    for (uint8_t line = 0; line < rx_lines && line < BOARD_RX_LINES; line++) {
+        hold_low(rx_pins[line]);
+    }
+    pin_connect(BOARD_PIN_CMOD, PIN_MODE_ANALOG, PIN_AMUX_A);
+    PERI_CLK->select[PERI_CLK_OF_CSD_SAMPLE] = PERI_CLK_SELECT_A(1u);
+    PERI_CLK->select[PERI_CLK_OF_CSD_SENSE] = PERI_CLK_SELECT_B(1u);
+    CSD_TRIM1 = SFLASH->csd_trim1;
+    CSD->intr = CSD_INTR_CSD;
+    CSD->config = CONFIG_AT_REST;
+    interrupt_enable(IRQ_CSD);
+}
+
+void front_end_configure(const struct taxel_scan_settings *settings)
+{
+    const uint32_t sense = settings->sense_clock_divider / SENSE_HALVES;
+    PERI_CLK->divider_a[1] = (settings->modulator_clock_divider - 1u) | PERI_CLK_DIVIDER_ENABLE;
+    PERI_CLK->divider_b[1] = (sense ? sense - 1u : 0u) | PERI_CLK_DIVIDER_CASCADE | PERI_CLK_DIVIDER_ENABLE;
+    front_end.period = (uint16_t)(settings->sub_conversions * settings->sense_clock_divider);
+    front_end.settle_cycles = settings->settle_cycles;
+    front_end.idac_code = settings->idac_code;
+}
+
+static void connect_tx(uint8_t line)
+{
+    if (line == front_end.tx || line >= BOARD_TX_LINES) {
+        return;
+    }
+    if (front_end.tx != NO_LINE) {
+        hold_low(tx_pins[front_end.tx]);
+    }
+    pin_connect(tx_pins[line], PIN_MODE_STRONG, PIN_CSD_SENSE);
+    front_end.tx = line;
+}
+
+static void connect_rx(uint8_t line)
+{
+    if (line == front_end.rx || line >= BOARD_RX_LINES) {
+        return;
+    }
+    if (front_end.rx != NO_LINE) {
+        hold_low(rx_pins[front_end.rx]);
+    }
+    pin_connect(rx_pins[line], PIN_MODE_ANALOG, PIN_AMUX_A);
+    front_end.rx = line;
+}
+
+/* Counter first, then the sense clock within a few sample clocks of it; what was counted before a clock edge came out
+ * is set apart. */
+static void convert(void)
+{
+    const uint32_t begin = CSD_COUNTER_PERIOD(front_end.period);
+    CSD->counter = begin;
+    for (unsigned i = 0; i < LOOPS_MAX && CSD->counter == begin; i++) {
+    }
+    CSD->config = CONFIG_CONVERTING;
+    for (unsigned i = 0; i < LOOPS_MAX && !(CSD->status & (CSD_STATUS_SENSE | CSD_STATUS_SAMPLE)); i++) {
+    }
+    front_end.early_count = (uint16_t)(CSD->counter & CSD_COUNTER_COUNT);
+}
+
+/* Up to 1.4 ms at the settings' limit, with other interrupts waiting; 2 us by default. */
+static void settle(void)
+{
+    uint32_t loops = front_end.settle_cycles / CYCLES_PER_SETTLE_LOOP + 1u;
+    __asm__ volatile("1: sub %0, #1\n\tbne 1b" : "+l"(loops)::"cc");
+}
+
+void front_end_start(uint8_t tx, uint8_t rx)
+{
+    const uint8_t calibrated = front_end.idac_codes && rx < BOARD_RX_LINES ? front_end.idac_codes[rx] : 0;
+    connect_tx(tx);
+    connect_rx(rx);
+    CSD->idac = CSD_IDAC_IDAC1_VARIABLE | (calibrated ? calibrated : front_end.idac_code);
+    settle();
+    const uint32_t interrupts = interrupts_mask();
+    convert();
+    interrupts_unmask(interrupts);
+}
+
+void csd_handler(void);
+void csd_handler(void)
+{
+    const uint32_t counted = (CSD->counter & CSD_COUNTER_COUNT) - front_end.early_count;
+    CSD->intr = CSD_INTR_CSD;
+    CSD->config = CONFIG_AT_REST;
+    front_end_on_conversion(counted < front_end.period ? (uint16_t)(front_end.period - counted) : 0u);
+}

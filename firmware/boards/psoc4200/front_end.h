@@ -1,0 +1,20 @@
+/* The CapSense block measures one crossing: charge that a TX line couples into an RX line is balanced by a current
+ * source, and counted. */
+#ifndef PSOC4200_FRONT_END_H
+#define PSOC4200_FRONT_END_H
+
+#include <stdint.h>
+
+#include "generated/taxel_protocol.h"
+
+/* Lines in use, counted as in pins.toml; a code for each RX line, 0 where that of the settings holds. */
+void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes);
+void front_end_configure(const struct taxel_scan_settings *settings);
+
+/* Begin a conversion; front_end_on_conversion() follows. */
+void front_end_start(uint8_t tx, uint8_t rx);
+
+/* The image has this. Called from the interrupt. */
+void front_end_on_conversion(uint16_t raw_count);
+
+#endif

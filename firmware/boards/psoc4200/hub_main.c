@@ -1,0 +1,204 @@
+/* The hub: the main loop makes a pass when an interrupt came or its time has come; I2C and UART run in interrupts. */
+#include "board_pins.h"
+#include "boards/psoc4200/bus_clock.h"
+#include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/i2c_master.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/reset.h"
+#include "boards/psoc4200/self.h"
+#include "boards/psoc4200/ticks.h"
+#include "boards/psoc4200/uart.h"
+#include "boards/psoc4200/watchdog.h"
+#include "hub/hub.h"
+
+#define SLOTS 17u /* boards of the hand */
+#define TRANSFER_BUFFER (TAXEL_SNAPSHOT_OVERHEAD + 2u * BOARD_TAXELS_MAX)
+#ifndef TRANSMIT_RING
+#define TRANSMIT_RING 608u /* a frame of the largest board, one of 52 taxels, and the reserve for answers */
+#endif
+#define NEVER UINT64_MAX
+
+static struct taxel_hub hub;
+static struct taxel_hub_config config;
+static struct taxel_hub_slot slots[SLOTS];
+static uint8_t transfer_buffers[2][TRANSFER_BUFFER];
+static uint8_t transmit_ring[TRANSMIT_RING];
+static uint64_t wake_us;
+static volatile bool was_interrupted;
+
+static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
+{
+    (void)context;
+    i2c_master_start(transfer);
+}
+
+static void on_i2c_abort(void *context)
+{
+    (void)context;
+    i2c_master_abort();
+}
+
+static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
+{
+    (void)context;
+    i2c_master_drive(scl_high, sda_high);
+}
+
+static bool on_i2c_scl(void *context)
+{
+    (void)context;
+    return i2c_master_scl();
+}
+
+static bool on_i2c_sda(void *context)
+{
+    (void)context;
+    return i2c_master_sda();
+}
+
+static void on_uart_kick(void *context)
+{
+    (void)context;
+    uart_kick();
+}
+
+static void on_uart_hold(void *context, bool hold)
+{
+    (void)context;
+    uart_hold(hold);
+}
+
+static uint64_t on_clock_us(void *context)
+{
+    (void)context;
+    return ticks_us();
+}
+
+static void on_delay_us(void *context, uint32_t microseconds)
+{
+    (void)context;
+    ticks_delay_us(microseconds);
+}
+
+static void on_wake_at(void *context, uint64_t clock_us)
+{
+    (void)context;
+    wake_us = clock_us < wake_us ? clock_us : wake_us;
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+    reset_now();
+}
+
+static void on_enter_bootloader(void *context)
+{
+    (void)context;
+    reset_into_bootloader();
+}
+
+static const struct taxel_hub_hal hal = {
+    .i2c_start = on_i2c_start,
+    .i2c_abort = on_i2c_abort,
+    .i2c_drive = on_i2c_drive,
+    .i2c_scl = on_i2c_scl,
+    .i2c_sda = on_i2c_sda,
+    .uart_kick = on_uart_kick,
+    .uart_hold = on_uart_hold,
+    .clock_us = on_clock_us,
+    .delay_us = on_delay_us,
+    .wake_at = on_wake_at,
+    .restart = on_restart,
+    .enter_bootloader = on_enter_bootloader,
+};
+
+void i2c_master_on_done(int8_t result)
+{
+    taxel_hub_on_i2c_done(&hub, result);
+    was_interrupted = true;
+}
+
+void uart_on_byte(uint8_t byte)
+{
+    taxel_hub_on_uart_byte(&hub, byte);
+    was_interrupted = true;
+}
+
+void uart_on_lost_byte(void)
+{
+    hub.inbox.overruns++;
+}
+
+size_t uart_pull(uint8_t *bytes, size_t size)
+{
+    return taxel_hub_uart_pull(&hub, bytes, size);
+}
+
+static void configure(void)
+{
+    config.hal = &hal;
+    config.scl_hz = BUS_SCL_HZ;
+    config.slots = slots;
+    config.slot_capacity = SLOTS;
+    config.transfer_buffers[0] = transfer_buffers[0];
+    config.transfer_buffers[1] = transfer_buffers[1];
+    config.transfer_buffer_size = TRANSFER_BUFFER;
+    config.transmit_ring = transmit_ring;
+    config.transmit_ring_size = TRANSMIT_RING;
+    config.reset_cause = reset_cause();
+    memcpy(config.firmware_version, self_version(), sizeof config.firmware_version);
+    reset_unique_id(config.unique_id);
+}
+
+/* A row takes 20 ms without interrupts: no transfer may be under way, and the host is asked to hold back. */
+static bool try_confirm(void)
+{
+    if (!hub.version || !hub.inbox.commands || !i2c_master_is_idle()) {
+        return false;
+    }
+    uart_hold(true);
+    ticks_delay_us(TAXEL_HUB_HOLD_ROOM * 10u); /* what the adapter still sends, at 1 Mbaud */
+    const uint32_t interrupts = interrupts_mask();
+    self_confirm();
+    interrupts_unmask(interrupts);
+    uart_hold(hub.inbox.holds);
+    return true;
+}
+
+/* Interrupts are masked, so that none comes between the question and the sleep; one that is pending ends it all the
+ * same. */
+static void rest(void)
+{
+    const uint32_t interrupts = interrupts_mask();
+    if (!was_interrupted && ticks_come_before(wake_us)) {
+        wait_for_interrupt();
+    }
+    interrupts_unmask(interrupts);
+}
+
+int main(void)
+{
+    clocks_init();
+    watchdog_start();
+    ticks_init();
+    i2c_master_init();
+    configure();
+    uart_init();
+    taxel_hub_init(&hub, &config);
+    bool on_trial = self_is_on_trial();
+    for (;;) {
+        watchdog_feed();
+        if (!was_interrupted && ticks_us() < wake_us) {
+            rest();
+            continue;
+        }
+        if (on_trial && try_confirm()) {
+            on_trial = false;
+        }
+        was_interrupted = false;
+        wake_us = NEVER;
+        taxel_hub_run(&hub);
+    }
+}

@@ -1,0 +1,187 @@
+#include "boards/psoc4200/i2c_master.h"
+
+#include "boards/psoc4200/bus_clock.h"
+#include "boards/psoc4200/bus_pins.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/scb.h"
+
+#define MASTER_EVENTS                                                                        \
+    (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ACK | SCB_INTR_I2C_STOP | SCB_INTR_I2C_BUS_ERROR)
+
+enum state { IDLE, ADDRESS_TO_WRITE, ADDRESS_TO_READ, WRITING, READING, STOPPING };
+
+static struct {
+    struct taxel_i2c_transfer transfer; /* pointers and sizes move on as bytes go */
+    volatile uint8_t state;
+    int8_t result;
+    bool by_hand;
+} master;
+
+/* Off and on: state machines begin anew, FIFOs are empty, the lines are free, no event is left. */
+static void reset(void)
+{
+    SCB0->ctrl = SCB_CTRL_MODE_I2C;
+    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    SCB0->tx_fifo_ctrl = 0;
+    SCB0->rx_fifo_ctrl = 0;
+    SCB0->intr_m = SCB_INTR_ALL;
+    SCB0->intr_rx = SCB_INTR_ALL;
+    SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
+    master.state = IDLE;
+}
+
+void i2c_master_init(void)
+{
+    bus_clock_init();
+    bus_pins_release();
+    SCB0->i2c_ctrl =
+        SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_LOW_PHASE(BUS_LOW_PHASE) | SCB_I2C_CTRL_HIGH_PHASE(BUS_HIGH_PHASE);
+    SCB0->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    SCB0->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST | SCB_RX_CTRL_MEDIAN;
+    SCB0->intr_s_mask = 0;
+    SCB0->intr_tx_mask = 0;
+    SCB0->intr_m_mask = MASTER_EVENTS;
+    SCB0->intr_rx_mask = SCB_INTR_RX_NOT_EMPTY;
+    reset();
+    bus_pins_connect(PIN_I2C);
+    interrupt_enable(IRQ_SCB0);
+}
+
+bool i2c_master_is_idle(void)
+{
+    return master.state == IDLE;
+}
+
+bool i2c_master_scl(void)
+{
+    return (BUS_PORT->state & BUS_SCL) != 0;
+}
+
+bool i2c_master_sda(void)
+{
+    return (BUS_PORT->state & BUS_SDA) != 0;
+}
+
+void i2c_master_drive(bool scl_high, bool sda_high)
+{
+    bus_pins_drive(scl_high, sda_high);
+    if (!master.by_hand) {
+        master.by_hand = true;
+        bus_pins_connect(PIN_GPIO);
+    }
+}
+
+/* Address first: for writing if there is something to write, or nothing at all to do. */
+static void send_address(bool reading)
+{
+    master.state = reading ? ADDRESS_TO_READ : ADDRESS_TO_WRITE;
+    SCB0->tx_fifo_wr = ((uint32_t)master.transfer.address << 1) | reading;
+}
+
+void i2c_master_start(const struct taxel_i2c_transfer *transfer)
+{
+    if (master.by_hand) {
+        master.by_hand = false;
+        bus_pins_release();
+        reset();
+        bus_pins_connect(PIN_I2C);
+    }
+    if (!i2c_master_scl() || !i2c_master_sda()) {
+        i2c_master_on_done(TAXEL_I2C_BUSY);
+        return;
+    }
+    master.transfer = *transfer;
+    send_address(transfer->write_size == 0 && transfer->read_size != 0);
+    SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START_ON_IDLE;
+}
+
+void i2c_master_abort(void)
+{
+    const uint32_t interrupts = interrupts_mask();
+    reset();
+    interrupts_unmask(interrupts);
+}
+
+static void end(int8_t result)
+{
+    master.state = IDLE;
+    i2c_master_on_done(result);
+}
+
+static void stop(uint32_t command, int8_t result)
+{
+    master.state = STOPPING;
+    master.result = result;
+    SCB0->i2c_m_cmd = command | SCB_I2C_M_CMD_STOP;
+}
+
+static bool is_sending(void)
+{
+    return master.state >= ADDRESS_TO_WRITE && master.state <= WRITING;
+}
+
+static void take_acknowledge(void)
+{
+    struct taxel_i2c_transfer *const transfer = &master.transfer;
+    if (master.state == ADDRESS_TO_READ) {
+        master.state = READING;
+    } else if (transfer->write_size) {
+        transfer->write_size--;
+        master.state = WRITING;
+        SCB0->tx_fifo_wr = *transfer->write_bytes++;
+    } else if (transfer->read_size) {
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START; /* first: while SCL is held, a byte in the FIFO would go out as data */
+        send_address(true);
+    } else {
+        stop(0, TAXEL_I2C_OK);
+    }
+}
+
+static void take_byte(void)
+{
+    struct taxel_i2c_transfer *const transfer = &master.transfer;
+    const uint8_t byte = (uint8_t)SCB0->rx_fifo_rd;
+    SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
+    if (master.state != READING) {
+        return;
+    }
+    *transfer->read_bytes++ = byte;
+    transfer->read_size--;
+    if (transfer->read_size) {
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK;
+    } else {
+        stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
+    }
+}
+
+/* SCL is held low after each acknowledge and each byte until a command or a byte to send comes, so there is one event
+ * at a time. */
+void scb0_handler(void);
+void scb0_handler(void)
+{
+    const uint32_t events = SCB0->intr_m_masked;
+    SCB0->intr_m = events;
+    if (events & (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)) {
+        const bool was_idle = i2c_master_is_idle();
+        reset();
+        if (!was_idle) {
+            end(events & SCB_INTR_I2C_BUS_ERROR ? TAXEL_I2C_BUS_ERROR : TAXEL_I2C_ARBITRATION_LOST);
+        }
+        return;
+    }
+    if (is_sending() && (events & SCB_INTR_I2C_NACK)) {
+        SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+        SCB0->tx_fifo_ctrl = 0;
+        stop(0, master.state == WRITING ? TAXEL_I2C_NACK_DATA : TAXEL_I2C_NACK_ADDRESS);
+    } else if (is_sending() && (events & SCB_INTR_I2C_ACK)) {
+        take_acknowledge();
+    }
+    /* A byte right after an address whose acknowledge came while this ran waits for that to be taken, which is next. */
+    if (SCB0->intr_rx_masked && master.state != ADDRESS_TO_READ) {
+        take_byte();
+    }
+    if ((events & SCB_INTR_I2C_STOP) && master.state == STOPPING) {
+        end(master.result);
+    }
+}

@@ -1,0 +1,24 @@
+/* SCB0 as an I2C master: one transfer after the other, a byte an interrupt. */
+#ifndef PSOC4200_I2C_MASTER_H
+#define PSOC4200_I2C_MASTER_H
+
+#include <stdbool.h>
+
+#include "hal/hub_hal.h"
+
+void i2c_master_init(void);
+
+/* i2c_master_on_done() follows, perhaps before this returns. The transfer is copied, its bytes are not. */
+void i2c_master_start(const struct taxel_i2c_transfer *transfer);
+void i2c_master_abort(void);
+bool i2c_master_is_idle(void);
+
+/* The lines by hand, until the next start. */
+void i2c_master_drive(bool scl_high, bool sda_high);
+bool i2c_master_scl(void);
+bool i2c_master_sda(void);
+
+/* The image has this. Called from the interrupt, or from i2c_master_start(). */
+void i2c_master_on_done(int8_t result);
+
+#endif

@@ -1,0 +1,135 @@
+#include "boards/psoc4200/i2c_slave.h"
+
+#include "boards/psoc4200/bus_clock.h"
+#include "boards/psoc4200/bus_pins.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/scb.h"
+
+#ifdef IMAGE_IN_SLOT
+#define FILLS_FIFO true
+#define REFILL_BELOW 4u /* bytes: half of the FIFO, 90 us at 400 kbit/s */
+#else
+#define FILLS_FIFO false /* the bootloader has more time than flash */
+#define REFILL_BELOW 1u
+#endif
+#define ERRORS (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)
+#define SLAVE_EVENTS (ERRORS | SCB_INTR_I2C_STOP | SCB_INTR_S_ADDR_MATCH)
+
+static volatile bool is_selected; /* a master addressed us, and no stop has come since */
+
+__attribute__((noinline)) static void forget_unsent(void)
+{
+    SCB0->intr_tx_mask = 0;
+    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR | SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
+    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
+}
+
+void i2c_slave_on(void)
+{
+    is_selected = false;
+    forget_unsent();
+    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    SCB0->rx_fifo_ctrl = 0;
+    SCB0->intr_s = SCB_INTR_ALL;
+    SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
+}
+
+static void off(void)
+{
+    SCB0->ctrl = SCB_CTRL_MODE_I2C;
+}
+
+bool i2c_slave_try_off(void)
+{
+    if (is_selected) {
+        return false;
+    }
+    off(); /* an address that waits for its answer is not acknowledged */
+    return true;
+}
+
+void i2c_slave_end(void)
+{
+    SCB0->ctrl = 0;
+    bus_pins_disconnect();
+}
+
+void i2c_slave_init(uint8_t address)
+{
+    bus_clock_init();
+    bus_pins_release();
+    SCB0->i2c_ctrl = SCB_I2C_CTRL_SLAVE | SCB_I2C_CTRL_S_GENERAL_IGNORE;
+    SCB0->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    SCB0->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    SCB0->rx_match = SCB_RX_MATCH_ADDRESS(address) | SCB_RX_MATCH_MASK;
+    SCB0->intr_s_mask = SLAVE_EVENTS;
+    SCB0->intr_rx_mask = SCB_INTR_RX_NOT_EMPTY;
+    i2c_slave_on();
+    bus_pins_connect(PIN_I2C);
+    interrupt_enable(IRQ_SCB0);
+}
+
+static void fill(void)
+{
+    do {
+        SCB0->tx_fifo_wr = i2c_slave_on_read();
+    } while (FILLS_FIFO && (SCB0->tx_fifo_status & SCB_FIFO_STATUS_USED) < SCB_FIFO_SIZE);
+    SCB0->intr_tx = SCB_INTR_TX_TRIGGER;
+}
+
+static void take_byte(void)
+{
+    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* one at most: none follows before this one is answered */
+        const bool acknowledge = i2c_slave_on_write((uint8_t)SCB0->rx_fifo_rd);
+        SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
+    }
+    SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
+}
+
+static void take_stop(void)
+{
+    SCB0->intr_s = SCB_INTR_I2C_STOP;
+    forget_unsent();
+    if (is_selected) {
+        is_selected = false;
+        i2c_slave_on_stop();
+    }
+}
+
+static void take_address(void)
+{
+    const bool reading = (SCB0->i2c_status & SCB_I2C_STATUS_S_READ) != 0;
+    SCB0->intr_s = SCB_INTR_S_ADDR_MATCH;
+    forget_unsent();
+    const bool acknowledge = i2c_slave_on_address(reading);
+    is_selected = acknowledge;
+    if (acknowledge && reading) {
+        fill(); /* before the acknowledge lets the master go on */
+        SCB0->intr_tx_mask = SCB_INTR_TX_TRIGGER;
+    }
+    SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
+}
+
+/* In the order in which they can have happened: SCL is held after a byte and after an address, so that nothing follows
+ * them before they are answered. */
+void scb0_handler(void);
+void scb0_handler(void)
+{
+    const uint32_t events = SCB0->intr_s_masked;
+    if (events & ERRORS) {
+        off();
+        i2c_slave_on_bus_error();
+        i2c_slave_on();
+        return;
+    }
+    take_byte();
+    if (events & SCB_INTR_I2C_STOP) {
+        take_stop();
+    }
+    if (events & SCB_INTR_S_ADDR_MATCH) {
+        take_address();
+    }
+    if (SCB0->intr_tx_masked) {
+        fill();
+    }
+}

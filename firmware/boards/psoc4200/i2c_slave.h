@@ -1,0 +1,26 @@
+/* SCB0 as an I2C slave. Addresses and received bytes are acknowledged by software, one interrupt each, with SCL held
+ * low until then; bytes to be sent go through the transmit FIFO. */
+#ifndef PSOC4200_I2C_SLAVE_H
+#define PSOC4200_I2C_SLAVE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+void i2c_slave_init(uint8_t address);
+
+/* With interrupts off: switch the slave off, so that its address is not acknowledged. False while a master talks to it:
+ * let the interrupts go on and try again. */
+bool i2c_slave_try_off(void);
+void i2c_slave_on(void);
+
+/* Block and pins as after a reset. */
+void i2c_slave_end(void);
+
+/* The image has these, and they are called from the interrupt. */
+bool i2c_slave_on_address(bool reading);
+bool i2c_slave_on_write(uint8_t byte);
+uint8_t i2c_slave_on_read(void);
+void i2c_slave_on_stop(void);
+void i2c_slave_on_bus_error(void);
+
+#endif

@@ -1,0 +1,25 @@
+/* A pin is a byte: port in the high half, number in the low one. Which pin does what: pins.toml. */
+#ifndef PSOC4200_PINS_H
+#define PSOC4200_PINS_H
+
+#include "boards/psoc4200/regs/gpio.h"
+
+#define PIN(port, number) ((uint8_t)(((port) << 4) | (number)))
+
+/* Connect a pin. Not for a pin whose port an interrupt changes too. */
+static inline void pin_connect(uint8_t pin, uint32_t mode, uint32_t function)
+{
+    const uint32_t port = pin >> 4;
+    const uint32_t number = pin & 7u;
+    PORTS[port].mode = (PORTS[port].mode & ~(7u << (3u * number))) | (mode << (3u * number));
+    HSIOM_PORT_SELECT[port] = (HSIOM_PORT_SELECT[port] & ~(0xFu << (4u * number))) | (function << (4u * number));
+}
+
+static inline void pin_drive(uint8_t pin, uint32_t high)
+{
+    const uint32_t port = pin >> 4;
+    const uint32_t number = pin & 7u;
+    PORTS[port].data = (PORTS[port].data & ~(1u << number)) | (high << number);
+}
+
+#endif

@@ -1,0 +1,82 @@
+/* The Cortex-M0's own registers: interrupt controller, system tick, system control. Source: ARMv6-M Architecture
+ * Reference Manual (DDI 0419), B3. Interrupt numbers: Architecture TRM (001-85634), table of the chapter "Interrupts",
+ * which could not be looked up again (confirm: all three). */
+#ifndef PSOC4200_REGS_CORE_H
+#define PSOC4200_REGS_CORE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+struct systick_regs {
+    volatile uint32_t control;
+    volatile uint32_t reload;
+    volatile uint32_t value;
+};
+
+_Static_assert(offsetof(struct systick_regs, value) == 0x08, "SYST_CVR is at 0xE000E018");
+
+#define SYSTICK ((struct systick_regs *)0xE000E010u)
+#define SYSTICK_CONTROL_ENABLE (1u << 0)
+#define SYSTICK_CONTROL_INTERRUPT (1u << 1)
+#define SYSTICK_CONTROL_PROCESSOR_CLOCK (1u << 2)
+
+#define NVIC_ENABLE_SET (*(volatile uint32_t *)0xE000E100u)
+#define NVIC_ENABLE_CLEAR (*(volatile uint32_t *)0xE000E180u)
+#define NVIC_PENDING_CLEAR (*(volatile uint32_t *)0xE000E280u)
+#define NVIC_PRIORITY ((volatile uint32_t *)0xE000E400u) /* a byte each, of which the two high bits count */
+
+#define SCS_ICSR (*(volatile uint32_t *)0xE000ED04u)
+#define SCS_ICSR_SYSTICK_PENDING (1u << 26)
+#define SCS_ICSR_SYSTICK_CLEAR (1u << 25)
+#define SCS_AIRCR (*(volatile uint32_t *)0xE000ED0Cu)
+#define SCS_AIRCR_RESET 0x05FA0004u
+
+enum interrupt_number {
+    IRQ_SCB0 = 10, /* (confirm) */
+    IRQ_SCB1 = 11, /* (confirm) */
+    IRQ_CSD = 15,  /* (confirm) */
+};
+
+#ifdef IMAGE_IN_SLOT
+#define IRQ_COUNT 16 /* vectors that an image has; the part has 32 interrupts */
+#else
+#define IRQ_COUNT 12 /* the bootloader needs no CapSense */
+#endif
+
+static inline uint32_t interrupts_mask(void)
+{
+    uint32_t state;
+    __asm__ volatile("mrs %0, primask" : "=r"(state));
+    __asm__ volatile("cpsid i" ::: "memory");
+    return state;
+}
+
+static inline void interrupts_unmask(uint32_t state)
+{
+    __asm__ volatile("msr primask, %0" ::"r"(state) : "memory");
+}
+
+/* Asleep until an interrupt is pending, also a masked one. */
+static inline void wait_for_interrupt(void)
+{
+    __asm__ volatile("wfi" ::: "memory");
+}
+
+/* Peripherals interrupt at level 1, all of them: none cuts into another. SysTick stays at 0 and may cut into them.
+ * In the bootloader all are at 0, as a reset leaves them. */
+static inline void interrupt_enable(unsigned number)
+{
+#ifdef IMAGE_IN_SLOT
+    volatile uint32_t *const word = &NVIC_PRIORITY[number >> 2];
+    *word = (*word & ~(0xFFu << (8u * (number & 3u)))) | (0x40u << (8u * (number & 3u)));
+    NVIC_PENDING_CLEAR = 1u << number;
+#endif
+    NVIC_ENABLE_SET = 1u << number;
+}
+
+static inline void interrupt_disable(unsigned number)
+{
+    NVIC_ENABLE_CLEAR = 1u << number;
+}
+
+#endif

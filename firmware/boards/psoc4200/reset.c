@@ -1,0 +1,70 @@
+#include "boards/psoc4200/reset.h"
+
+#include <string.h>
+
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/sflash.h"
+#include "boards/psoc4200/regs/srss.h"
+#include "generated/taxel_protocol.h"
+
+/* Words that a reset leaves alone, at the same place in every image (image.ld.in). After a loss of power they are
+ * anything. The bootloader writes the cause at each start: the bits that the hardware gave. */
+struct handover {
+    uint32_t stay;
+    uint32_t cause;
+};
+
+static struct handover handover __attribute__((section(".noinit.handover"), used));
+
+#define STAY 0x59415453u /* "STAY" */
+
+void reset_take_cause(void)
+{
+    handover.cause = RES_CAUSE;
+    RES_CAUSE = RES_CAUSE_ALL;
+}
+
+bool reset_was_commanded(void)
+{
+    return (handover.cause & RES_CAUSE_SOFT) != 0;
+}
+
+uint8_t reset_cause(void)
+{
+    const uint32_t bits = handover.cause;
+    if (bits & (RES_CAUSE_WDT | RES_CAUSE_LOCKUP | RES_CAUSE_PROT_FAULT)) {
+        return TAXEL_RESET_CAUSE_WATCHDOG;
+    }
+    if (bits & RES_CAUSE_SOFT) {
+        return TAXEL_RESET_CAUSE_COMMAND;
+    }
+    if (bits & (RES_CAUSE_DSBOD | RES_CAUSE_HVBOD | RES_CAUSE_PBOD)) {
+        return TAXEL_RESET_CAUSE_BROWN_OUT;
+    }
+    return TAXEL_RESET_CAUSE_POWER_ON;
+}
+
+bool reset_stay_requested(void)
+{
+    const bool stay = handover.stay == STAY;
+    handover.stay = 0;
+    return stay;
+}
+
+void reset_now(void)
+{
+    SCS_AIRCR = SCS_AIRCR_RESET;
+    for (;;) {
+    }
+}
+
+void reset_into_bootloader(void)
+{
+    handover.stay = STAY;
+    reset_now();
+}
+
+void reset_unique_id(uint8_t *id)
+{
+    memcpy(id, SFLASH->die, sizeof SFLASH->die);
+}

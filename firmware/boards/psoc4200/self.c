@@ -1,0 +1,48 @@
+#include "boards/psoc4200/self.h"
+
+#include "boards/psoc4200/flash_rows.h"
+#include "boards/psoc4200/ticks.h"
+
+extern const uint8_t image_header[]; /* by the linker: where the slot begins */
+
+static int write_row(void *context, uint16_t row, const uint8_t *bytes)
+{
+    (void)context;
+    flash_rows_write(row, bytes);
+    return 0; /* the record is read back */
+}
+
+static const struct taxel_boot_hal hal = {
+    .flash = (const uint8_t *)0,
+    .flash_write_row = write_row,
+};
+
+#if IMAGE_DEVICE == 2
+const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_hub};
+#else
+const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board};
+#endif
+
+const uint8_t *self_version(void)
+{
+    return image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR;
+}
+
+static uint8_t slot(void)
+{
+    return image_header[TAXEL_BOOT_IMAGE_HEADER_OFFSET_SLOT];
+}
+
+bool self_is_on_trial(void)
+{
+    return !taxel_boot_is_confirmed(&self_flash, slot());
+}
+
+/* Not compiled into main(): it takes room for a row on the stack, which the rest of main() has not. */
+__attribute__((noinline)) void self_confirm(void)
+{
+    const uint32_t begin = ticks_stretch();
+    /* Not written: on trial still, which ends in the image before this one. */
+    (void)taxel_boot_confirm(&self_flash, slot());
+    ticks_shrink(begin);
+}

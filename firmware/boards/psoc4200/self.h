@@ -1,0 +1,19 @@
+/* The running image: its own header, its slot, and its confirmation. */
+#ifndef PSOC4200_SELF_H
+#define PSOC4200_SELF_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "bootloader/bootloader.h"
+
+extern const struct taxel_boot_flash self_flash;
+
+/* Major, minor, patch. */
+const uint8_t *self_version(void);
+
+/* Whether taxel_boot_confirm() has still to be called, and the call, with interrupts off. */
+bool self_is_on_trial(void);
+void self_confirm(void);
+
+#endif

@@ -1,0 +1,187 @@
+/* A sensor board: everything happens in two interrupts of one priority, conversion and I2C; the main loop feeds the
+ * watchdog and confirms the image. */
+#include <stdatomic.h>
+
+#include "board_pins.h"
+#include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/front_end.h"
+#include "boards/psoc4200/i2c_slave.h"
+#include "boards/psoc4200/kinds.h"
+#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/reset.h"
+#include "boards/psoc4200/self.h"
+#include "boards/psoc4200/ticks.h"
+#include "boards/psoc4200/watchdog.h"
+#include "sensor/sensor.h"
+
+#define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read (bootloader/DESIGN.md) */
+
+static struct taxel_sensor sensor;
+static struct taxel_sensor_config config;
+static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(BOARD_TAXELS_MAX)];
+
+/* What a board is that nobody has told: one crossing that means nothing, so that it can be asked, configured and given
+ * another image. */
+static const struct kind unknown_kind = {.rows = 1, .columns = 1, .taxels = 1, .crossing_map = {1}};
+
+static void on_configure(void *context, const struct taxel_scan_settings *settings)
+{
+    (void)context;
+    front_end_configure(settings);
+}
+
+static void on_start(void *context, uint8_t tx, uint8_t rx)
+{
+    (void)context;
+    front_end_start(tx, rx);
+}
+
+static uint32_t on_clock_us(void *context)
+{
+    (void)context;
+    return ticks_us_32();
+}
+
+static uint32_t on_interrupts_disable(void *context)
+{
+    (void)context;
+    return interrupts_mask();
+}
+
+static void on_interrupts_restore(void *context, uint32_t state)
+{
+    (void)context;
+    interrupts_unmask(state);
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+    reset_now();
+}
+
+static void on_enter_bootloader(void *context)
+{
+    (void)context;
+    reset_into_bootloader();
+}
+
+static const struct taxel_sensor_hal hal = {
+    .front_end_configure = on_configure,
+    .conversion_start = on_start,
+    .clock_us = on_clock_us,
+    .interrupts_disable = on_interrupts_disable,
+    .interrupts_restore = on_interrupts_restore,
+    .restart = on_restart,
+    .enter_bootloader = on_enter_bootloader,
+};
+
+bool i2c_slave_on_address(bool reading)
+{
+    return taxel_sensor_on_address(&sensor, reading);
+}
+
+bool i2c_slave_on_write(uint8_t byte)
+{
+    return taxel_sensor_on_write(&sensor, byte);
+}
+
+uint8_t i2c_slave_on_read(void)
+{
+    return taxel_sensor_on_read(&sensor);
+}
+
+void i2c_slave_on_stop(void)
+{
+    taxel_sensor_on_stop(&sensor);
+}
+
+void i2c_slave_on_bus_error(void)
+{
+    taxel_sensor_on_bus_error(&sensor);
+}
+
+void front_end_on_conversion(uint16_t raw_count)
+{
+    taxel_sensor_on_conversion(&sensor, raw_count);
+}
+
+static const struct kind *kind_of(uint8_t code)
+{
+    for (uint8_t i = 0; i < kind_count; i++) {
+        if (kinds[i].code == code) {
+            return &kinds[i];
+        }
+    }
+    return &unknown_kind;
+}
+
+static void configure(const uint8_t *configuration, const struct kind *kind)
+{
+    const struct taxel_scan_settings settings = BOARD_SCAN_SETTINGS;
+    config.hal = &hal;
+    config.address =
+        configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
+    config.kind = kind->code;
+    config.reset_cause = reset_cause();
+    memcpy(config.firmware_version, self_version(), sizeof config.firmware_version);
+    reset_unique_id(config.unique_id);
+    config.rows = kind->rows;
+    config.columns = kind->columns;
+    config.taxel_count = kind->taxels;
+    config.crossing_map = kind->crossing_map;
+    config.settings = settings;
+    for (unsigned i = 0; i < 3u; i++) {
+        config.snapshots[i] = snapshots[i];
+    }
+}
+
+/* The front end after the bus, whose port it has a pin on. */
+static void start(const uint8_t *configuration, const struct kind *kind)
+{
+    const uint32_t interrupts = interrupts_mask();
+    i2c_slave_init(config.address);
+    front_end_init(kind->code ? kind->rows : 0u, kind->code ? kind->columns : 0u,
+                   configuration ? configuration + TAXEL_BOOT_CONFIGURATION_OFFSET_IDAC_CODES : NULL);
+    taxel_scan_start(&sensor);
+    interrupts_unmask(interrupts);
+}
+
+static bool has_proven_itself(void)
+{
+    return sensor.scan.scans >= CONFIRM_SCANS && sensor.slave.snapshot_reads != 0;
+}
+
+/* Between two scans, and with the slave off: a row takes 20 ms, in which nothing else happens. False: not now. */
+static bool try_confirm(void)
+{
+    const uint32_t interrupts = interrupts_mask();
+    const bool now = sensor.scan.taxel == 0 && i2c_slave_try_off();
+    if (now) {
+        self_confirm();
+        i2c_slave_on();
+    }
+    interrupts_unmask(interrupts);
+    return now;
+}
+
+int main(void)
+{
+    clocks_init();
+    watchdog_start();
+    ticks_init();
+    const uint8_t *const configuration = taxel_boot_configuration(&self_flash);
+    const struct kind *const kind = kind_of(configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0u);
+    configure(configuration, kind);
+    (void)taxel_sensor_init(&sensor, &config); /* tools check kinds, pins and settings when the image is built */
+    start(configuration, kind);
+    bool on_trial = self_is_on_trial();
+    for (;;) {
+        watchdog_feed();
+        atomic_signal_fence(memory_order_acquire); /* the interrupts' counters are read anew */
+        if (on_trial && has_proven_itself()) {
+            on_trial = !try_confirm();
+        }
+        wait_for_interrupt(); /* SysTick's at the latest, within 4 ms */
+    }
+}

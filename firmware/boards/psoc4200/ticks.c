@@ -1,0 +1,118 @@
+/* SysTick counts SYSCLK down and wraps after a power of two of microseconds, so that whole wraps are a shift. Callers
+ * may have interrupts off: a wrap that is pending counts, but only one. */
+#include "boards/psoc4200/ticks.h"
+
+#include "boards/psoc4200/clocks.h"
+#include "boards/psoc4200/regs/core.h"
+
+#ifdef IMAGE_IN_SLOT
+#define US_SHIFT 12u
+#else
+#define US_SHIFT 10u
+#endif
+#define CYCLES_PER_US (CPU_HZ / 1000000u)
+#define CYCLES (CYCLES_PER_US << US_SHIFT)
+#define CYCLES_MAX (1u << 24) /* SysTick has no more */
+
+static volatile uint32_t wraps;
+
+void systick_handler(void);
+void systick_handler(void)
+{
+    wraps++;
+}
+
+void ticks_init(void)
+{
+    SYSTICK->reload = CYCLES - 1u;
+    SYSTICK->value = 0; /* any write clears it, and the next cycle loads it */
+    SYSTICK->control = SYSTICK_CONTROL_ENABLE | SYSTICK_CONTROL_INTERRUPT | SYSTICK_CONTROL_PROCESSOR_CLOCK;
+}
+
+#ifdef IMAGE_IN_SLOT
+
+_Static_assert(CPU_HZ == 48000000u, "a microsecond is 16 * 3 cycles");
+_Static_assert(CYCLES <= CYCLES_MAX, "a wrap can be that long");
+
+/* x / 3, without a division: 1/3 = 1/4 + 1/16 + ..., and what the shifts lose is less than 32 (checked for every x
+ * below 2^20, which is more than a wrap has). */
+static uint32_t third_of(uint32_t x)
+{
+    uint32_t third = (x >> 2) + (x >> 4);
+    third += third >> 4;
+    third += third >> 8;
+    third += third >> 16;
+    return third + (((x - 3u * third) * 11u) >> 5);
+}
+
+/* Whole wraps, and the microseconds since. */
+static uint32_t read(uint32_t *whole)
+{
+    uint32_t count, value;
+    do {
+        count = wraps;
+        value = SYSTICK->value;
+        *whole = count;
+        if (SCS_ICSR & SCS_ICSR_SYSTICK_PENDING) { /* wrapped, but nobody was told yet: the value may be of before */
+            value = SYSTICK->value;
+            *whole = count + 1u;
+        }
+    } while (count != wraps);
+    const uint32_t since = value ? CYCLES - value : 0; /* it is pending from the cycle in which the value is 0 */
+    return third_of(since >> 4);
+}
+
+uint64_t ticks_us(void)
+{
+    uint32_t whole;
+    const uint32_t part = read(&whole);
+    return ((uint64_t)whole << US_SHIFT) | part;
+}
+
+uint32_t ticks_us_32(void)
+{
+    return (uint32_t)ticks_us();
+}
+
+bool ticks_come_before(uint64_t us)
+{
+    return us >> US_SHIFT > ticks_us() >> US_SHIFT;
+}
+
+uint32_t ticks_stretch(void)
+{
+    uint32_t whole;
+    const uint32_t part = read(&whole);
+    wraps = whole;
+    SYSTICK->reload = CYCLES_MAX - 1u;
+    SYSTICK->value = 0;
+    SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR; /* counted above */
+    return part;
+}
+
+void ticks_shrink(uint32_t begin)
+{
+    const uint32_t us = begin + third_of((CYCLES_MAX - SYSTICK->value) >> 4);
+    const uint32_t part = us & ((1u << US_SHIFT) - 1u);
+    wraps += us >> US_SHIFT;
+    SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u; /* what is left of the wrap; those after it are whole */
+    SYSTICK->value = 0;
+    SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;
+    SYSTICK->reload = CYCLES - 1u;
+}
+
+void ticks_delay_us(uint32_t microseconds)
+{
+    const uint32_t begin = ticks_us_32();
+    while (ticks_us_32() - begin <= microseconds) {
+    }
+}
+
+#else
+
+uint32_t ticks_us_32(void)
+{
+    return wraps << US_SHIFT;
+}
+
+#endif

@@ -1,0 +1,17 @@
+#include "boards/psoc4200/watchdog.h"
+
+#include "boards/psoc4200/regs/srss.h"
+
+#define MATCH 0xFFFFu /* and the 32 kHz oscillator runs since the reset */
+
+void watchdog_start(void)
+{
+    WDT->match = MATCH; /* a counter that runs already takes no settings: it has these */
+    WDT->config = WDT_CONFIG_MODE0_RESET;
+    watchdog_feed();
+}
+
+void watchdog_feed(void)
+{
+    WDT->control = WDT_CONTROL_ENABLE0 | WDT_CONTROL_RESET0;
+}

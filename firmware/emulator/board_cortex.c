@@ -1,0 +1,105 @@
+#include "emulator/board_cortex.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "emulator/board_parts.h"
+#include "emulator/reset_bits.h"
+
+/* The registers say how it was measured; the front end is told when that has changed. */
+static void follow_settings(struct board_node *board, const struct psoc_conversion *conversion)
+{
+    const struct front_end_setting setting = {
+        .period = conversion->period,
+        .sense = conversion->sense,
+        .sample = conversion->sample,
+        .idac_code = conversion->idac_code,
+    };
+    if (front_end_set(&board->front_end, &setting, board->clock_rate) && board->electronics) {
+        electronics_configure(board->electronics);
+    }
+}
+
+static void wander(struct board_node *board, vtime now)
+{
+    if (board->wander.amplitude != 0.0) {
+        const double rate = clock_wander_rate(&board->wander, (double)now / (double)VTIME_SECOND);
+        psoc_set_clock_rate(board->psoc, board->clock_rate * rate);
+    }
+}
+
+static uint16_t on_convert(void *context, const struct psoc_conversion *conversion)
+{
+    struct board_node *board = context;
+    const int tx = conversion->tx, rx = conversion->rx;
+    if (tx < 0 || rx < 0 || tx >= board->description->rows || rx >= board->description->columns) {
+        return 0; /* nothing is coupled in, so nothing has to be balanced */
+    }
+    follow_settings(board, conversion);
+    board->conversion_end = conversion->end;
+    board->conversion_tx = (uint8_t)tx;
+    board->conversion_rx = (uint8_t)rx;
+    board->conversion_taxel = board->taxel_at[tx][rx];
+    board->begins_scan = board->conversion_taxel == 0;
+    if (board->begins_scan) {
+        wander(board, conversion->end);
+    }
+    const uint16_t raw = board_convert(board);
+    board->conversion_end = VTIME_NEVER;
+    return raw < conversion->period ? (uint16_t)(conversion->period - raw) : 0;
+}
+
+int board_cortex_open(struct board_node *board, const struct world_description *world)
+{
+    char name[16];
+    snprintf(name, sizeof name, "board 0x%02X", board->description->address);
+    struct psoc_config config = {
+        .name = name,
+        .flash = &board->boot->flash,
+        .clock_rate = board->clock_rate,
+        .seed = world->seed,
+        .reset_time = board->boot->init_time,
+        .wires = {.context = board, .convert = on_convert},
+    };
+    memcpy(config.unique_id, board->description->unique_id, sizeof config.unique_id);
+    board->psoc = malloc(sizeof *board->psoc);
+    if (!board->psoc || psoc_init(board->psoc, &config)) {
+        fprintf(stderr, "%s: out of memory\n", name);
+        return -1;
+    }
+    board->address = board->description->address;
+    return 0;
+}
+
+void board_cortex_close(struct board_node *board)
+{
+    if (board->psoc) {
+        psoc_free(board->psoc);
+        free(board->psoc);
+        board->psoc = NULL;
+    }
+}
+
+void board_cortex_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
+{
+    psoc_power_off(board->psoc);
+    boot_node_power_off(board->boot, now);
+    if (on) {
+        psoc_power_on(board->psoc, now, reset_bits(reset_cause));
+    }
+}
+
+void board_cortex_advance(struct board_node *board, vtime until)
+{
+    while (board->powered) {
+        const vtime event = board_power_event(board); /* may be planned by a write to flash in the run below */
+        if (psoc_run(board->psoc, vtime_min(until, event))) {
+            continue;
+        }
+        if (event > until) {
+            return;
+        }
+        board_power_events(board, until);
+    }
+}

@@ -1,0 +1,253 @@
+/* The processor as its caller sees it: made, reset, run. */
+#include "emulator/cortex_m0/cortex_m0.h"
+
+#include <stdlib.h>
+
+#include "emulator/cortex_m0/parts.h"
+
+#define LR_AFTER_RESET 0xFFFFFFFFu
+#define PSR_THUMB (1u << 24)
+#define LONGEST_RUN (UINT64_C(1) << 62) /* what is left until a deadline is a signed number */
+
+struct cortex_m0_timing cortex_m0_psoc4200(void)
+{
+    return (struct cortex_m0_timing){
+        .multiply = 1,
+        .flash_wait = 1,
+        .exception_entry = 16,
+        .exception_return = 12,
+        .tail_chain = 6,
+        .late_arrival = 12,
+    };
+}
+
+int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config)
+{
+    *cpu = (struct cortex_m0){.config = *config};
+    if (cortex_m0_code_open(&cpu->flash_code, config->flash, config->flash_base, config->flash_size) ||
+        cortex_m0_code_open(&cpu->ram_code, config->ram, config->ram_base, config->ram_size) ||
+        config->timing.late_arrival > config->timing.exception_entry || !config->timing.multiply) {
+        cortex_m0_free(cpu);
+        return -1;
+    }
+    cortex_m0_set_flash_wait(cpu, config->timing.flash_wait);
+    return 0;
+}
+
+void cortex_m0_free(struct cortex_m0 *cpu)
+{
+    free(cpu->flash_code.operations);
+    free(cpu->ram_code.operations);
+    cpu->flash_code.operations = cpu->ram_code.operations = NULL;
+}
+
+void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
+{
+    cpu->config.timing.flash_wait = wait;
+    cpu->flash_code.refill = wait;
+    cpu->attention = true; /* the fast path keeps a copy */
+}
+
+void cortex_m0_set_vectors(struct cortex_m0 *cpu, uint32_t vectors)
+{
+    cpu->vector_base = vectors;
+}
+
+static void clear_state(struct cortex_m0 *cpu)
+{
+    memset(cpu->r, 0, sizeof cpu->r);
+    cpu->r[CORTEX_M0_LR] = LR_AFTER_RESET;
+    cpu->progress = 0;
+    cpu->primask = cpu->process_stack = false;
+    cpu->asleep = cpu->wakes_by_event = cpu->event = cpu->entering = false;
+    cpu->locked_up = cpu->lockup_told = false;
+    cpu->stop_wanted = cpu->reset_wanted = cpu->fault_waits = false;
+    cpu->sleep_on_exit = cpu->deep_sleep = cpu->event_on_pend = false;
+    cpu->ipsr = 0;
+    cpu->systick = (struct cortex_m0_systick){.origin = cpu->cycle, .processor_clock = !cpu->config.systick_reference};
+    cpu->fault = (struct cortex_m0_fault){0};
+    cpu->other_sp = 0;
+    if (cpu->account) {
+        cpu->account->depth = 0;
+    }
+}
+
+void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
+{
+    uint32_t sp, entry;
+    clear_state(cpu);
+    cortex_m0_reset_nvic(cpu);
+    cortex_m0_set_xpsr(cpu, PSR_THUMB);
+    cpu->vector_base = vectors;
+    const uint64_t cycle = cpu->cycle;
+    const bool fails = cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry);
+    cpu->cycle = cycle;
+    if (fails) {
+        cpu->fault.kind = CORTEX_M0_FAULT_VECTOR;
+        cortex_m0_lock_up(cpu);
+        return;
+    }
+    cpu->r[CORTEX_M0_SP] = sp & ~UINT32_C(3);
+    cpu->r[CORTEX_M0_PC] = entry & ~UINT32_C(1);
+    cpu->thumb = entry & 1u;
+    cortex_m0_forget_stack(cpu);
+}
+
+void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_by_event)
+{
+    cpu->asleep = true;
+    cpu->wakes_by_event = wakes_by_event;
+    cpu->asleep_since = cpu->cycle;
+    cpu->attention = true;
+}
+
+/* Time passes in which nothing is executed. */
+static void idle(struct cortex_m0 *cpu, uint64_t until)
+{
+    if (cpu->deep_sleep && cpu->asleep) {
+        cortex_m0_systick_pause(cpu, until - cpu->cycle);
+    }
+    cpu->cycle = until;
+}
+
+/* PRIMASK keeps WFI asleep no more than awake: the exception stays pending then (ARM DDI 0419, B1.5.19). */
+static bool wakes(struct cortex_m0 *cpu)
+{
+    const bool by_event = cpu->wakes_by_event && cpu->event;
+    const int priority = cpu->wakes_by_event ? cpu->priority : cortex_m0_priority_unmasked(cpu);
+    if (!by_event && !cortex_m0_next_exception(cpu, priority)) {
+        return false;
+    }
+    if (by_event) {
+        cpu->event = false;
+    }
+    cpu->asleep = false;
+    cpu->slept += cpu->cycle - cpu->asleep_since;
+    return true;
+}
+
+uint64_t cortex_m0_wakes_at(const struct cortex_m0 *cpu)
+{
+    return cpu->asleep && !cpu->deep_sleep ? cortex_m0_systick_due(cpu) : UINT64_MAX;
+}
+
+static void call_supervisor(struct cortex_m0 *cpu)
+{
+    if (cortex_m0_priority_of(cpu, CORTEX_M0_SVCALL) >= cpu->priority) {
+        cortex_m0_fail(cpu, CORTEX_M0_FAULT_SVC, cpu->r[CORTEX_M0_PC]);
+        cpu->fault_waits = true;
+        return;
+    }
+    cpu->r[CORTEX_M0_PC] += 2u;
+    cpu->cycle++;
+    cortex_m0_pend(cpu, CORTEX_M0_SVCALL, cpu->cycle);
+}
+
+/* Instructions until the deadline; what ended them has been dealt with, unless the caller is to know. */
+static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
+{
+    const uint64_t due = cortex_m0_systick_due(cpu), longest = cpu->cycle + LONGEST_RUN;
+    cpu->deadline = due < until ? due : until;
+    cpu->deadline = cpu->deadline < longest ? cpu->deadline : longest;
+    cpu->attention = false;
+    enum cortex_m0_event event = cortex_m0_execute(cpu);
+    if (event == CORTEX_M0_EVENT_EXIT) {
+        event = cortex_m0_leave_exception(cpu);
+    } else if (event == CORTEX_M0_EVENT_SVC) {
+        call_supervisor(cpu);
+        event = cpu->fault_waits ? CORTEX_M0_EVENT_FAULT : CORTEX_M0_EVENT_NONE;
+    }
+    cpu->fault_waits = event == CORTEX_M0_EVENT_FAULT;
+    return event;
+}
+
+/* What has to be done before instructions: true if that was something, and there may be more. */
+static bool prepare(struct cortex_m0 *cpu, uint64_t until)
+{
+    if (cpu->fault_waits) {
+        cpu->fault_waits = false;
+        cortex_m0_take_fault(cpu);
+        return true;
+    }
+    if (cpu->entering) {
+        idle(cpu, until < cpu->entry_choice ? until : cpu->entry_choice);
+        if (cpu->cycle == cpu->entry_choice) {
+            cortex_m0_systick_settle(cpu, cpu->cycle);
+            cortex_m0_finish_entry(cpu);
+        }
+        return true;
+    }
+    cortex_m0_systick_settle(cpu, cpu->cycle);
+    if (cpu->asleep && !wakes(cpu)) {
+        const uint64_t due = cortex_m0_wakes_at(cpu);
+        idle(cpu, due < until ? due : until);
+        return true;
+    }
+    if (cortex_m0_next_exception(cpu, cpu->priority)) {
+        cortex_m0_begin_entry(cpu);
+        return true;
+    }
+    return false;
+}
+
+/* Whether the run is over, and why. */
+static bool over(struct cortex_m0 *cpu, uint64_t until, enum cortex_m0_reason *reason)
+{
+    if (cpu->reset_wanted) {
+        cpu->reset_wanted = false;
+        *reason = CORTEX_M0_RESET_WANTED;
+        return true;
+    }
+    if (cpu->stop_wanted) {
+        cpu->stop_wanted = false;
+        *reason = CORTEX_M0_STOPPED;
+        return true;
+    }
+    if (cpu->locked_up) {
+        cpu->cycle = cpu->lockup_told && until > cpu->cycle ? until : cpu->cycle;
+        cpu->lockup_told = true;
+        *reason = CORTEX_M0_LOCKUP;
+        return true;
+    }
+    *reason = cpu->asleep ? CORTEX_M0_SLEEPS : CORTEX_M0_TIME;
+    return cpu->cycle >= until;
+}
+
+enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until)
+{
+    enum cortex_m0_reason reason;
+    while (!over(cpu, until, &reason)) {
+        if (prepare(cpu, until)) {
+            continue;
+        }
+        switch (execute(cpu, until)) {
+        case CORTEX_M0_EVENT_FAULT:
+            if (cpu->config.halt_on_fault) {
+                return CORTEX_M0_FAULTED;
+            }
+            break;
+        case CORTEX_M0_EVENT_WAITS:
+            return CORTEX_M0_WAITS;
+        case CORTEX_M0_EVENT_BREAKPOINT:
+            return CORTEX_M0_BREAKPOINT;
+        default:
+            break;
+        }
+    }
+    return reason;
+}
+
+enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu)
+{
+    enum cortex_m0_reason reason;
+    do {
+        reason = cortex_m0_run(cpu, cpu->cycle + 1u);
+    } while (reason == CORTEX_M0_TIME && (cpu->progress || cpu->entering));
+    return reason;
+}
+
+void cortex_m0_stop(struct cortex_m0 *cpu)
+{
+    cpu->stop_wanted = true;
+    cpu->attention = true;
+}

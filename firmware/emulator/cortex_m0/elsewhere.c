@@ -1,0 +1,136 @@
+/* Loads, stores, register lists and branches that the fast path does not finish: r[15] is the instruction's address. */
+#include "emulator/cortex_m0/parts.h"
+
+#define EXC_RETURN_FIRST 0xF0000000u
+
+static unsigned size_of(uint8_t kind)
+{
+    switch (kind) {
+    case CORTEX_M0_OP_STRB_R:
+    case CORTEX_M0_OP_STRB_I:
+    case CORTEX_M0_OP_LDRB_R:
+    case CORTEX_M0_OP_LDRB_I:
+    case CORTEX_M0_OP_LDRSB_R:
+        return 1;
+    case CORTEX_M0_OP_STRH_R:
+    case CORTEX_M0_OP_STRH_I:
+    case CORTEX_M0_OP_LDRH_R:
+    case CORTEX_M0_OP_LDRH_I:
+    case CORTEX_M0_OP_LDRSH_R:
+        return 2;
+    default:
+        return 4;
+    }
+}
+
+enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+{
+    uint32_t value;
+    const enum cortex_m0_event event = cortex_m0_read(cpu, address, size_of(operation.kind), true, &value);
+    if (event) {
+        return event;
+    }
+    if (operation.kind == CORTEX_M0_OP_LDRSB_R) {
+        value = (uint32_t)(int8_t)value;
+    } else if (operation.kind == CORTEX_M0_OP_LDRSH_R) {
+        value = (uint32_t)(int16_t)value;
+    }
+    cpu->r[operation.a] = value;
+    cpu->r[CORTEX_M0_PC] += 2u;
+    cpu->cycle += 2u;
+    return CORTEX_M0_EVENT_NONE;
+}
+
+enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+{
+    const enum cortex_m0_event event = cortex_m0_write(cpu, address, size_of(operation.kind), true, cpu->r[operation.a]);
+    if (event) {
+        return event;
+    }
+    cpu->r[CORTEX_M0_PC] += 2u;
+    cpu->cycle += 2u;
+    return CORTEX_M0_EVENT_NONE;
+}
+
+/* The words of a list in order, one a cycle. Registers are as before unless all could be read. */
+static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address, bool load,
+                                      uint32_t words[])
+{
+    const uint64_t begin = cpu->cycle;
+    uint32_t list = operation.value;
+    for (unsigned i = 0; i < operation.c; i++, list &= list - 1u) {
+        const unsigned number = list ? (unsigned)__builtin_ctz(list) : CORTEX_M0_PC; /* POP: PC comes last */
+        const enum cortex_m0_event event = load ? cortex_m0_read(cpu, address + i * 4u, 4, i == 0, &words[i])
+                                                : cortex_m0_write(cpu, address + i * 4u, 4, i == 0, cpu->r[number]);
+        if (event) {
+            cpu->cycle = begin;
+            return event;
+        }
+        cpu->cycle++;
+    }
+    cpu->cycle++;
+    list = load ? operation.value : 0;
+    for (unsigned i = 0; list; i++, list &= list - 1u) {
+        cpu->r[__builtin_ctz(list)] = words[i];
+    }
+    return CORTEX_M0_EVENT_NONE;
+}
+
+enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+{
+    const bool load = operation.kind != CORTEX_M0_OP_PUSH && operation.kind != CORTEX_M0_OP_STM;
+    const uint32_t end = address + operation.c * 4u;
+    uint32_t words[9];
+    const enum cortex_m0_event event = move_list(cpu, operation, address, load, words);
+    if (event) {
+        return event;
+    }
+    cpu->progress = 0;
+    cpu->r[CORTEX_M0_PC] += 2u;
+    switch (operation.kind) {
+    case CORTEX_M0_OP_PUSH:
+        cortex_m0_set_sp(cpu, address);
+        break;
+    case CORTEX_M0_OP_POP:
+        cpu->r[CORTEX_M0_SP] = end;
+        break;
+    case CORTEX_M0_OP_POP_PC:
+        cpu->r[CORTEX_M0_SP] = end;
+        cpu->cycle += 3u;
+        return cortex_m0_branch(cpu, words[operation.c - 1u]);
+    case CORTEX_M0_OP_LDM_KEEP:
+        break;
+    default:
+        cpu->r[operation.b] = end;
+        break;
+    }
+    return CORTEX_M0_EVENT_NONE;
+}
+
+struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address)
+{
+    if (address - cpu->flash_code.base < cpu->flash_code.size) {
+        return &cpu->flash_code;
+    }
+    return address - cpu->ram_code.base < cpu->ram_code.size ? &cpu->ram_code : NULL;
+}
+
+/* To wherever the next instruction is fetched from. */
+void cortex_m0_go(struct cortex_m0 *cpu, uint32_t address)
+{
+    const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, address);
+    cpu->r[CORTEX_M0_PC] = address;
+    cpu->cycle += code ? code->refill : 0;
+}
+
+/* BX, BLX, POP: bit 0 is the state; in a handler, the topmost addresses are exception returns. */
+enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target)
+{
+    if (target >= EXC_RETURN_FIRST && cpu->ipsr) {
+        cpu->exit_value = target;
+        return CORTEX_M0_EVENT_EXIT;
+    }
+    cpu->thumb = target & 1u;
+    cortex_m0_go(cpu, target & ~UINT32_C(1));
+    return CORTEX_M0_EVENT_NONE;
+}

@@ -1,0 +1,156 @@
+/* What the operations in execute.c are made of. All of it works on the local variables of cortex_m0_execute(). */
+#ifndef CORTEX_M0_FAST_PATH_H
+#define CORTEX_M0_FAST_PATH_H
+
+#include "emulator/cortex_m0/parts.h"
+
+#define UNLIKELY CORTEX_M0_UNLIKELY
+
+#define RA r[ip->a]
+#define RB r[ip->b]
+#define RC r[ip->c]
+#define PC (code->base + (uint32_t)(ip - code->operations) * 2u)
+
+#define NEXT(cycles) \
+    do { \
+        ip++; \
+        budget -= (cycles); \
+        if (UNLIKELY(budget <= 0)) { \
+            goto leave; \
+        } \
+        goto *labels[ip->kind]; \
+    } while (0)
+
+#define JUMP(operations, cycles) \
+    do { \
+        ip += (operations); \
+        budget -= (int64_t)refill + (cycles); \
+        if (UNLIKELY(budget <= 0)) { \
+            goto leave; \
+        } \
+        goto *labels[ip->kind]; \
+    } while (0)
+
+#define BRANCH_IF(condition) \
+    do { \
+        if (condition) { \
+            JUMP((int32_t)ip->value, 3); \
+        } \
+        NEXT(1); \
+    } while (0)
+
+/* To an address with the Thumb bit; elsewhere than here, or out of Thumb state, at the bottom. */
+#define JUMP_TO(address, cycles) \
+    do { \
+        target = (address); \
+        const uint32_t place_ = target - 1u - code->base; \
+        budget -= (cycles); \
+        if (UNLIKELY(ROTATED(place_, 1) >= code->size >> 1)) { \
+            goto go_elsewhere; \
+        } \
+        ip = code->operations + (place_ >> 1); \
+        budget -= refill; \
+        if (UNLIKELY(budget <= 0)) { \
+            goto leave; \
+        } \
+        goto *labels[ip->kind]; \
+    } while (0)
+
+#define SET_NZ(result) (n = z = (result))
+
+#define RESULT(value) \
+    do { \
+        const uint32_t result_ = (value); \
+        SET_NZ(result_); \
+        RA = result_; \
+        NEXT(1); \
+    } while (0)
+
+/* x + y + carry, with all flags; what is to be done with the sum follows. */
+#define ADD_FLAGS(x, y, carry) \
+    const uint32_t x_ = (x), y_ = (y); \
+    const uint64_t sum_ = (uint64_t)x_ + y_ + (carry); \
+    SET_NZ((uint32_t)sum_); \
+    c = (uint32_t)(sum_ >> 32); \
+    v = (x_ ^ (uint32_t)sum_) & (y_ ^ (uint32_t)sum_)
+
+#define SUBTRACT_FLAGS(x, y) \
+    const uint32_t x_ = (x), y_ = (y), sum_ = x_ - y_; \
+    SET_NZ(sum_); \
+    c = x_ >= y_; \
+    v = (x_ ^ y_) & (x_ ^ sum_)
+
+/* An aligned offset becomes a small number, any other a huge one: alignment and bound are one comparison. */
+#define ROTATED(offset, shift) ((shift) ? (offset) >> (shift) | (offset) << ((32 - (shift)) & 31) : (offset))
+
+#define LOAD(type, extended, shift) \
+    do { \
+        type loaded_; \
+        const uint32_t offset_ = address - ram_base; \
+        if (!UNLIKELY(ROTATED(offset_, shift) >= ram_size >> (shift))) { \
+            memcpy(&loaded_, ram + offset_, sizeof loaded_); \
+        } else { \
+            const uint32_t flash_offset_ = address - cpu->flash_code.base; \
+            if (UNLIKELY(ROTATED(flash_offset_, shift) >= cpu->flash_code.size >> (shift))) { \
+                goto load_elsewhere; \
+            } \
+            memcpy(&loaded_, cpu->flash_code.bytes + flash_offset_, sizeof loaded_); \
+            budget -= cpu->flash_code.refill; \
+        } \
+        RA = (uint32_t)(extended)loaded_; \
+        NEXT(2); \
+    } while (0)
+
+#define STORE(type, shift) \
+    do { \
+        const type stored_ = (type)RA; \
+        const uint32_t offset_ = address - ram_base; \
+        if (UNLIKELY(ROTATED(offset_, shift) >= ram_size >> (shift))) { \
+            goto store_elsewhere; \
+        } \
+        memcpy(ram + offset_, &stored_, sizeof stored_); \
+        if (UNLIKELY(offset_ >= cpu->ram_code.low && offset_ < cpu->ram_code.high)) { \
+            cortex_m0_forget_code(&cpu->ram_code, offset_, sizeof stored_); \
+        } \
+        NEXT(2); \
+    } while (0)
+
+/* Register lists, `ip->c` words in RAM from `address` on; elsewhere at the bottom. Time may run out in the middle: the
+ * processor abandons such an instruction for an interrupt (DDI 0432C), else it goes on with it. */
+#define LIST_IN_RAM \
+    uint32_t offset_ = address - ram_base; \
+    if (UNLIKELY(address % 4u || offset_ >= ram_size || offset_ + ip->c * 4u > ram_size)) { \
+        goto list_elsewhere; \
+    } \
+    const int64_t cycles_ = 1 + (int64_t)ip->c - cpu->progress; \
+    if (UNLIKELY(budget < cycles_)) { \
+        cpu->progress += (uint32_t)budget; \
+        budget = 0; \
+        goto leave; \
+    } \
+    cpu->progress = 0
+
+#define LIST_REGISTERS(action) \
+    for (uint32_t list_ = ip->value; list_; list_ &= list_ - 1u, offset_ += 4u) { \
+        uint32_t *const register_ = &r[__builtin_ctz(list_)]; \
+        action; \
+    }
+
+#define LOAD_LIST LIST_REGISTERS(memcpy(register_, ram + offset_, 4))
+#define STORE_LIST \
+    if (UNLIKELY(offset_ < cpu->ram_code.high && offset_ + ip->c * 4u > cpu->ram_code.low)) { \
+        cortex_m0_forget_code(&cpu->ram_code, offset_, ip->c * 4u); \
+    } \
+    LIST_REGISTERS(memcpy(ram + offset_, register_, 4))
+
+#define SAVE \
+    do { \
+        r[CORTEX_M0_PC] = PC; \
+        cpu->n = n; \
+        cpu->z = z; \
+        cpu->c = c; \
+        cpu->v = v; \
+        cpu->cycle = cpu->deadline - (uint64_t)budget; \
+    } while (0)
+
+#endif

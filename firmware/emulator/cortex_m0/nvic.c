@@ -1,0 +1,121 @@
+/* Which exception is due: pending, enabled and active ones as bits of exception numbers, four priorities. */
+#include "emulator/cortex_m0/parts.h"
+
+#define ALWAYS_ENABLED \
+    (CORTEX_M0_BIT(CORTEX_M0_NMI) | CORTEX_M0_BIT(CORTEX_M0_HARD_FAULT) | CORTEX_M0_BIT(CORTEX_M0_SVCALL) | \
+     CORTEX_M0_BIT(CORTEX_M0_PENDSV) | CORTEX_M0_BIT(CORTEX_M0_SYSTICK))
+
+void cortex_m0_reset_nvic(struct cortex_m0 *cpu)
+{
+    cpu->active = 0;
+    cpu->enabled = ALWAYS_ENABLED;
+    cpu->pending = (uint64_t)cpu->lines << CORTEX_M0_IRQ0;
+    cpu->level[0] = ~UINT64_C(0);
+    cpu->level[1] = cpu->level[2] = cpu->level[3] = 0;
+    cortex_m0_update_priority(cpu);
+}
+
+void cortex_m0_pend(struct cortex_m0 *cpu, unsigned number, uint64_t cycle)
+{
+    if (cpu->pending & CORTEX_M0_BIT(number)) {
+        return;
+    }
+    cpu->pending |= CORTEX_M0_BIT(number);
+    cpu->pended_at[number] = cycle;
+    cpu->attention = true;
+    if (cpu->event_on_pend && number >= CORTEX_M0_IRQ0) {
+        cpu->event = true;
+    }
+}
+
+unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
+{
+    const uint64_t ready = cpu->pending & cpu->enabled;
+    if (!ready) {
+        return 0;
+    }
+    if (ready & CORTEX_M0_BIT(CORTEX_M0_NMI) && priority > CORTEX_M0_PRIORITY_NMI) {
+        return CORTEX_M0_NMI;
+    }
+    if (ready & CORTEX_M0_BIT(CORTEX_M0_HARD_FAULT) && priority > CORTEX_M0_PRIORITY_HARD_FAULT) {
+        return CORTEX_M0_HARD_FAULT;
+    }
+    for (int level = 0; level < priority && level < CORTEX_M0_PRIORITY_THREAD; level++) {
+        const uint64_t here = ready & cpu->level[level];
+        if (here) {
+            return (unsigned)__builtin_ctzll(here); /* of equals, the lowest number */
+        }
+    }
+    return 0;
+}
+
+unsigned cortex_m0_level_of(const struct cortex_m0 *cpu, unsigned number)
+{
+    unsigned level = 0;
+    while (level < 3 && !(cpu->level[level] & CORTEX_M0_BIT(number))) {
+        level++;
+    }
+    return level;
+}
+
+void cortex_m0_set_level(struct cortex_m0 *cpu, unsigned number, unsigned level)
+{
+    for (unsigned i = 0; i < 4; i++) {
+        cpu->level[i] &= ~CORTEX_M0_BIT(number);
+    }
+    cpu->level[level] |= CORTEX_M0_BIT(number);
+}
+
+int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
+{
+    switch (number) {
+    case CORTEX_M0_NMI:
+        return CORTEX_M0_PRIORITY_NMI;
+    case CORTEX_M0_HARD_FAULT:
+        return CORTEX_M0_PRIORITY_HARD_FAULT;
+    default:
+        return (int)cortex_m0_level_of(cpu, number);
+    }
+}
+
+int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu)
+{
+    int priority = CORTEX_M0_PRIORITY_THREAD;
+    for (uint64_t left = cpu->active; left; left &= left - 1u) {
+        const int one = cortex_m0_priority_of(cpu, (unsigned)__builtin_ctzll(left));
+        priority = one < priority ? one : priority;
+    }
+    return priority;
+}
+
+void cortex_m0_update_priority(struct cortex_m0 *cpu)
+{
+    const int priority = cortex_m0_priority_unmasked(cpu);
+    cpu->priority = (int8_t)(cpu->primask && priority > 0 ? 0 : priority);
+    cpu->attention = true;
+}
+
+void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high)
+{
+    const uint32_t bit = UINT32_C(1) << irq;
+    if (high && !(cpu->lines & bit)) {
+        cortex_m0_pend(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
+    }
+    cpu->lines = high ? cpu->lines | bit : cpu->lines & ~bit;
+}
+
+void cortex_m0_pulse(struct cortex_m0 *cpu, unsigned irq)
+{
+    cortex_m0_pend(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
+}
+
+void cortex_m0_pulse_nmi(struct cortex_m0 *cpu)
+{
+    cortex_m0_pend(cpu, CORTEX_M0_NMI, cpu->cycle);
+}
+
+void cortex_m0_send_event(struct cortex_m0 *cpu)
+{
+    cpu->event = true;
+    cpu->attention = true;
+}

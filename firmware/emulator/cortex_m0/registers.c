@@ -1,0 +1,69 @@
+/* The flags, of which the fast path keeps only what they are made of, and the two stack pointers. */
+#include "emulator/cortex_m0/parts.h"
+
+#define FLAG_N (1u << 31)
+#define FLAG_Z (1u << 30)
+#define FLAG_C (1u << 29)
+#define FLAG_V (1u << 28)
+#define FLAG_T (1u << 24)
+
+uint32_t cortex_m0_xpsr(const struct cortex_m0 *cpu)
+{
+    return (cpu->n & FLAG_N) | (cpu->z ? 0 : FLAG_Z) | (cpu->c ? FLAG_C : 0) | (cpu->v >> 31 ? FLAG_V : 0) |
+           (cpu->thumb ? FLAG_T : 0) | cpu->ipsr;
+}
+
+void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
+{
+    cpu->n = xpsr;
+    cpu->z = !(xpsr & FLAG_Z);
+    cpu->c = xpsr >> 29 & 1u;
+    cpu->v = xpsr << 3;
+    cpu->thumb = xpsr & FLAG_T;
+}
+
+bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
+{
+    const bool z = cpu->z == 0, c = cpu->c, n = cpu->n >> 31, v = cpu->v >> 31;
+    const bool holds[] = {z, c, n, v, c && !z, n == v, !z && n == v};
+    return holds[condition / 2u] != (condition & 1u);
+}
+
+void cortex_m0_use_stack(struct cortex_m0 *cpu, bool process)
+{
+    if (process == cpu->process_stack) {
+        return;
+    }
+    const uint32_t sp = cpu->r[CORTEX_M0_SP], lowest = cpu->lowest_sp;
+    cpu->r[CORTEX_M0_SP] = cpu->other_sp;
+    cpu->lowest_sp = cpu->other_lowest_sp;
+    cpu->other_sp = sp;
+    cpu->other_lowest_sp = lowest;
+    cpu->process_stack = process;
+}
+
+uint32_t cortex_m0_msp(const struct cortex_m0 *cpu)
+{
+    return cpu->process_stack ? cpu->other_sp : cpu->r[CORTEX_M0_SP];
+}
+
+uint32_t cortex_m0_psp(const struct cortex_m0 *cpu)
+{
+    return cpu->process_stack ? cpu->r[CORTEX_M0_SP] : cpu->other_sp;
+}
+
+uint32_t cortex_m0_lowest_msp(const struct cortex_m0 *cpu)
+{
+    return cpu->process_stack ? cpu->other_lowest_sp : cpu->lowest_sp;
+}
+
+uint32_t cortex_m0_lowest_psp(const struct cortex_m0 *cpu)
+{
+    return cpu->process_stack ? cpu->lowest_sp : cpu->other_lowest_sp;
+}
+
+void cortex_m0_forget_stack(struct cortex_m0 *cpu)
+{
+    cpu->lowest_sp = cpu->r[CORTEX_M0_SP];
+    cpu->other_lowest_sp = cpu->other_sp ? cpu->other_sp : UINT32_MAX; /* 0: not set yet */
+}

@@ -1,0 +1,156 @@
+#include "emulator/hub_cortex.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "emulator/reset_bits.h"
+
+static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
+{
+    struct hub_node *node = context;
+    node->bus->clock = clock;
+    bus_step_start(node->bus, address_byte, now);
+}
+
+static void on_i2c_write(void *context, uint8_t byte, vtime now)
+{
+    bus_step_write(((struct hub_node *)context)->bus, byte, now);
+}
+
+static void on_i2c_read(void *context, vtime now)
+{
+    bus_step_read(((struct hub_node *)context)->bus, now);
+}
+
+static void on_i2c_stop(void *context, vtime now)
+{
+    bus_step_stop(((struct hub_node *)context)->bus, now);
+}
+
+static void on_i2c_abort(void *context, vtime now)
+{
+    bus_abort(((struct hub_node *)context)->bus, BUS_HUB, now);
+}
+
+static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
+{
+    bus_drive(((struct hub_node *)context)->bus, scl_high, sda_high);
+}
+
+static bool on_i2c_scl(void *context, vtime now)
+{
+    return bus_scl(((struct hub_node *)context)->bus, now);
+}
+
+static bool on_i2c_sda(void *context, vtime now)
+{
+    (void)now;
+    return bus_sda(((struct hub_node *)context)->bus);
+}
+
+static void on_uart_kick(void *context, vtime now)
+{
+    uart_kick(((struct hub_node *)context)->uart, now);
+}
+
+static void on_uart_hold(void *context, bool hold, vtime now)
+{
+    struct hub_node *node = context;
+    if (node->rts_is_wired) {
+        uart_hold(node->uart, hold, now);
+    }
+}
+
+static void to_uart(void *context, uint8_t byte)
+{
+    struct hub_node *node = context;
+    hub_cortex_run(node, node->uart->receive_next);
+    psoc_uart_receive(node->psoc, byte);
+}
+
+/* One byte at a time, as the shift register takes them. */
+static size_t from_uart(void *context, uint8_t *bytes, size_t size)
+{
+    struct hub_node *node = context;
+    hub_cortex_run(node, node->uart->transmit_next);
+    return size && psoc_uart_take(node->psoc, bytes);
+}
+
+int hub_cortex_open(struct hub_node *node, const struct world_description *world)
+{
+    struct psoc_config config = {
+        .name = "hub",
+        .flash = &node->boot.flash,
+        .clock_rate = node->clock_rate,
+        .seed = world->seed,
+        .reset_time = BOOT_NODE_INIT,
+        .wires =
+            {
+                .context = node,
+                .i2c_start = on_i2c_start,
+                .i2c_write = on_i2c_write,
+                .i2c_read = on_i2c_read,
+                .i2c_stop = on_i2c_stop,
+                .i2c_abort = on_i2c_abort,
+                .i2c_drive = on_i2c_drive,
+                .i2c_scl = on_i2c_scl,
+                .i2c_sda = on_i2c_sda,
+                .uart_kick = on_uart_kick,
+                .uart_hold = on_uart_hold,
+            },
+    };
+    memcpy(config.unique_id, node->config.unique_id, sizeof config.unique_id);
+    node->rts_is_wired = world->flow_control;
+    node->psoc = malloc(sizeof *node->psoc);
+    if (!node->psoc || psoc_init(node->psoc, &config)) {
+        fprintf(stderr, "hub: out of memory\n");
+        return -1;
+    }
+    return 0;
+}
+
+void hub_cortex_close(struct hub_node *node)
+{
+    if (node->psoc) {
+        psoc_free(node->psoc);
+        free(node->psoc);
+        node->psoc = NULL;
+    }
+}
+
+void hub_cortex_power(struct hub_node *node, bool on, vtime now, uint8_t reset_cause)
+{
+    psoc_power_off(node->psoc);
+    boot_node_power_off(&node->boot, now);
+    node->uart->user = (struct uart_user){.context = node, .on_byte = to_uart, .pull = from_uart};
+    if (on) {
+        psoc_power_on(node->psoc, now, reset_bits(reset_cause));
+    }
+}
+
+/* Until that time, also if it acts on its wires before. */
+void hub_cortex_run(struct hub_node *node, vtime until)
+{
+    while (node->powered && psoc_run(node->psoc, until)) {
+    }
+}
+
+void hub_cortex_bus_event(struct hub_node *node, vtime now)
+{
+    static const enum psoc_i2c_event events[] = {
+        [BUS_ACKNOWLEDGED] = PSOC_I2C_ACK,
+        [BUS_NOT_ACKNOWLEDGED] = PSOC_I2C_NACK,
+        [BUS_BYTE] = PSOC_I2C_BYTE,
+        [BUS_STOPPED] = PSOC_I2C_STOP,
+        [BUS_ARBITRATION_LOST] = PSOC_I2C_ARBITRATION_LOST,
+        [BUS_ERROR] = PSOC_I2C_BUS_ERROR,
+    };
+    hub_cortex_run(node, now);
+    psoc_i2c_event(node->psoc, now, events[node->bus->event], node->bus->byte);
+}
+
+void hub_cortex_stall(struct hub_node *node, vtime until)
+{
+    psoc_stall(node->psoc, until);
+}

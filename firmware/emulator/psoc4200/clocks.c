@@ -1,0 +1,76 @@
+/* Dividers of HFCLK for the peripherals (boards/psoc4200/regs/peri_clk.h). */
+#include "emulator/psoc4200/parts.h"
+
+#define DIVIDERS 3u
+#define ENABLE (1u << 31)
+#define CASCADE (1u << 30)
+#define SELECTS 0x200u
+
+static uint32_t *register_at(struct psoc_clocks *clocks, uint32_t offset)
+{
+    const uint32_t index = offset >> 2 & 15u;
+    if (offset & 3u) {
+        return NULL;
+    }
+    switch (offset & ~0x3Fu) {
+    case 0x000u:
+        return index < DIVIDERS ? &clocks->divider_a[index] : NULL;
+    case 0x040u:
+        return index < DIVIDERS ? &clocks->divider_b[index] : NULL;
+    case 0x080u:
+        return index < DIVIDERS ? &clocks->divider_c[index] : NULL;
+    case SELECTS:
+        return &clocks->select[index];
+    default:
+        return NULL;
+    }
+}
+
+bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    const uint32_t *target = register_at(&psoc->clocks, offset);
+    if (!target || access->size != 4u) {
+        return false;
+    }
+    access->value = *target;
+    return true;
+}
+
+bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    uint32_t *target = register_at(&psoc->clocks, offset);
+    if (!target || access->size != 4u) {
+        return false;
+    }
+    *target = access->value;
+    return true;
+}
+
+static uint32_t cycles(uint32_t divider)
+{
+    return divider & ENABLE ? (divider & 0xFFFFu) + 1u : 0u;
+}
+
+uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral)
+{
+    const struct psoc_clocks *clocks = &psoc->clocks;
+    const uint32_t select = clocks->select[peripheral];
+    const uint32_t number = select & 15u;
+    if (number >= DIVIDERS) {
+        return 0;
+    }
+    switch (select >> 4 & 3u) {
+    case 1:
+        return cycles(clocks->divider_a[number]);
+    case 2: {
+        const uint32_t b = clocks->divider_b[number];
+        return b & CASCADE ? cycles(b) * cycles(clocks->divider_a[number]) : cycles(b);
+    }
+    case 3: {
+        const uint32_t c = clocks->divider_c[number];
+        return c & CASCADE ? 0u : cycles(c); /* its input would be B's; nothing uses that */
+    }
+    default:
+        return 0;
+    }
+}

@@ -1,0 +1,52 @@
+/* CPU subsystem: where vectors are served from, and the door to the supervisory ROM. */
+#include "emulator/psoc4200/parts.h"
+
+#define CONFIG 0x0u
+#define SYSREQ 0x4u
+#define SYSARG 0x8u
+#define VECS_IN_RAM 1u
+#define START (1u << 31)
+#define OPCODE 0xFFFFu
+
+bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    const struct psoc_cpuss *cpuss = &psoc->cpuss;
+    switch (offset) {
+    case CONFIG:
+        access->value = cpuss->config;
+        return true;
+    case SYSREQ:
+        access->value = cpuss->sysreq;
+        return true;
+    case SYSARG:
+        access->value = cpuss->sysarg;
+        return true;
+    default:
+        return false;
+    }
+}
+
+bool psoc_cpuss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    struct psoc_cpuss *cpuss = &psoc->cpuss;
+    switch (offset) {
+    case CONFIG:
+        if (access->value & ~VECS_IN_RAM) {
+            return false;
+        }
+        cpuss->config = access->value;
+        cortex_m0_set_vectors(&psoc->cpu, access->value & VECS_IN_RAM ? PSOC_RAM_BASE : 0u);
+        return true;
+    case SYSREQ:
+        cpuss->sysreq = access->value & ~START;
+        if (access->value & START) {
+            access->stall = psoc_srom_call(psoc, access->value & OPCODE, access->cycle);
+        }
+        return true;
+    case SYSARG:
+        cpuss->sysarg = access->value;
+        return true;
+    default:
+        return false;
+    }
+}

@@ -1,0 +1,123 @@
+/* CapSense: a conversion takes a period of sample clocks, and counts those in which the current source was on. What it counts is the
+ * board's to say: the same front end as a native board's. */
+#include "emulator/psoc4200/parts.h"
+
+#define CSD_ID 0x00u
+#define CSD_CONFIG 0x04u
+#define CSD_IDAC 0x08u
+#define CSD_COUNTER 0x0Cu
+#define CSD_STATUS 0x10u
+#define CSD_INTR 0x14u
+#define CSD_TRIM1 0xFF00u
+
+#define CONFIG_ENABLE (1u << 31)
+#define CONFIG_SENSE_EN (1u << 12)
+#define STATUS_SENSE (1u << 1)
+#define STATUS_SAMPLE (1u << 3)
+#define PERI_CSD_SENSE 4u
+#define PERI_CSD_SAMPLE 5u
+#define SENSE_HALVES 2u
+#define STARTS_AFTER 1u /* sample clocks from the write of the period to the first count */
+
+static void line_follows(struct psoc *psoc)
+{
+    psoc_set_line(psoc, PSOC_IRQ_CSD, psoc->csd.intr & 1u);
+}
+
+static bool begin(struct psoc *psoc, uint32_t period, uint64_t cycle)
+{
+    struct psoc_csd *csd = &psoc->csd;
+    csd->sample = psoc_clock_divider(psoc, PERI_CSD_SAMPLE);
+    csd->sense = psoc_clock_divider(psoc, PERI_CSD_SENSE) * SENSE_HALVES;
+    if (!(csd->config & CONFIG_ENABLE) || !period || !csd->sample || !csd->sense) {
+        return false;
+    }
+    csd->sense /= csd->sample;
+    csd->period = period;
+    csd->begin = cycle + (uint64_t)STARTS_AFTER * csd->sample;
+    csd->end = csd->begin + (uint64_t)period * csd->sample;
+    csd->counter = period << 16;
+    cortex_m0_stop(&psoc->cpu); /* it may end within this run */
+    return true;
+}
+
+void psoc_csd_end(struct psoc *psoc)
+{
+    struct psoc_csd *csd = &psoc->csd;
+    const struct psoc_wires *wires = &psoc->config.wires;
+    const bool senses = csd->config & CONFIG_SENSE_EN;
+    struct psoc_conversion conversion = {
+        .period = csd->period,
+        .sense = csd->sense,
+        .sample = csd->sample,
+        .idac_code = (uint8_t)csd->idac,
+        .begin = psoc_time(psoc, csd->begin),
+        .end = psoc_time(psoc, csd->end),
+    };
+    psoc_connected_lines(psoc, &conversion.tx, &conversion.rx);
+    csd->end = PSOC_NEVER;
+    csd->counter = senses && wires->convert ? wires->convert(wires->context, &conversion) : 0u;
+    csd->intr |= 1u;
+    line_follows(psoc);
+}
+
+/* While it counts, the low half is what the source has done so far: nothing before the sense clock ran, which is as long as the
+ * firmware looks at it. */
+static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
+{
+    if (csd->end == PSOC_NEVER || cycle < csd->begin) {
+        return csd->counter;
+    }
+    return (csd->period - (uint32_t)((cycle - csd->begin) / csd->sample)) << 16;
+}
+
+bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    const struct psoc_csd *csd = &psoc->csd;
+    switch (access->size == 4u ? offset : UINT32_MAX) {
+    case CSD_CONFIG:
+        access->value = csd->config;
+        return true;
+    case CSD_IDAC:
+        access->value = csd->idac;
+        return true;
+    case CSD_COUNTER:
+        access->value = counter_at(csd, access->cycle);
+        return true;
+    case CSD_STATUS:
+        access->value = csd->config & CONFIG_SENSE_EN ? STATUS_SENSE | STATUS_SAMPLE : 0u;
+        return true;
+    case CSD_INTR:
+        access->value = csd->intr;
+        return true;
+    case CSD_TRIM1:
+        access->value = csd->trim1;
+        return true;
+    default:
+        return false;
+    }
+}
+
+bool psoc_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    struct psoc_csd *csd = &psoc->csd;
+    switch (access->size == 4u ? offset : UINT32_MAX) {
+    case CSD_CONFIG:
+        csd->config = access->value;
+        return true;
+    case CSD_IDAC:
+        csd->idac = access->value;
+        return true;
+    case CSD_COUNTER:
+        return begin(psoc, access->value >> 16, access->cycle);
+    case CSD_INTR:
+        csd->intr &= ~access->value;
+        line_follows(psoc);
+        return true;
+    case CSD_TRIM1:
+        csd->trim1 = access->value;
+        return true;
+    default:
+        return false;
+    }
+}

@@ -1,0 +1,160 @@
+/* Ports and the switch matrix behind them: which lines of the sensor are connected, the bus's lines by hand, RTS. */
+#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/wiring.h"
+
+#define PORT_DATA 0x00u
+#define PORT_STATE 0x04u
+#define PORT_MODE 0x08u
+#define PORT_INPUT_DISABLE 0x18u
+#define PORT_SIZE 0x100u
+
+#define FUNCTION_GPIO 0u
+#define FUNCTION_SENSE 4u
+#define FUNCTION_AMUX_A 6u
+#define MODE_OPEN_DRAIN 4u
+#define MODE_STRONG 6u
+#define BUS_PORT 4u
+#define SCL 0u
+#define SDA 1u
+
+static unsigned function_of(const struct psoc *psoc, unsigned port, unsigned number)
+{
+    return psoc->gpio.select[port] >> (4u * number) & 15u;
+}
+
+static unsigned mode_of(const struct psoc *psoc, unsigned port, unsigned number)
+{
+    return psoc->gpio.port[port].mode >> (3u * number) & 7u;
+}
+
+/* Whether the firmware pulls this pin low by hand. */
+static bool pulls_low(const struct psoc *psoc, unsigned port, unsigned number)
+{
+    const unsigned mode = mode_of(psoc, port, number);
+    return function_of(psoc, port, number) == FUNCTION_GPIO && (mode == MODE_OPEN_DRAIN || mode == MODE_STRONG) &&
+           !(psoc->gpio.port[port].data >> number & 1u);
+}
+
+static bool is_high(const struct psoc *psoc, unsigned port, unsigned number)
+{
+    return function_of(psoc, port, number) == FUNCTION_GPIO && mode_of(psoc, port, number) == MODE_STRONG &&
+           psoc->gpio.port[port].data >> number & 1u;
+}
+
+static void tell_wires(struct psoc *psoc, uint64_t cycle)
+{
+    const struct psoc_wires *wires = &psoc->config.wires;
+    struct psoc_gpio *gpio = &psoc->gpio;
+    const bool scl_low = pulls_low(psoc, BUS_PORT, SCL), sda_low = pulls_low(psoc, BUS_PORT, SDA);
+    const bool rts_high = is_high(psoc, WIRING_RTS >> 4, WIRING_RTS & 7u);
+    if (wires->i2c_drive && (scl_low != gpio->scl_low || sda_low != gpio->sda_low)) {
+        wires->i2c_drive(wires->context, !scl_low, !sda_low);
+        psoc_acts(psoc);
+    }
+    if (wires->uart_hold && rts_high != gpio->rts_high) {
+        wires->uart_hold(wires->context, rts_high, psoc_time(psoc, cycle));
+        psoc_acts(psoc);
+    }
+    gpio->scl_low = scl_low;
+    gpio->sda_low = sda_low;
+    gpio->rts_high = rts_high;
+}
+
+static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
+{
+    const struct psoc_wires *wires = &psoc->config.wires;
+    uint32_t state = psoc->gpio.port[port].data;
+    if (port == BUS_PORT && wires->i2c_scl) {
+        const vtime now = psoc_time(psoc, cycle);
+        state &= ~3u;
+        state |= (uint32_t)wires->i2c_scl(wires->context, now) << SCL | (uint32_t)wires->i2c_sda(wires->context, now) << SDA;
+    }
+    return state;
+}
+
+bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    const unsigned port = offset / PORT_SIZE;
+    if (port >= PSOC_PORTS || access->size != 4u) {
+        return false;
+    }
+    switch (offset % PORT_SIZE) {
+    case PORT_DATA:
+        access->value = psoc->gpio.port[port].data;
+        return true;
+    case PORT_STATE:
+        access->value = state_of(psoc, port, access->cycle);
+        return true;
+    case PORT_MODE:
+        access->value = psoc->gpio.port[port].mode;
+        return true;
+    case PORT_INPUT_DISABLE:
+        access->value = psoc->gpio.port[port].input_disable;
+        return true;
+    default:
+        return false;
+    }
+}
+
+bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    const unsigned port = offset / PORT_SIZE;
+    if (port >= PSOC_PORTS || access->size != 4u) {
+        return false;
+    }
+    switch (offset % PORT_SIZE) {
+    case PORT_DATA:
+        psoc->gpio.port[port].data = access->value;
+        break;
+    case PORT_MODE:
+        psoc->gpio.port[port].mode = access->value;
+        break;
+    case PORT_INPUT_DISABLE:
+        psoc->gpio.port[port].input_disable = access->value;
+        return true;
+    default:
+        return false;
+    }
+    tell_wires(psoc, access->cycle);
+    return true;
+}
+
+bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    if (offset / 4u >= PSOC_PORTS || access->size != 4u) {
+        return false;
+    }
+    access->value = psoc->gpio.select[offset / 4u];
+    return true;
+}
+
+bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
+{
+    if (offset / 4u >= PSOC_PORTS || access->size != 4u) {
+        return false;
+    }
+    psoc->gpio.select[offset / 4u] = access->value;
+    tell_wires(psoc, access->cycle);
+    return true;
+}
+
+/* The one of these pins that has the function; -1: none, or several. */
+static int only_one(const struct psoc *psoc, const uint8_t *pins, unsigned count, unsigned function)
+{
+    int found = -1;
+    for (unsigned i = 0; i < count; i++) {
+        if (function_of(psoc, pins[i] >> 4, pins[i] & 7u) == function) {
+            if (found >= 0) {
+                return -1;
+            }
+            found = (int)i;
+        }
+    }
+    return found;
+}
+
+void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
+{
+    *tx = only_one(psoc, wiring_tx, WIRING_TX_LINES, FUNCTION_SENSE);
+    *rx = only_one(psoc, wiring_rx, WIRING_RX_LINES, FUNCTION_AMUX_A);
+}

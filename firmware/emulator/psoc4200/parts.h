@@ -1,0 +1,65 @@
+/* What the blocks share. Each register function returns false for a register that is not modelled. */
+#ifndef PSOC4200_PARTS_H
+#define PSOC4200_PARTS_H
+
+#include "emulator/psoc4200/psoc.h"
+
+#define PSOC_IRQ_SCB0 10u
+#define PSOC_IRQ_SCB1 11u
+#define PSOC_IRQ_CSD 15u
+
+/* psoc.c */
+vtime psoc_time(const struct psoc *psoc, uint64_t cycle);
+uint64_t psoc_cycle(const struct psoc *psoc, vtime time);
+void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle);
+void psoc_set_line(struct psoc *psoc, unsigned irq, bool high);
+void psoc_acts(struct psoc *psoc);    /* return from this run after the instruction */
+void psoc_answers(struct psoc *psoc); /* of what the bus waits for */
+void psoc_complain(struct psoc *psoc, const char *what, uint32_t address);
+
+/* bus_map.c: every access that is neither flash nor RAM. */
+enum cortex_m0_answer psoc_on_read(void *context, struct cortex_m0_access *access);
+enum cortex_m0_answer psoc_on_write(void *context, struct cortex_m0_access *access);
+
+/* `offset` from the block's first register; access->value is filled in, or to be written. */
+bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral); /* cycles of one clock; 0: it has none */
+
+bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_cpuss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+
+bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx);
+
+bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+void psoc_csd_end(struct psoc *psoc);
+
+bool psoc_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_srss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+void psoc_srss_reset(struct psoc *psoc, uint32_t causes);
+
+bool psoc_sflash_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
+
+/* The ROM's call that a write to SYSREQ starts: cycles that it takes. */
+uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle);
+
+bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
+bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
+void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb); /* the interrupt's level */
+bool psoc_scb_is_i2c(const struct psoc_scb *scb);
+void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte);
+uint8_t psoc_fifo_pop(struct psoc_fifo *fifo);
+
+void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
+void psoc_slave_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* the transmit FIFO */
+void psoc_slave_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
+void psoc_master_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+void psoc_master_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+
+#endif

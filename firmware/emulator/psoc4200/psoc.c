@@ -1,0 +1,270 @@
+/* The chip in virtual time: power, reset, clock, and the run that its blocks interrupt. */
+#include "emulator/psoc4200/psoc.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "emulator/psoc4200/parts.h"
+
+#define HZ_AFTER_RESET 24e6
+#define FLASH_WAIT_AFTER_RESET 0u
+#define CAUSE_WATCHDOG (1u << 0)
+#define CAUSE_LOCKUP (1u << 2)
+#define CAUSE_SOFT (1u << 4)
+#define VECTORS_IN_RAM 1u
+
+vtime psoc_time(const struct psoc *psoc, uint64_t cycle)
+{
+    return psoc->origin + (vtime)((double)(cycle - psoc->origin_cycle) * psoc->ps_per_cycle);
+}
+
+uint64_t psoc_cycle(const struct psoc *psoc, vtime time)
+{
+    if (time <= psoc->origin) {
+        return psoc->origin_cycle;
+    }
+    uint64_t cycle = psoc->origin_cycle + (uint64_t)((double)(time - psoc->origin) / psoc->ps_per_cycle);
+    while (psoc_time(psoc, cycle) < time) {
+        cycle++;
+    }
+    return cycle;
+}
+
+static void set_origin(struct psoc *psoc, vtime time, uint64_t cycle)
+{
+    psoc->origin = time;
+    psoc->origin_cycle = cycle;
+}
+
+void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle)
+{
+    set_origin(psoc, psoc_time(psoc, cycle), cycle);
+    psoc->ps_per_cycle = (double)VTIME_SECOND / hz / psoc->config.clock_rate;
+}
+
+void psoc_set_clock_rate(struct psoc *psoc, double clock_rate)
+{
+    const double hz = (double)VTIME_SECOND / psoc->ps_per_cycle / psoc->config.clock_rate;
+    psoc->config.clock_rate = clock_rate;
+    psoc_set_frequency(psoc, hz, psoc->cpu.cycle);
+}
+
+vtime psoc_now(const struct psoc *psoc)
+{
+    return psoc_time(psoc, psoc->cpu.cycle);
+}
+
+void psoc_set_line(struct psoc *psoc, unsigned irq, bool high)
+{
+    cortex_m0_set_line(&psoc->cpu, irq, high);
+    psoc->roused = true;
+}
+
+void psoc_acts(struct psoc *psoc)
+{
+    psoc->acted = true;
+    cortex_m0_stop(&psoc->cpu);
+}
+
+void psoc_answers(struct psoc *psoc)
+{
+    psoc->answered = true;
+    cortex_m0_stop(&psoc->cpu);
+}
+
+void psoc_complain(struct psoc *psoc, const char *what, uint32_t address)
+{
+    fprintf(stderr, "%s: the program at 0x%04X %s 0x%08X: nobody has modelled that; the processor stands still\n", psoc->name,
+            (unsigned)psoc->cpu.r[15], what, (unsigned)address);
+    psoc->broken = true;
+    cortex_m0_stop(&psoc->cpu);
+}
+
+int psoc_init(struct psoc *psoc, const struct psoc_config *config)
+{
+    memset(psoc, 0, sizeof *psoc);
+    psoc->config = *config;
+    snprintf(psoc->name, sizeof psoc->name, "%s", config->name);
+    random_init(&psoc->random, config->seed ^ 0x5241Du, config->unique_id[0]);
+    const struct cortex_m0_config core = {
+        .flash = config->flash->bytes,
+        .flash_size = sizeof config->flash->bytes,
+        .ram = psoc->ram,
+        .ram_base = PSOC_RAM_BASE,
+        .ram_size = PSOC_RAM_SIZE,
+        .context = psoc,
+        .read = psoc_on_read,
+        .write = psoc_on_write,
+        .timing = cortex_m0_psoc4200(),
+    };
+    if (cortex_m0_init(&psoc->cpu, &core)) {
+        return -1;
+    }
+    cortex_m0_set_account(&psoc->cpu, &psoc->account);
+    return 0;
+}
+
+void psoc_free(struct psoc *psoc)
+{
+    cortex_m0_free(&psoc->cpu);
+}
+
+/* Blocks as after a reset; RAM and the clock of the world go on. */
+static void reset(struct psoc *psoc, vtime now, uint32_t causes)
+{
+    memset(&psoc->clocks, 0, sizeof psoc->clocks);
+    memset(&psoc->cpuss, 0, sizeof psoc->cpuss);
+    memset(&psoc->gpio, 0, sizeof psoc->gpio);
+    psoc->csd = (struct psoc_csd){.end = PSOC_NEVER};
+    for (unsigned i = 0; i < 2u; i++) {
+        psoc->scb[i] = (struct psoc_scb){.number = i};
+    }
+    psoc->cpu.lines = 0;
+    psoc->ps_per_cycle = (double)VTIME_SECOND / HZ_AFTER_RESET / psoc->config.clock_rate;
+    set_origin(psoc, now + psoc->config.reset_time, psoc->cpu.cycle);
+    psoc_srss_reset(psoc, causes);
+    cortex_m0_set_flash_wait(&psoc->cpu, FLASH_WAIT_AFTER_RESET);
+    cortex_m0_reset(&psoc->cpu, 0);
+    psoc->faults_before = psoc->cpu.faults;
+    psoc->resets++;
+    psoc->stalled_until = 0;
+}
+
+void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
+{
+    for (unsigned i = 0; i < PSOC_RAM_SIZE; i += 8u) {
+        const uint64_t drawn = random_u64(&psoc->random);
+        memcpy(psoc->ram + i, &drawn, sizeof drawn);
+    }
+    cortex_m0_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
+    cortex_m0_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a torn row */
+    psoc->powered = true;
+    psoc->broken = false;
+    psoc->srss.cause = 0;
+    reset(psoc, now, causes);
+}
+
+void psoc_power_off(struct psoc *psoc)
+{
+    psoc->powered = false;
+}
+
+static void reset_by(struct psoc *psoc, uint32_t cause)
+{
+    struct psoc_scb *const scb = &psoc->scb[0];
+    const vtime now = psoc_now(psoc);
+    psoc_slave_off(psoc, scb, psoc->cpu.cycle);
+    psoc_master_off(psoc, scb, psoc->cpu.cycle);
+    if (psoc->config.wires.i2c_drive) {
+        psoc->config.wires.i2c_drive(psoc->config.wires.context, true, true);
+    }
+    if (psoc->config.wires.uart_hold) {
+        psoc->config.wires.uart_hold(psoc->config.wires.context, false, now);
+    }
+    reset(psoc, now, psoc->srss.cause | cause);
+    psoc->acted = true;
+}
+
+/* What a block does by itself. */
+static uint64_t next_of_blocks(const struct psoc *psoc)
+{
+    return psoc->csd.end < psoc->srss.bites ? psoc->csd.end : psoc->srss.bites;
+}
+
+static void run_blocks(struct psoc *psoc)
+{
+    if (psoc->csd.end <= psoc->cpu.cycle) {
+        psoc_csd_end(psoc);
+    }
+    if (psoc->srss.bites <= psoc->cpu.cycle) {
+        reset_by(psoc, CAUSE_WATCHDOG);
+    }
+}
+
+/* Handlers alone: the main program is put to sleep wherever it is, instruction by instruction. */
+static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
+{
+    struct cortex_m0 *cpu = &psoc->cpu;
+    const bool in_main = !cpu->ipsr && !cpu->entering && !cpu->primask;
+    if (in_main && !cpu->asleep) {
+        cpu->asleep = true;
+        cpu->wakes_by_event = false;
+        cpu->asleep_since = cpu->cycle;
+        cpu->attention = true;
+    }
+    const uint64_t tick = cortex_m0_wakes_at(cpu);
+    if (!cpu->asleep || cpu->pending & cpu->enabled || tick <= cpu->cycle) {
+        return cortex_m0_step(cpu);
+    }
+    return cortex_m0_run(cpu, tick < until ? tick : until);
+}
+
+static void run_processor(struct psoc *psoc, uint64_t until)
+{
+    const bool stalled = psoc->stalled_until && psoc_now(psoc) < psoc->stalled_until;
+    switch (stalled ? run_stalled(psoc, until) : cortex_m0_run(&psoc->cpu, until)) {
+    case CORTEX_M0_RESET_WANTED:
+        reset_by(psoc, CAUSE_SOFT);
+        break;
+    case CORTEX_M0_LOCKUP:
+        reset_by(psoc, CAUSE_LOCKUP);
+        break;
+    default:
+        break;
+    }
+}
+
+static bool run(struct psoc *psoc, vtime until, const bool *over)
+{
+    psoc->roused = false;
+    while (psoc->powered && !psoc->broken && !*over && until > psoc->origin) {
+        const uint64_t end = psoc_cycle(psoc, until), block = next_of_blocks(psoc);
+        if (block <= psoc->cpu.cycle) {
+            run_blocks(psoc);
+        } else if (psoc->cpu.cycle >= end) {
+            break;
+        } else {
+            run_processor(psoc, block < end ? block : end);
+        }
+    }
+    return *over;
+}
+
+bool psoc_run(struct psoc *psoc, vtime until)
+{
+    psoc->acted = false;
+    return run(psoc, until, &psoc->acted);
+}
+
+bool psoc_run_to_answer(struct psoc *psoc, vtime until)
+{
+    return run(psoc, until, &psoc->answered);
+}
+
+void psoc_stall(struct psoc *psoc, vtime until)
+{
+    psoc->stalled_until = until;
+}
+
+vtime psoc_next(const struct psoc *psoc)
+{
+    if (!psoc->powered || psoc->broken) {
+        return VTIME_NEVER;
+    }
+    if (!psoc->cpu.asleep || psoc->roused) {
+        return psoc_now(psoc);
+    }
+    const uint64_t tick = cortex_m0_wakes_at(&psoc->cpu), block = next_of_blocks(psoc);
+    const uint64_t next = tick < block ? tick : block;
+    return next == PSOC_NEVER ? VTIME_NEVER : psoc_time(psoc, next);
+}
+
+bool psoc_runs_application(const struct psoc *psoc)
+{
+    return psoc->powered && psoc->cpuss.config & VECTORS_IN_RAM;
+}
+
+bool psoc_has_faulted(const struct psoc *psoc)
+{
+    return psoc->cpu.faults != psoc->faults_before;
+}

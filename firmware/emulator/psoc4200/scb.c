@@ -1,0 +1,220 @@
+/* A serial communication block: its FIFOs, its four groups of interrupts, and the registers that its modes share. */
+#include <string.h>
+
+#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/scb_registers.h"
+
+void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte)
+{
+    if (fifo->count < PSOC_FIFO) {
+        fifo->bytes[(fifo->first + fifo->count++) % PSOC_FIFO] = byte;
+    }
+}
+
+uint8_t psoc_fifo_pop(struct psoc_fifo *fifo)
+{
+    if (!fifo->count) {
+        return 0;
+    }
+    const uint8_t byte = fifo->bytes[fifo->first];
+    fifo->first = (fifo->first + 1u) % PSOC_FIFO;
+    fifo->count--;
+    return byte;
+}
+
+bool psoc_scb_is_i2c(const struct psoc_scb *scb)
+{
+    return (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_I2C);
+}
+
+/* What the FIFOs ask for comes back as long as it holds, however often it is cleared. */
+void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
+{
+    if (scb->ctrl & SCB_ENABLED) {
+        scb->intr_tx |= scb->tx.count < (scb->tx_fifo_ctrl & SCB_LEVEL) ? SCB_TX_TRIGGER : 0u;
+        scb->intr_tx |= scb->tx.count ? 0u : SCB_TX_EMPTY;
+        scb->intr_rx |= scb->rx.count ? SCB_RX_NOT_EMPTY : 0u;
+    }
+    const bool line = (scb->intr_m & scb->intr_m_mask) || (scb->intr_s & scb->intr_s_mask) ||
+                      (scb->intr_tx & scb->intr_tx_mask) || (scb->intr_rx & scb->intr_rx_mask);
+    if (line != scb->line) {
+        scb->line = line;
+        psoc_set_line(psoc, scb->number ? PSOC_IRQ_SCB1 : PSOC_IRQ_SCB0, line);
+    }
+}
+
+static uint32_t *stored_at(struct psoc_scb *scb, uint32_t offset)
+{
+    switch (offset) {
+    case SCB_CTRL:
+        return &scb->ctrl;
+    case SCB_UART_CTRL:
+        return &scb->uart_ctrl;
+    case SCB_UART_TX_CTRL:
+        return &scb->uart_tx_ctrl;
+    case SCB_UART_RX_CTRL:
+        return &scb->uart_rx_ctrl;
+    case SCB_I2C_CTRL:
+        return &scb->i2c_ctrl;
+    case SCB_I2C_CFG:
+        return &scb->i2c_cfg;
+    case SCB_TX_CTRL:
+        return &scb->tx_ctrl;
+    case SCB_TX_FIFO_CTRL:
+        return &scb->tx_fifo_ctrl;
+    case SCB_RX_CTRL:
+        return &scb->rx_ctrl;
+    case SCB_RX_FIFO_CTRL:
+        return &scb->rx_fifo_ctrl;
+    case SCB_RX_MATCH:
+        return &scb->rx_match;
+    default:
+        return NULL;
+    }
+}
+
+struct group {
+    uint32_t *raised, *mask;
+};
+
+static bool group_at(struct psoc_scb *scb, uint32_t offset, struct group *group)
+{
+    switch (offset & ~15u) {
+    case SCB_INTR_M:
+        *group = (struct group){&scb->intr_m, &scb->intr_m_mask};
+        return true;
+    case SCB_INTR_S:
+        *group = (struct group){&scb->intr_s, &scb->intr_s_mask};
+        return true;
+    case SCB_INTR_TX:
+        *group = (struct group){&scb->intr_tx, &scb->intr_tx_mask};
+        return true;
+    case SCB_INTR_RX:
+        *group = (struct group){&scb->intr_rx, &scb->intr_rx_mask};
+        return true;
+    default:
+        return false;
+    }
+}
+
+static uint32_t i2c_status(const struct psoc_scb *scb)
+{
+    return (scb->state != PSOC_SCB_IDLE ? SCB_STATUS_BUS_BUSY : 0u) | (scb->reading ? SCB_STATUS_S_READ : 0u);
+}
+
+bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
+{
+    struct group group;
+    const uint32_t *stored = stored_at(scb, offset);
+    if (access->size != 4u) {
+        return false;
+    }
+    if (stored) {
+        access->value = *stored;
+    } else if (group_at(scb, offset, &group)) {
+        const uint32_t values[4] = {*group.raised, *group.raised, *group.mask, *group.raised & *group.mask};
+        access->value = values[offset >> 2 & 3u];
+    } else if (offset == SCB_I2C_STATUS) {
+        access->value = i2c_status(scb);
+    } else if (offset == SCB_TX_FIFO_STATUS) {
+        access->value = scb->tx.count;
+    } else if (offset == SCB_RX_FIFO_STATUS) {
+        access->value = scb->rx.count;
+    } else if (offset == SCB_RX_FIFO_RD) {
+        access->value = psoc_fifo_pop(&scb->rx);
+        psoc_scb_update(psoc, scb);
+    } else {
+        return false;
+    }
+    return true;
+}
+
+static bool set_ctrl(struct psoc *psoc, struct psoc_scb *scb, uint32_t value, uint64_t cycle)
+{
+    const bool was_on = scb->ctrl & SCB_ENABLED;
+    if (value & ~(SCB_ENABLED | SCB_MODE | SCB_OVERSAMPLE) || (value & SCB_MODE) == SCB_MODE) {
+        return false;
+    }
+    if (was_on && !(value & SCB_ENABLED)) {
+        psoc_slave_off(psoc, scb, cycle);
+        psoc_master_off(psoc, scb, cycle);
+        scb->state = PSOC_SCB_IDLE;
+        scb->shift_full = false;
+        scb->tx.count = scb->rx.count = 0;
+    }
+    scb->ctrl = value;
+    return true;
+}
+
+static bool set_group(struct group group, uint32_t which, uint32_t value)
+{
+    switch (which) {
+    case 0:
+        *group.raised &= ~value;
+        return true;
+    case 1:
+        *group.raised |= value;
+        return true;
+    case 2:
+        *group.mask = value;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static void send(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t cycle)
+{
+    const struct psoc_wires *wires = &psoc->config.wires;
+    psoc_fifo_push(&scb->tx, byte);
+    if (!(scb->ctrl & SCB_ENABLED)) {
+        return;
+    }
+    if (psoc_scb_is_i2c(scb)) {
+        psoc_slave_filled(psoc, scb, cycle);
+        psoc_master_filled(psoc, scb, cycle);
+    } else if (wires->uart_kick) {
+        wires->uart_kick(wires->context, psoc_time(psoc, cycle));
+        psoc_acts(psoc);
+    }
+}
+
+static bool set_settings(struct psoc_scb *scb, uint32_t *stored, uint32_t offset, uint32_t value)
+{
+    if (offset == SCB_I2C_CTRL && value & ~SCB_I2C_CTRL_MODELLED) {
+        return false;
+    }
+    *stored = value;
+    if (offset == SCB_TX_FIFO_CTRL && value & SCB_CLEAR) {
+        scb->tx.count = 0;
+        scb->shift_full = false;
+    } else if (offset == SCB_RX_FIFO_CTRL && value & SCB_CLEAR) {
+        scb->rx.count = 0;
+    }
+    return true;
+}
+
+bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
+{
+    struct group group;
+    uint32_t *stored = stored_at(scb, offset);
+    const uint32_t value = access->value;
+    bool is_known = access->size == 4u;
+    if (offset == SCB_CTRL) {
+        is_known &= set_ctrl(psoc, scb, value, access->cycle);
+    } else if (stored) {
+        is_known &= set_settings(scb, stored, offset, value);
+    } else if (group_at(scb, offset, &group)) {
+        is_known &= set_group(group, offset >> 2 & 3u, value);
+    } else if (offset == SCB_TX_FIFO_WR) {
+        send(psoc, scb, (uint8_t)value, access->cycle);
+    } else if (offset == SCB_I2C_S_CMD) {
+        psoc_slave_command(psoc, scb, value, access->cycle);
+    } else if (offset == SCB_I2C_M_CMD) {
+        is_known &= psoc_master_command(psoc, scb, value, access->cycle);
+    } else {
+        is_known = false;
+    }
+    psoc_scb_update(psoc, scb);
+    return is_known;
+}

@@ -1,0 +1,36 @@
+/* An SCB as UART: FIFOs to and from the wire, whose bits are the world's (emulator/uart.h). */
+#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/scb_registers.h"
+
+#define SCB_MODE_UART (2u << 24)
+
+static bool is_on(const struct psoc *psoc, const struct psoc_scb *scb)
+{
+    return psoc->powered && (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_UART);
+}
+
+void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
+{
+    struct psoc_scb *scb = &psoc->scb[1];
+    if (!is_on(psoc, scb)) {
+        return;
+    }
+    if (scb->rx.count == PSOC_FIFO) {
+        scb->intr_rx |= SCB_RX_OVERFLOW;
+    } else {
+        psoc_fifo_push(&scb->rx, byte);
+    }
+    psoc_scb_update(psoc, scb);
+}
+
+/* The transmitter begins with its next byte. */
+bool psoc_uart_take(struct psoc *psoc, uint8_t *byte)
+{
+    struct psoc_scb *scb = &psoc->scb[1];
+    if (!is_on(psoc, scb) || !scb->tx.count) {
+        return false;
+    }
+    *byte = psoc_fifo_pop(&scb->tx);
+    psoc_scb_update(psoc, scb);
+    return true;
+}

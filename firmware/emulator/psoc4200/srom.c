@@ -1,0 +1,80 @@
+/* Calls into the supervisory ROM that write flash (boards/psoc4200/regs/srom.h). On silicon the ROM's code runs in an NMI; here its
+ * work is done at once and the processor stands still for as long as it takes. */
+#include <string.h>
+
+#include "emulator/psoc4200/parts.h"
+
+#define LOAD_LATCH 0x04u
+#define WRITE_ROW 0x05u
+#define PROGRAM_ROW 0x06u
+#define KEY_1 0xB6u
+#define KEY_2(opcode) (0xD3u + (opcode))
+#define SUCCEEDED 0xA0000000u
+#define BAD_ADDRESS 0xF0000003u /* (confirm: which of the ROM's error codes) */
+#define BAD_KEY 0xF0000005u
+#define CALL_CYCLES 300u        /* estimate: the ROM's own code */
+#define HEAD 8u                 /* bytes of the parameters before those to be loaded */
+
+static const uint8_t *in_ram(const struct psoc *psoc, uint32_t address, uint32_t size)
+{
+    const uint32_t offset = address - PSOC_RAM_BASE;
+    return offset < PSOC_RAM_SIZE && size <= PSOC_RAM_SIZE - offset ? psoc->ram + offset : NULL;
+}
+
+static uint32_t word(const uint8_t *bytes)
+{
+    uint32_t value;
+    memcpy(&value, bytes, sizeof value);
+    return value;
+}
+
+static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
+{
+    const uint8_t *head = in_ram(psoc, address, HEAD);
+    const uint32_t at = first >> 16 & 0xFFu, count = head ? word(head + 4) + 1u : 0u;
+    const uint8_t *bytes = in_ram(psoc, address, HEAD + count);
+    if (!head || !bytes || first >> 24 || count > FLASH_ROW || at + count > FLASH_ROW) {
+        return BAD_ADDRESS;
+    }
+    memcpy(psoc->cpuss.latch + at, bytes + HEAD, count);
+    return SUCCEEDED;
+}
+
+static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t cycle, uint32_t *stall)
+{
+    struct flash *flash = psoc->config.flash;
+    uint8_t bytes[FLASH_ROW];
+    if (row >= FLASH_ROWS) {
+        return BAD_ADDRESS;
+    }
+    for (unsigned i = 0; i < FLASH_ROW; i++) {
+        bytes[i] = (uint8_t)(psoc->cpuss.latch[i] | (erases ? 0u : flash->bytes[row * FLASH_ROW + i]));
+    }
+    const vtime end = flash_write(flash, (uint16_t)row, bytes, psoc_time(psoc, cycle));
+    cortex_m0_changed(&psoc->cpu, row * FLASH_ROW, FLASH_ROW);
+    memset(psoc->cpuss.latch, 0, sizeof psoc->cpuss.latch);
+    *stall += (uint32_t)(psoc_cycle(psoc, end) - cycle);
+    psoc_acts(psoc); /* a power cut may have been planned for this write */
+    return SUCCEEDED;
+}
+
+uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle)
+{
+    const uint32_t address = psoc->cpuss.sysarg;
+    const uint8_t *parameters = in_ram(psoc, address, HEAD);
+    const uint32_t first = parameters ? word(parameters) : 0u;
+    uint32_t stall = CALL_CYCLES, status;
+    if (opcode != LOAD_LATCH && opcode != WRITE_ROW && opcode != PROGRAM_ROW) {
+        psoc_complain(psoc, "asks the ROM for call", opcode);
+        return 0;
+    }
+    if ((first & 0xFFFFu) != (KEY_2(opcode) << 8 | KEY_1)) {
+        status = BAD_KEY;
+    } else if (opcode == LOAD_LATCH) {
+        status = load_latch(psoc, first, address);
+    } else {
+        status = write_row(psoc, first >> 16, opcode == WRITE_ROW, cycle, &stall);
+    }
+    psoc->cpuss.sysarg = status;
+    return stall;
+}

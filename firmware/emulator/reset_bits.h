@@ -1,0 +1,21 @@
+/* Causes of a reset (protocol) as RES_CAUSE of a PSoC 4200 shows them (boards/psoc4200/regs/srss.h). */
+#ifndef EMULATOR_RESET_BITS_H
+#define EMULATOR_RESET_BITS_H
+
+#include "generated/taxel_protocol.h"
+
+static inline uint32_t reset_bits(uint8_t cause)
+{
+    switch (cause) {
+    case TAXEL_RESET_CAUSE_WATCHDOG:
+        return 1u << 0;
+    case TAXEL_RESET_CAUSE_COMMAND:
+        return 1u << 4;
+    case TAXEL_RESET_CAUSE_BROWN_OUT:
+        return 1u << 5;
+    default:
+        return 0; /* power-on leaves no bit */
+    }
+}
+
+#endif

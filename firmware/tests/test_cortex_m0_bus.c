@@ -1,0 +1,279 @@
+/* What the caller of the processor relies on: accesses with their cycle, stalls, stops, repeated accesses, and the
+ * accounts. */
+#include "check.h"
+#include "test_cortex_m0_bench.h"
+
+#define NOP 0xBF00u
+#define IRQ(number) (CORTEX_M0_IRQ0 + (number))
+#define LDR_R0_R1 0x6808u
+#define STR_R0_R1 0x6008u
+
+static struct bench bench;
+static struct cortex_m0 *const cpu = &bench.cpu;
+
+static void at_the_port(uint16_t instruction)
+{
+    bench_init(&bench);
+    BENCH_PROGRAM(&bench, NOP, instruction, NOP, NOP);
+    cpu->r[1] = BENCH_PORT;
+    cortex_m0_step(cpu);
+}
+
+static void an_access_says_where_when_and_how_wide(void)
+{
+    static const struct {
+        uint16_t instruction;
+        uint8_t size;
+        bool write;
+        uint32_t value, loaded;
+    } rows[] = {
+        {0x6808, 4, false, 0, 0x89ABCDEFu}, {0x8808, 2, false, 0, 0xCDEF},     {0x7808, 1, false, 0, 0xEF},
+        {0x5688, 1, false, 0, 0xFFFFFFEFu}, {0x5E88, 2, false, 0, 0xFFFFCDEFu}, {0x6008, 4, true, 0x12345678u, 0},
+        {0x8008, 2, true, 0x5678, 0},       {0x7008, 1, true, 0x78, 0},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        at_the_port(rows[i].instruction);
+        bench.port[0] = 0x89ABCDEFu;
+        cpu->r[0] = 0x12345678u;
+        cortex_m0_step(cpu);
+        const struct bench_access *const seen = &bench.accesses[0];
+        CHECK_EQUAL(bench.count, 1);
+        CHECK_EQUAL(seen->write, rows[i].write);
+        CHECK_EQUAL(seen->access.address, BENCH_PORT);
+        CHECK_EQUAL(seen->access.size, rows[i].size);
+        CHECK_EQUAL(seen->access.value, rows[i].value);
+        CHECK_EQUAL(seen->access.cycle, 2); /* the NOP, then the address; the data follow it */
+        CHECK_EQUAL(cpu->r[0], rows[i].write ? 0x12345678u : rows[i].loaded);
+        CHECK_EQUAL(cpu->cycle, 3);
+    }
+}
+
+static void wait_states_of_a_peripheral_are_waited_for(void)
+{
+    at_the_port(LDR_R0_R1);
+    bench.stall = 7;
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->cycle, 3 + 7);
+}
+
+static void a_list_of_registers_is_accessed_word_by_word(void)
+{
+    at_the_port(0xC90D); /* LDM r1!, {r0, r2, r3} */
+    bench.stall = 2;
+    for (uint32_t i = 0; i < 3; i++) {
+        bench.port[i] = i + 1u;
+    }
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(bench.count, 3);
+    for (uint32_t i = 0; i < 3; i++) {
+        CHECK_EQUAL(bench.accesses[i].access.address, BENCH_PORT + 4u * i);
+        CHECK_EQUAL(bench.accesses[i].access.cycle, 2 + i * 3);
+    }
+    CHECK_EQUAL(cpu->r[0] << 8 | cpu->r[2] << 4 | cpu->r[3], 0x123);
+    CHECK_EQUAL(cpu->r[1], BENCH_PORT + 12u);
+    CHECK_EQUAL(cpu->cycle, 1 + 4 + 6);
+}
+
+static void a_list_that_fails_in_the_middle_leaves_the_registers(void)
+{
+    at_the_port(0xC90D);
+    cpu->r[1] = BENCH_PORT + sizeof bench.port - 4u;
+    bench.port[7] = 77;
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, CORTEX_M0_HARD_FAULT);
+    CHECK_EQUAL(cpu->fault.address, BENCH_PORT + sizeof bench.port);
+    CHECK_EQUAL(cpu->r[0], 0);
+    CHECK_EQUAL(cpu->r[1], BENCH_PORT + sizeof bench.port - 4u);
+}
+
+static void a_stack_may_lie_outside_of_ram(void)
+{
+    bench_init(&bench);
+    BENCH_PROGRAM(&bench, 0xB503, 0xBC04, 0xBD08, 0xBF00); /* PUSH {r0, r1, LR}; POP {r2}; POP {r3, PC} */
+    cpu->r[0] = 10;
+    cpu->r[1] = 11;
+    cpu->r[13] = BENCH_PORT + 16u;
+    cortex_m0_forget_stack(cpu);
+    cpu->r[14] = (BENCH_MAIN + 6u) | 1u;
+    CHECK_EQUAL(bench_until(&bench, BENCH_MAIN + 6u), 4 + 2 + 6);
+    CHECK_EQUAL(cpu->r[2], 10);
+    CHECK_EQUAL(cpu->r[3], 11);
+    CHECK_EQUAL(cpu->r[13], BENCH_PORT + 16u);
+    CHECK_EQUAL(cortex_m0_lowest_msp(cpu), BENCH_PORT + 4u);
+    CHECK_EQUAL(bench.count, 6);
+}
+
+static void a_callback_can_stop_behind_its_instruction(void)
+{
+    at_the_port(STR_R0_R1);
+    bench.stops = true;
+    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_STOPPED);
+    CHECK_EQUAL(cpu->cycle, 3);
+    CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 4u);
+    CHECK_EQUAL(cortex_m0_run(cpu, 4), CORTEX_M0_TIME);
+    CHECK_EQUAL(bench.count, 1);
+    cortex_m0_stop(cpu);
+    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_STOPPED);
+    CHECK_EQUAL(cpu->cycle, 4);
+}
+
+static void an_access_can_be_put_off(void)
+{
+    at_the_port(STR_R0_R1);
+    cpu->r[0] = 5;
+    bench.answer = CORTEX_M0_LATER;
+    for (int i = 0; i < 3; i++) {
+        CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_WAITS);
+        CHECK_EQUAL(cpu->cycle, 1);
+        CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 2u);
+    }
+    bench.answer = CORTEX_M0_OK;
+    cortex_m0_run(cpu, 3);
+    CHECK_EQUAL(bench.count, 4);
+    CHECK_EQUAL(bench.port[0], 5);
+    CHECK_EQUAL(cpu->cycle, 3);
+}
+
+static void an_interrupt_that_came_meanwhile_is_served_before_the_access(void)
+{
+    at_the_port(STR_R0_R1);
+    cpu->enabled |= UINT64_C(1) << IRQ(0);
+    bench.answer = CORTEX_M0_LATER;
+    cortex_m0_run(cpu, 1000);
+    cortex_m0_pulse(cpu, 0);
+    bench.answer = CORTEX_M0_OK;
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(0));
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 2u);
+    CHECK_EQUAL(bench.count, 1);
+}
+
+static void an_access_can_raise_an_interrupt_that_comes_next(void)
+{
+    at_the_port(STR_R0_R1);
+    cpu->enabled |= UINT64_C(1) << IRQ(6);
+    bench.raises = 6;
+    cortex_m0_run(cpu, 4);
+    CHECK_EQUAL(bench.count, 1);
+    cortex_m0_run(cpu, 3 + 16);
+    CHECK_EQUAL(cpu->ipsr, IRQ(6));
+    CHECK_EQUAL(cpu->cycle, 3 + 16);
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 4u);
+}
+
+static void a_store_to_flash_is_the_callers(void)
+{
+    at_the_port(STR_R0_R1);
+    cpu->r[1] = 0xA00;
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(bench.accesses[0].access.address, 0xA00);
+    CHECK(bench.accesses[0].write);
+    CHECK_EQUAL(cpu->ipsr, CORTEX_M0_HARD_FAULT);
+    CHECK_EQUAL(bench_read(&bench, 0xA00), 0);
+}
+
+static void without_a_bus_there_is_nothing(void)
+{
+    bench_init(&bench);
+    bench.config.read = NULL;
+    bench.config.write = NULL;
+    for (unsigned i = 0; i < 2; i++) {
+        BENCH_PROGRAM(&bench, i ? LDR_R0_R1 : STR_R0_R1);
+        cpu->r[1] = BENCH_PORT;
+        cortex_m0_step(cpu);
+        CHECK_EQUAL(cpu->ipsr, CORTEX_M0_HARD_FAULT);
+    }
+}
+
+/* The worse one runs NOP NOP BX; the better one, empty, comes in its second instruction. */
+static void a_handlers_own_cycles_are_without_those_that_preempt_it(void)
+{
+    struct cortex_m0_account account;
+    bench_init(&bench);
+    BENCH_PROGRAM(&bench, NOP, NOP, NOP);
+    BENCH_PUT(&bench, BENCH_HANDLER(IRQ(1)), NOP, NOP, 0x4770);
+    cortex_m0_set_account(cpu, &account);
+    cpu->enabled |= UINT64_C(3) << IRQ(0);
+    cpu->level[0] &= ~(UINT64_C(1) << IRQ(1));
+    cpu->level[2] |= UINT64_C(1) << IRQ(1);
+    cortex_m0_pulse(cpu, 1);
+    cortex_m0_run(cpu, 17);
+    cortex_m0_pulse(cpu, 0);
+    bench_until(&bench, BENCH_MAIN);
+    const struct cortex_m0_cost *const outer = &account.cost[IRQ(1)], *const inner = &account.cost[IRQ(0)];
+    CHECK_EQUAL(inner->count, 1);
+    CHECK_EQUAL(inner->own, 16 + 3 + 12);
+    CHECK_EQUAL(inner->inclusive, 16 + 3 + 12);
+    CHECK_EQUAL(outer->count, 1);
+    CHECK_EQUAL(outer->own, 16 + 1 + 1 + 3 + 12);
+    CHECK_EQUAL(outer->inclusive, outer->own + inner->own);
+    CHECK_EQUAL(account.depth_max, 2);
+    CHECK_EQUAL(account.depth, 0);
+    CHECK_EQUAL(cpu->cycle, outer->inclusive);
+    CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 64); /* two frames */
+}
+
+static void an_account_that_begins_in_a_handler_counts_from_the_next(void)
+{
+    struct cortex_m0_account account;
+    bench_init(&bench);
+    BENCH_PROGRAM(&bench, NOP, NOP, NOP);
+    cpu->enabled |= UINT64_C(1) << IRQ(0);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    cortex_m0_set_account(cpu, &account);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(account.cost[IRQ(0)].count, 0);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(account.cost[IRQ(0)].count, 1);
+}
+
+static void the_lowest_stack_pointer_is_remembered(void)
+{
+    bench_init(&bench);
+    BENCH_PROGRAM(&bench, 0xB5F0, 0xB084, 0xB004, 0xBCF0, 0x466A, 0x3A64, 0x4695); /* push, sub, add, pop; mov SP, SP - 100 */
+    bench_until(&bench, BENCH_MAIN + 8u);
+    CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 20 + 16);
+    bench_until(&bench, BENCH_MAIN + 14u);
+    CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 4 + 100);
+    cortex_m0_forget_stack(cpu);
+    CHECK_EQUAL(cortex_m0_lowest_msp(cpu), cpu->r[13]);
+}
+
+static void what_cannot_be_is_refused(void)
+{
+    struct cortex_m0 other;
+    bench_init(&bench);
+    struct cortex_m0_config config = bench.config;
+    config.flash_size = 10;
+    CHECK_EQUAL(cortex_m0_init(&other, &config), -1);
+    config = bench.config;
+    config.ram_base = 2;
+    CHECK_EQUAL(cortex_m0_init(&other, &config), -1);
+    config = bench.config;
+    config.ram = NULL;
+    CHECK_EQUAL(cortex_m0_init(&other, &config), -1);
+}
+
+int main(void)
+{
+    RUN(an_access_says_where_when_and_how_wide);
+    RUN(wait_states_of_a_peripheral_are_waited_for);
+    RUN(a_list_of_registers_is_accessed_word_by_word);
+    RUN(a_list_that_fails_in_the_middle_leaves_the_registers);
+    RUN(a_stack_may_lie_outside_of_ram);
+    RUN(a_callback_can_stop_behind_its_instruction);
+    RUN(an_access_can_be_put_off);
+    RUN(an_interrupt_that_came_meanwhile_is_served_before_the_access);
+    RUN(an_access_can_raise_an_interrupt_that_comes_next);
+    RUN(a_store_to_flash_is_the_callers);
+    RUN(without_a_bus_there_is_nothing);
+    RUN(a_handlers_own_cycles_are_without_those_that_preempt_it);
+    RUN(an_account_that_begins_in_a_handler_counts_from_the_next);
+    RUN(the_lowest_stack_pointer_is_remembered);
+    RUN(what_cannot_be_is_refused);
+    cortex_m0_free(cpu);
+    return check_summary();
+}

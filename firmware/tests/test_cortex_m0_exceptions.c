@@ -1,0 +1,285 @@
+/* Into handlers and back: frames, priorities, nesting, tail-chaining, late arrival. */
+#include "check.h"
+#include "test_cortex_m0_bench.h"
+
+#define NOP 0xBF00u
+#define B_HERE 0xE7FEu
+#define BX_LR 0x4770u
+#define BIT(number) (UINT64_C(1) << (number))
+#define IRQ(number) (CORTEX_M0_IRQ0 + (number))
+#define ENTRY 16u
+#define RETURN (3u + 12u) /* BX LR, then the frame */
+#define TAIL_CHAIN (3u + 6u)
+
+static struct bench bench;
+static struct cortex_m0 *const cpu = &bench.cpu;
+
+/* Interrupt n has priority n % 4, all are enabled; the program is NOPs. */
+static void quiet_program(void)
+{
+    bench_nops(&bench);
+    cpu->enabled = ~UINT64_C(0);
+    cpu->level[0] = cpu->level[1] = cpu->level[2] = cpu->level[3] = 0x1111111111111111u;
+    for (unsigned i = 1; i < 4; i++) {
+        cpu->level[i] <<= i;
+    }
+}
+
+static void an_interrupt_takes_16_cycles_and_comes_back_as_if_nothing_had_been(void)
+{
+    quiet_program();
+    for (uint32_t i = 0; i < 13; i++) {
+        cpu->r[i] = 0x100u + i;
+    }
+    cpu->r[14] = 0x77;
+    cortex_m0_set_xpsr(cpu, 0xA1000000u);
+    cortex_m0_run(cpu, 3);
+    uint32_t before[16];
+    memcpy(before, cpu->r, sizeof before);
+    cortex_m0_pulse(cpu, 4);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->cycle, 3 + ENTRY);
+    CHECK_EQUAL(cpu->r[15], BENCH_HANDLER(IRQ(4)));
+    CHECK_EQUAL(cpu->ipsr, IRQ(4));
+    CHECK_EQUAL(cpu->r[14], 0xFFFFFFF9u);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK - 32u);
+    static const uint8_t in_frame[] = {0, 1, 2, 3, 12, 14, 15};
+    for (uint32_t i = 0; i < 7; i++) {
+        CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 4u * i), before[in_frame[i]]);
+    }
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 28u), 0xA1000000u);
+    cpu->r[0] = cpu->r[1] = cpu->r[2] = cpu->r[3] = 0x55;
+    cortex_m0_set_xpsr(cpu, 0x51000000u);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->cycle, 3 + ENTRY + RETURN);
+    CHECK_BYTES(cpu->r, before, sizeof before);
+    CHECK_EQUAL(cortex_m0_xpsr(cpu), 0xA1000000u);
+    CHECK_EQUAL(cpu->active, 0);
+}
+
+static void pending_interrupts_follow_each_other_without_a_frame(void)
+{
+    quiet_program();
+    cortex_m0_pulse(cpu, 8);
+    cortex_m0_pulse(cpu, 4);
+    cortex_m0_pulse(cpu, 1); /* worse priority */
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(4)); /* of equals, the lower number */
+    const uint32_t sp = cpu->r[13];
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(8));
+    CHECK_EQUAL(cpu->cycle, ENTRY + TAIL_CHAIN);
+    CHECK_EQUAL(cpu->r[13], sp);
+    CHECK_EQUAL(cpu->r[14], 0xFFFFFFF9u);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(1));
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[15], BENCH_MAIN);
+    CHECK_EQUAL(cpu->cycle, ENTRY + 2 * TAIL_CHAIN + RETURN);
+}
+
+static void a_better_interrupt_that_comes_late_is_served_first(void)
+{
+    quiet_program();
+    cortex_m0_pulse(cpu, 3);
+    CHECK_EQUAL(cortex_m0_run(cpu, 11), CORTEX_M0_TIME);
+    CHECK_EQUAL(cpu->cycle, 11);
+    CHECK_EQUAL(cpu->ipsr, 0); /* still stacking */
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(0));
+    CHECK_EQUAL(cpu->cycle, ENTRY);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(3));
+    CHECK_EQUAL(cpu->cycle, ENTRY + TAIL_CHAIN);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK - 32u);
+}
+
+static void a_better_interrupt_that_comes_too_late_preempts(void)
+{
+    quiet_program();
+    cortex_m0_pulse(cpu, 3);
+    cortex_m0_run(cpu, 12);
+    CHECK_EQUAL(cpu->cycle, ENTRY);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(0));
+    CHECK_EQUAL(cpu->r[14], 0xFFFFFFF1u);
+    CHECK_EQUAL(cpu->cycle, 2 * ENTRY);
+    CHECK_EQUAL(cpu->active, BIT(IRQ(0)) | BIT(IRQ(3)));
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(3));
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, 0);
+    CHECK_EQUAL(cpu->cycle, 2 * ENTRY + 2 * RETURN);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK);
+}
+
+static void an_equal_or_worse_interrupt_waits(void)
+{
+    quiet_program();
+    BENCH_PUT(&bench, BENCH_HANDLER(IRQ(5)), NOP, NOP, BX_LR);
+    cortex_m0_pulse(cpu, 5);
+    cortex_m0_step(cpu);
+    cortex_m0_pulse(cpu, 1);
+    cortex_m0_pulse(cpu, 6);
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(5));
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(1));
+}
+
+static void a_line_that_stays_high_interrupts_again_and_a_pulse_does_not(void)
+{
+    quiet_program();
+    cortex_m0_set_line(cpu, 2, true);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->pending, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(2));
+    cortex_m0_set_line(cpu, 2, false);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, 0);
+    cortex_m0_set_line(cpu, 2, true); /* latched */
+    cortex_m0_set_line(cpu, 2, false);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(2));
+    cortex_m0_pulse(cpu, 2); /* while its handler runs: once more */
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(2));
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, 0);
+}
+
+static void primask_holds_back_all_but_nmi_and_hard_fault(void)
+{
+    quiet_program();
+    BENCH_PUT(&bench, BENCH_MAIN, 0xB672, NOP, NOP, 0xB662, NOP); /* CPSID, ..., CPSIE */
+    cortex_m0_step(cpu);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, 0);
+    cortex_m0_pulse_nmi(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, CORTEX_M0_NMI);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, 0);
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 8u);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(0));
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 8u);
+}
+
+static void a_supervisor_call_returns_behind_itself(void)
+{
+    quiet_program();
+    BENCH_PUT(&bench, BENCH_MAIN, 0xDF07, NOP);
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, CORTEX_M0_SVCALL);
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 2u);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 2u);
+}
+
+static void a_thread_with_its_own_stack_is_stacked_there(void)
+{
+    quiet_program();
+    const uint32_t psp = BENCH_RAM_BASE + 0x100u;
+    BENCH_PUT(&bench, BENCH_MAIN, 0xF380, 0x8809, 0xF381, 0x8814, NOP, NOP); /* MSR PSP, r0; MSR CONTROL, r1 */
+    cpu->r[0] = psp;
+    cpu->r[1] = 2;
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[13], psp);
+    CHECK_EQUAL(cortex_m0_msp(cpu), BENCH_STACK);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[14], 0xFFFFFFFDu);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK);
+    CHECK_EQUAL(cortex_m0_psp(cpu), psp - 32u);
+    CHECK_EQUAL(bench_read(&bench, psp - 8u), BENCH_MAIN + 8u);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[13], psp);
+    CHECK_EQUAL(cortex_m0_lowest_psp(cpu), psp - 32u);
+    CHECK_EQUAL(cortex_m0_lowest_msp(cpu), BENCH_STACK);
+}
+
+static void a_frame_is_aligned_to_8_and_the_stack_pointer_comes_back(void)
+{
+    quiet_program();
+    cpu->r[13] = BENCH_STACK - 4u;
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK - 40u);
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 28u), 0x01000000u | 1u << 9);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->r[13], BENCH_STACK - 4u);
+}
+
+static void a_list_is_abandoned_for_an_interrupt_and_begun_anew(void)
+{
+    quiet_program();
+    BENCH_PUT(&bench, BENCH_MAIN, 0xCAFB, NOP); /* LDM r2!, {r0, r1, r3-r7}: 8 cycles */
+    cpu->r[2] = BENCH_RAM_BASE;
+    for (uint32_t i = 0; i < 7; i++) {
+        bench_word(&bench, BENCH_RAM_BASE + 4u * i, i + 1u);
+    }
+    CHECK_EQUAL(cortex_m0_run(cpu, 5), CORTEX_M0_TIME);
+    CHECK_EQUAL(cpu->cycle, 5);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->cycle, 5 + ENTRY);
+    CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN);
+    CHECK_EQUAL(cpu->r[7], 0);
+    cortex_m0_step(cpu);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->cycle, 5 + ENTRY + RETURN + 8);
+    CHECK_EQUAL(cpu->r[2], BENCH_RAM_BASE + 28u);
+    CHECK_EQUAL(cpu->r[7], 7);
+}
+
+static void a_list_that_nothing_interrupts_goes_on(void)
+{
+    quiet_program();
+    BENCH_PUT(&bench, BENCH_MAIN, 0xB5FF, 0xBDFF); /* PUSH and POP of all */
+    cpu->r[14] = (BENCH_MAIN + 8u) | 1u;
+    for (uint64_t until = 1; until <= 10 + 13; until++) {
+        cortex_m0_run(cpu, until);
+        CHECK_EQUAL(cpu->cycle < 20 ? cpu->cycle : 23, until < 20 ? until : 23);
+    }
+    CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 8u);
+}
+
+static void vectors_may_lie_in_ram(void)
+{
+    quiet_program();
+    bench_word(&bench, BENCH_RAM_BASE + 4u * IRQ(0), BENCH_HANDLER(IRQ(7)) | 1u);
+    cortex_m0_set_vectors(cpu, BENCH_RAM_BASE);
+    cortex_m0_pulse(cpu, 0);
+    cortex_m0_step(cpu);
+    CHECK_EQUAL(cpu->ipsr, IRQ(0));
+    CHECK_EQUAL(cpu->r[15], BENCH_HANDLER(IRQ(7)));
+}
+
+int main(void)
+{
+    RUN(an_interrupt_takes_16_cycles_and_comes_back_as_if_nothing_had_been);
+    RUN(pending_interrupts_follow_each_other_without_a_frame);
+    RUN(a_better_interrupt_that_comes_late_is_served_first);
+    RUN(a_better_interrupt_that_comes_too_late_preempts);
+    RUN(an_equal_or_worse_interrupt_waits);
+    RUN(a_line_that_stays_high_interrupts_again_and_a_pulse_does_not);
+    RUN(primask_holds_back_all_but_nmi_and_hard_fault);
+    RUN(a_supervisor_call_returns_behind_itself);
+    RUN(a_thread_with_its_own_stack_is_stacked_there);
+    RUN(a_frame_is_aligned_to_8_and_the_stack_pointer_comes_back);
+    RUN(a_list_is_abandoned_for_an_interrupt_and_begun_anew);
+    RUN(a_list_that_nothing_interrupts_goes_on);
+    RUN(vectors_may_lie_in_ram);
+    cortex_m0_free(cpu);
+    return check_summary();
+}

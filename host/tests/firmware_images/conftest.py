@@ -1,0 +1,96 @@
+"""The images as `make firmware` builds them, and the modules of tools/firmware."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from taxel_protocol.bootloader import (
+    BOOT_CONFIGURATION_MAGIC,
+    BOOT_CONFIGURATION_ROW,
+    BOOT_METADATA_MAGIC,
+    BOOT_METADATA_ROW,
+    BOOT_ROW_SIZE,
+    LAYOUTS,
+    BootDevice,
+    record,
+)
+
+DEVICES = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
+ROOT = Path(__file__).resolve().parents[3]
+PORT = ROOT / "firmware" / "boards" / "psoc4200"
+FOLDER = ROOT / "tools" / "firmware"
+NAMES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack")
+
+
+@pytest.fixture(scope="session")
+def tools():
+    """The modules of tools/firmware."""
+    sys.path.insert(0, str(FOLDER))
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
+    while str(FOLDER) in sys.path:
+        sys.path.remove(str(FOLDER))
+
+
+@pytest.fixture(scope="session")
+def build_images() -> Callable[..., Path]:
+    """Build targets in a folder. Skips where the cross compiler is missing."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    found = {name: shutil.which(name, path=path) for name in ("arm-none-eabi-gcc", "cmake", "ninja")}
+    missing = [name for name, place in found.items() if place is None]
+    if missing:
+        pytest.skip(f"{', '.join(missing)} not installed: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
+
+    def run(*arguments: str) -> None:
+        done = subprocess.run([str(found["cmake"]), *arguments], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+
+    def build(folder: Path, *targets: str) -> Path:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / ".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            toolchain = f"-DCMAKE_TOOLCHAIN_FILE={PORT / 'toolchain.cmake'}"
+            ninja = ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={found['ninja']}")
+            run(*ninja, "-S", str(PORT), "-B", str(folder), toolchain, f"-DTAXEL_PYTHON={sys.executable}")
+            run("--build", str(folder), *(("--target", *targets) if targets else ()))
+        return folder
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def built(build_images) -> Path:
+    """The folder that `make firmware` builds in, up to date."""
+    return build_images(ROOT / "build" / "psoc4200")
+
+
+@pytest.fixture(scope="session")
+def flash_of(built, tools) -> Callable[..., bytes]:
+    """Flash with a bootloader, the images of some slots, and records."""
+
+    def make(device: str, slots: str = "a", metadata: bytes = b"", configuration: bytes = b"") -> bytes:
+        flash = bytearray(0x8000)
+        boot = tools.firmware_elf.read_linked_image(built / f"bootloader-{device}.elf").content
+        flash[: len(boot)] = boot
+        for slot in slots:
+            data = (built / "images" / f"{device}-{slot}.bin").read_bytes()
+            begin = LAYOUTS[DEVICES[device]].slot_address("ab".index(slot))
+            flash[begin : begin + len(data)] = data
+        for row, magic, content in (
+            (BOOT_METADATA_ROW, BOOT_METADATA_MAGIC, metadata),
+            (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC, configuration),
+        ):
+            if content:
+                flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE] = record(magic, 1, content)
+        return bytes(flash)
+
+    return make

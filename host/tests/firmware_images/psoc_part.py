@@ -1,0 +1,234 @@
+"""A CY8C4245AXI-483 for tests: Unicorn executes the image, Python stands in for the registers that the firmware uses.
+
+Interrupts are taken between slices of instructions, not in the middle of them; time passes by instructions. Registers
+without a model read back what was written last. What each register is expected to do stands in
+firmware/boards/psoc4200/PERIPHERALS.md.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from collections.abc import Callable
+
+from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, Uc
+from unicorn.arm_const import (
+    UC_ARM_REG_LR,
+    UC_ARM_REG_PC,
+    UC_ARM_REG_PRIMASK,
+    UC_ARM_REG_SP,
+    UC_CPU_ARM_CORTEX_M0,
+)
+
+METADATA_ROWS = (254, 255)
+FLASH_SIZE, RAM, RAM_SIZE = 0x8000, 0x20000000, 0x1000
+SFLASH, SYSTEM = 0x0FFFF000, 0xE000E000
+ROW = 128
+SLICE = 1000
+"""Instructions between two looks at the interrupts."""
+
+UNMASKED_WITHIN = 40
+"""Instructions."""
+
+ROW_CYCLES = 400_000
+"""Of a call of the ROM: 8 ms at 48 MHz, several wraps of SysTick."""
+
+RETURN = 0x1FFF0000
+"""Where handlers return to: a page that holds nothing."""
+
+SYSREQ, SYSARG = 0x40000004, 0x40000008
+SYST_CONTROL, SYST_RELOAD, SYST_VALUE = 0xE000E010, 0xE000E014, 0xE000E018
+NVIC_SET, NVIC_CLEAR, ICSR, AIRCR = 0xE000E100, 0xE000E180, 0xE000ED04, 0xE000ED0C
+RES_CAUSE, WDT_CONTROL = 0x400B0300, 0x400B0210
+POWER_ON, SOFTWARE = 0, 1 << 4
+SYSTICK_VECTOR = 15
+
+
+class Part:
+    """`on_write[address](value)` and `on_read[address]()` model registers, `levels[irq]()` interrupt lines."""
+
+    def __init__(self, cause: int = POWER_ON, flash: bytes = b"", ram: bytes = bytes(RAM_SIZE)) -> None:
+        self._engine = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
+        self._engine.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M0)
+        for address, size in ((0, FLASH_SIZE), (RAM, RAM_SIZE), (SFLASH, 0x1000), (RETURN, 0x1000)):
+            self._engine.mem_map(address, size)
+        self._engine.mem_write(0, flash)
+        self._engine.mem_write(RAM, ram)
+        self._engine.mem_write(SFLASH, bytes(place & 0xFF for place in range(0x1000)))
+        for base, size in ((0x40000000, 0x100000), (SYSTEM, 0x1000)):
+            self._engine.mmio_map(base, size, self._read, base, self._write, base)
+        self.words: dict[int, int] = defaultdict(int)
+        self.words[RES_CAUSE] = cause
+        self.on_write: dict[int, Callable[[int], None]] = {
+            SYSREQ: self._system_call,
+            SYST_VALUE: self._clear_tick,
+            NVIC_SET: self._enable,
+            NVIC_CLEAR: self._disable,
+            ICSR: self._set_icsr,
+            AIRCR: self._reset,
+            RES_CAUSE: lambda value: self.words.__setitem__(RES_CAUSE, self.words[RES_CAUSE] & ~value),
+        }
+        self.on_read: dict[int, Callable[[], int]] = {SYST_VALUE: self._tick, ICSR: lambda: self._tick_pending << 26}
+        self.levels: dict[int, Callable[[], bool]] = {}
+        self.enabled = 0
+        self.calls: list[tuple[int, int]] = []
+        self.was_reset = False
+        self.cycles = 0
+        self.speed = 1
+        """Cycles an instruction: more lets time pass faster."""
+        self._latch = bytes(ROW)
+        self._left, self._tick_pending = 0, False
+        stack, reset = struct.unpack("<II", self.flash(0, 8))
+        self._engine.reg_write(UC_ARM_REG_SP, stack)
+        self._engine.reg_write(UC_ARM_REG_PC, reset)
+
+    def flash(self, address: int, size: int) -> bytes:
+        """Bytes of flash."""
+        return bytes(self._engine.mem_read(address, size))
+
+    def write_flash(self, address: int, data: bytes) -> None:
+        """As a programmer does."""
+        self._engine.mem_write(address, data)
+
+    def ram(self, offset: int = 0, size: int = RAM_SIZE) -> bytes:
+        """Bytes of RAM."""
+        return bytes(self._engine.mem_read(RAM + offset, size))
+
+    @property
+    def pc(self) -> int:
+        """Address of the next instruction."""
+        return int(self._engine.reg_read(UC_ARM_REG_PC))
+
+    @property
+    def is_masked(self) -> bool:
+        """PRIMASK."""
+        return bool(self._engine.reg_read(UC_ARM_REG_PRIMASK))
+
+    @property
+    def vectors(self) -> tuple[int, ...]:
+        """The 32 that the processor would take now."""
+        data = self.ram(0, 128) if self.words[0x40000000] & 1 else self.flash(0, 128)
+        return struct.unpack("<32I", data)
+
+    def run_until(self, ready: Callable[[], bool], slices: int = 20_000) -> None:
+        """Execute until then. Fails after so many slices, and when the processor was reset on the way to it."""
+        for _ in range(slices):
+            if ready():
+                return
+            if self.was_reset:
+                raise AssertionError("the firmware has reset the processor")
+            self.run()
+        raise AssertionError(f"not so after {slices} slices, at 0x{self.pc:X}")
+
+    def run(self, slices: int = 1) -> None:
+        """Execute slices of instructions, and the interrupts that are due after each."""
+        for _ in range(slices):
+            self._engine.emu_start(self.pc | 1, RETURN, count=SLICE)
+            self._pass(SLICE)
+            for _ in range(UNMASKED_WITHIN):  # a loop that opens them for a moment may be as long as a slice
+                if not self.is_masked or not self._due():
+                    break
+                self._engine.emu_start(self.pc | 1, RETURN, count=1)
+            self._take_interrupts()
+
+    def call_handler(self, number: int) -> None:
+        """Execute the handler of an exception to its end."""
+        state = self._engine.context_save()
+        self._engine.reg_write(UC_ARM_REG_SP, (int(self._engine.reg_read(UC_ARM_REG_SP)) - 32) & ~7)
+        self._engine.reg_write(UC_ARM_REG_LR, RETURN | 1)
+        self._engine.emu_start(self.vectors[number] | 1, RETURN, count=1_000_000)
+        if self.was_reset:
+            return
+        if self.pc != RETURN:
+            raise AssertionError(f"handler {number} does not return, it is at 0x{self.pc:X}")
+        self._engine.context_restore(state)
+
+    def _due(self) -> list[int]:
+        """Numbers of the exceptions that wait."""
+        lines = [16 + irq for irq, level in self.levels.items() if self.enabled >> irq & 1 and level()]
+        return [SYSTICK_VECTOR] * self._tick_pending + lines
+
+    def _take_interrupts(self) -> None:
+        for _ in range(1000):
+            if self.is_masked:
+                return
+            due = self._due()
+            if not due or self.was_reset:
+                return
+            if due[0] == SYSTICK_VECTOR:
+                self._tick_pending = False
+            self.call_handler(due[0])
+        raise AssertionError("an interrupt comes again and again: nobody clears its cause")
+
+    def _pass(self, instructions: int) -> None:
+        self.cycles += instructions * self.speed
+        if self.words[SYST_CONTROL] & 1:
+            self._left -= instructions * self.speed
+            period = self.words[SYST_RELOAD] + 1
+            self._tick_pending |= self._left <= 0
+            self._left = self._left if self._left > 0 else period - -self._left % period
+
+    def _tick(self) -> int:
+        self._pass(10)
+        return self._left if self._left <= self.words[SYST_RELOAD] else 0
+
+    def _clear_tick(self, _: int) -> None:
+        self._left = self.words[SYST_RELOAD] + 1
+
+    def _set_icsr(self, value: int) -> None:
+        if value >> 25 & 1:
+            self._tick_pending = False
+
+    def _enable(self, value: int) -> None:
+        self.enabled |= value
+
+    def _disable(self, value: int) -> None:
+        self.enabled &= ~value
+
+    def _reset(self, value: int) -> None:
+        assert value == 0x05FA0004
+        self.was_reset = True
+        self._engine.emu_stop()
+
+    def _read(self, _: Uc, offset: int, size: int, base: int) -> int:
+        address = base + offset
+        assert size == 4, f"{size} bytes of register 0x{address:08X}"
+        return self.on_read[address]() if address in self.on_read else self.words[address]
+
+    def _write(self, _: Uc, offset: int, size: int, value: int, base: int) -> None:
+        address = base + offset
+        assert size == 4, f"{size} bytes of register 0x{address:08X}"
+        if address in self.on_write:
+            self.on_write[address](value)
+        else:
+            self.words[address] = value
+
+    def _system_call(self, value: int) -> None:
+        """The supervisory ROM: opcodes 4, 5 and 6 with their keys; interrupts are off meanwhile."""
+        opcode = value & 0xFFFF
+        place = self.words[SYSARG]
+        parameters = struct.unpack("<II", self._engine.mem_read(place, 8))
+        assert value == 0x80000000 | opcode
+        assert self.is_masked
+        assert parameters[0] & 0xFFFF == 0xB6 | (0xD3 + opcode) << 8
+        high = parameters[0] >> 16
+        self.calls.append((opcode, high))
+        if opcode == 4:
+            assert (high, parameters[1]) == (0, ROW - 1)
+            self._latch = bytes(self._engine.mem_read(place + 8, ROW))
+        elif opcode == 5:
+            assert sum(struct.unpack("<32I", self._latch)) % 2**32 or not any(self._latch), "such a row does not hold"
+            self.write_flash(high * ROW, self._latch)
+        else:
+            assert opcode == 6
+            old = self.flash(high * ROW, ROW)
+            self.write_flash(high * ROW, bytes(a | b for a, b in zip(old, self._latch, strict=True)))
+        self._pass(ROW_CYCLES // self.speed)
+        self.words[SYSARG] = 0xA0000000
+
+
+def metadata_of(part: Part) -> bytes:
+    """Of the newest record: confirmed, pending, tries of A and B."""
+    rows = [part.flash(row * ROW, ROW) for row in METADATA_ROWS]
+    valid = [row for row in rows if row[:4] == b"TXLM"]
+    return max(valid, key=lambda row: int.from_bytes(row[4:8], "little"))[8:12]

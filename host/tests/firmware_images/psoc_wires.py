@@ -1,0 +1,236 @@
+"""The serial blocks of a part under test: an I2C bus that reaches a slave, the bus that a hub is master of, a UART."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from host.tests.firmware_images.psoc_part import Part
+
+SCB0, SCB1 = 0x40060000, 0x40070000
+CTRL, I2C_STATUS, M_CMD, S_CMD = 0x000, 0x064, 0x068, 0x06C
+TX_FIFO_CTRL, TX_FIFO_STATUS, TX_FIFO_WR = 0x204, 0x208, 0x240
+RX_FIFO_CTRL, RX_FIFO_STATUS, RX_MATCH, RX_FIFO_RD = 0x304, 0x308, 0x310, 0x340
+INTR_M, INTR_S, INTR_TX, INTR_RX = 0xF00, 0xF40, 0xF80, 0xFC0
+MASK, MASKED = 8, 12
+ENABLED, CLEAR = 1 << 31, 1 << 16
+NACK, ACK, STOP, ADDRESS_MATCH, BUS_ERROR = 1 << 1, 1 << 2, 1 << 4, 1 << 6, 1 << 8
+TRIGGER, NOT_EMPTY = 1 << 0, 1 << 2
+START, START_ON_IDLE, M_ACK, M_NACK, M_STOP = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4
+PATIENCE = 20_000
+"""Slices that a slave may hold SCL."""
+
+
+class Scb:
+    """FIFOs and interrupt registers of a block. Bits that follow a FIFO come back while their cause lasts."""
+
+    def __init__(self, part: Part, base: int, irq: int) -> None:
+        self.part, self.base = part, base
+        self.received: list[int] = []
+        self.to_send: list[int] = []
+        self._bits = {INTR_M: 0, INTR_S: 0, INTR_TX: 0, INTR_RX: 0}
+        for group in self._bits:
+            self._on_read(group, lambda group=group: self._request(group))
+            self._on_read(group + MASKED, lambda group=group: self._masked(group))
+            self.on_write(group, lambda value, group=group: self._clear(group, value))
+        self._on_read(TX_FIFO_STATUS, lambda: len(self.to_send))
+        self._on_read(RX_FIFO_STATUS, lambda: len(self.received))
+        self._on_read(RX_FIFO_RD, lambda: self.received.pop(0))
+        self.on_write(TX_FIFO_WR, self._send)
+        self.on_write(TX_FIFO_CTRL, lambda value: self._control(TX_FIFO_CTRL, value, self.to_send))
+        self.on_write(RX_FIFO_CTRL, lambda value: self._control(RX_FIFO_CTRL, value, self.received))
+        part.levels[irq] = lambda: any(self._masked(group) for group in self._bits)
+
+    def word(self, offset: int) -> int:
+        """What was last written to a register."""
+        return self.part.words[self.base + offset]
+
+    @property
+    def is_enabled(self) -> bool:
+        """CTRL.ENABLED."""
+        return bool(self.word(CTRL) & ENABLED)
+
+    def raise_event(self, group: int, bits: int) -> None:
+        """Set bits of an interrupt register."""
+        self._bits[group] |= bits
+
+    def on_write(self, offset: int, model: Callable[[int], None]) -> None:
+        """What happens when a register is written."""
+        self.part.on_write[self.base + offset] = model
+
+    def _on_read(self, offset: int, model: Callable[[], int]) -> None:
+        self.part.on_read[self.base + offset] = model
+
+    def _request(self, group: int) -> int:
+        bits = self._bits[group]
+        if group == INTR_RX and self.received:
+            bits |= NOT_EMPTY
+        if group == INTR_TX and len(self.to_send) < self.word(TX_FIFO_CTRL) & 0xF:
+            bits |= TRIGGER
+        return bits
+
+    def _masked(self, group: int) -> int:
+        return self._request(group) & self.word(group + MASK) if self.is_enabled else 0
+
+    def _clear(self, group: int, value: int) -> None:
+        self._bits[group] &= ~value
+
+    def _send(self, value: int) -> None:
+        assert len(self.to_send) < 8, "the FIFO has 8 places"
+        self.to_send.append(value & 0xFF)
+
+    def _control(self, offset: int, value: int, fifo: list[int]) -> None:
+        self.part.words[self.base + offset] = value
+        if value & CLEAR:
+            fifo.clear()
+
+
+class SlaveBus(Scb):
+    """A master on the bus of a part that is a slave. All methods execute the part meanwhile."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part, SCB0, 10)
+        self._answer = 0
+        self.on_write(S_CMD, self._take_answer)
+
+    def write(self, address: int, data: bytes) -> int:
+        """Bytes of (address and data) that were acknowledged; then a stop."""
+        acknowledged = int(self.begin(address, reading=False))
+        for byte in data if acknowledged else b"":
+            self.received.append(byte)
+            if not self._is_acknowledged():
+                break
+            acknowledged += 1
+        self.stop()
+        return acknowledged
+
+    def read(self, address: int, size: int, first: bytes = b"") -> bytes | None:
+        """Bytes of the slave, None if it does not answer. first: written before, without a stop between."""
+        if first:
+            if not self.begin(address, reading=False):
+                return None
+            for byte in first:
+                self.received.append(byte)
+                assert self._is_acknowledged()
+        if not self.begin(address, reading=True):
+            self.stop()
+            return None
+        data = bytes(self._next_byte() for _ in range(size))
+        self.stop()
+        return data
+
+    def begin(self, address: int, reading: bool) -> bool:
+        """A start and the address: whether it was acknowledged."""
+        if not self.is_enabled or self.word(RX_MATCH) & 0xFE != address << 1:
+            return False
+        self.part.words[self.base + I2C_STATUS] = reading << 4
+        self.raise_event(INTR_S, ADDRESS_MATCH)
+        return self._is_acknowledged()
+
+    def stop(self) -> None:
+        """A stop condition."""
+        if self.is_enabled:
+            self.raise_event(INTR_S, STOP)
+        self.part.run()
+
+    def _take_answer(self, value: int) -> None:
+        self._answer = value
+
+    def _is_acknowledged(self) -> bool:
+        self._answer = 0
+        self.part.run_until(lambda: self._answer != 0 or not self.is_enabled, PATIENCE)
+        return self._answer == 1
+
+    def _next_byte(self) -> int:
+        self.part.run_until(lambda: bool(self.to_send), PATIENCE)
+        return self.to_send.pop(0)
+
+
+class Uart(Scb):
+    """The other end of a hub's UART."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part, SCB1, 11)
+
+    def send(self, data: bytes) -> None:
+        """Bytes to the part, one a slice."""
+        for byte in data:
+            self.received.append(byte)
+            self.part.run()
+
+    def take(self) -> bytes:
+        """What the part has sent and not yet been taken."""
+        data = bytes(self.to_send)
+        self.to_send.clear()
+        return data
+
+
+class MasterBus(Scb):
+    """The bus of a hub.
+
+    A device is a function of (bytes written, whether they are to be read): asked at each address, it returns the bytes
+    to read, or None for no acknowledge; at the stop after a write it is told what was written.
+    """
+
+    def __init__(self, part: Part, devices: dict[int, Callable[[bytes, bool], bytes | None]]) -> None:
+        super().__init__(part, SCB0, 10)
+        self.devices = devices
+        self.probed: list[int] = []
+        self._state = "idle"
+        self._address, self._written, self._reply = 0, b"", b""
+        for port in range(5):
+            part.on_read[0x40040004 + 0x100 * port] = lambda port=port: part.words[0x40040000 + 0x100 * port] | 3
+        self.on_write(M_CMD, self._command)
+        self.on_write(TX_FIFO_WR, self._byte)
+        self.on_write(CTRL, self._set_control)
+
+    def _set_control(self, value: int) -> None:
+        self.part.words[self.base + CTRL] = value
+        if not value & ENABLED:
+            self._state = "idle"
+
+    def _byte(self, value: int) -> None:
+        if self._state == "writing":
+            self._written += bytes([value & 0xFF])
+            self.raise_event(INTR_M, ACK)
+        elif self._state == "address":
+            self._send_address(value & 0xFF)
+        else:
+            self._send(value)
+
+    def _send_address(self, value: int) -> None:
+        self._address, reading = value >> 1, bool(value & 1)
+        self.probed.append(self._address)
+        device = self.devices.get(self._address)
+        reply = device(self._written, reading) if device else None
+        if reply is None:
+            self._state = "refused"
+            self.raise_event(INTR_M, NACK)
+            return
+        self._written = b"" if not reading else self._written
+        self._state = "reading" if reading else "writing"
+        self.raise_event(INTR_M, ACK)
+        if reading:
+            self._reply = reply
+            self._give()
+
+    def _give(self) -> None:
+        self.received.append(self._reply[0] if self._reply else 0xFF)
+        self._reply = self._reply[1:]
+
+    def _command(self, value: int) -> None:
+        if value & START_ON_IDLE:
+            assert self._state == "idle"
+            self._written = b""
+            self._send_address(self.to_send.pop(0))
+        elif value & START:
+            assert self._state == "writing"
+            self._state = "address"
+        elif value & M_STOP:
+            assert bool(value & M_NACK) == (self._state == "reading")
+            if self._state == "writing" and self._written:
+                self.devices[self._address](self._written, False)
+            self._state = "idle"
+            self.raise_event(INTR_M, STOP)
+        elif value & M_ACK:
+            assert self._state == "reading"
+            self._give()

@@ -1,0 +1,341 @@
+"""The images at work on their wires, executed in Unicorn: packets, snapshots, frames."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from taxel.hand import BoardKind, load_hand
+from taxel_protocol.bootloader import BootCommand, BootStatus, build_packet, parse_packet
+from taxel_protocol.framing import ReferenceDecoder, crc32, encode_frame
+from taxel_protocol.layout import unpack
+from taxel_protocol.limits import BOOTLOADER_KEY
+from taxel_protocol.names import BoardCommand, Command, FrameType, ResetCause
+from taxel_protocol.registers import Identity, Status
+
+pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
+
+from host.tests.firmware_images.conftest import PORT
+from host.tests.firmware_images.psoc_front_end import FrontEnd, count_of
+from host.tests.firmware_images.psoc_part import POWER_ON, SLICE, SOFTWARE, SYSREQ, Part, metadata_of
+from host.tests.firmware_images.psoc_wires import (
+    BUS_ERROR,
+    INTR_S,
+    MasterBus,
+    SlaveBus,
+    Uart,
+)
+
+UNSET, ADDRESS = 0x77, 0x2A
+RTS_PORT, BUS_PORT = 0x40040000, 0x40040400
+CONFIRMED_A, ON_TRIAL_A = bytes([0, 0xFF, 3, 3]), bytes([0xFF, 0, 3, 3])
+IDAC = bytes([0, 40, 0, 50]) + bytes(12)
+IDAC_DEFAULT, PERIOD = 16, 160 * 40
+STATUS, COMMAND, SNAPSHOT = 0x40, 0x70, 0x80
+FINGERTIP = next(board.kind for board in load_hand("allegro").boards if board.kind.name == "fingertip")
+CONFIGURATION = bytes([1, ADDRESS, FINGERTIP.code, 0]) + b"0007".ljust(16, b"\0") + IDAC
+
+
+def front_end_of(part: Part) -> FrontEnd:
+    pins = tomllib.loads((PORT / "pins.toml").read_text())["sensor"]
+    tx, rx = ([(int(name[1]), int(name[3])) for name in pins[key]] for key in ("tx", "rx"))
+    return FrontEnd(part, tx, rx)
+
+
+def counts_of(kind: BoardKind) -> list[int]:
+    return [PERIOD - count_of(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
+
+
+def ask(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> bytes:
+    """Send a packet; data of the response, whose status is OK."""
+    packet = build_packet(command, data)
+    assert bus.write(UNSET, packet) == 1 + len(packet)
+    part.run()
+    response = bus.read(UNSET, 64)
+    while response == b"\xff" * 64 or response is None:
+        part.run()
+        response = bus.read(UNSET, 64)
+    status, reply = parse_packet(response)
+    assert status == BootStatus.OK
+    return reply
+
+
+@pytest.fixture
+def listening(flash_of) -> tuple[Part, SlaveBus]:
+    """A board without an image in its bootloader."""
+    part = Part(POWER_ON, flash_of("board", ""))
+    bus = SlaveBus(part)
+    part.run_until(lambda: bus.is_enabled and part.enabled != 0)
+    return part, bus
+
+
+@pytest.fixture
+def scanning(flash_of) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]:
+    """A fingertip board that scans."""
+
+    def start(metadata: bytes = CONFIRMED_A, configuration: bytes = CONFIGURATION):
+        part = Part(SOFTWARE, flash_of("board", "ab", metadata, configuration))
+        part.speed = 20
+        bus, front_end = SlaveBus(part), front_end_of(part)
+        part.run_until(lambda: front_end.conversions > 0)
+        return part, bus, front_end
+
+    return start
+
+
+def program(part: Part, bus: SlaveBus, first: int, image: bytes) -> None:
+    """Write an image as a host does."""
+    for place in range(0, len(image), 128):
+        row = image[place : place + 128].ljust(128, b"\0")
+        ask(part, bus, BootCommand.SEND_DATA, row[:57])
+        ask(part, bus, BootCommand.SEND_DATA, row[57:114])
+        ask(part, bus, BootCommand.PROGRAM_ROW, b"\0" + (first + place // 128).to_bytes(2, "little") + row[114:])
+
+
+def run_to_reset(part: Part) -> None:
+    with pytest.raises(AssertionError, match="reset the processor"):
+        part.run_until(lambda: False)
+
+
+def test_an_update_over_the_bus_starts_the_new_image(built, listening):
+    part, bus = listening
+    image = (built / "images" / "board-a.bin").read_bytes()
+    ask(part, bus, BootCommand.ENTER)
+    first = int.from_bytes(ask(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
+    program(part, bus, first, image)
+    assert part.flash(first * 128, len(image)) == image
+    assert ask(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
+    bus.write(UNSET, build_packet(BootCommand.EXIT))
+    run_to_reset(part)
+    after = Part(SOFTWARE, part.flash(0, 0x8000), part.ram())
+    after.run_until(lambda: after.pc >= first * 128)
+
+
+def test_a_row_whose_words_add_up_to_zero_is_written_in_two_steps(listening):
+    part, bus = listening
+    row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)
+    ask(part, bus, BootCommand.ENTER)
+    part.calls.clear()
+    program(part, bus, 32, row)
+    assert part.flash(32 * 128, 128) == row
+    assert part.calls == [(4, 0), (5, 32), (4, 0), (6, 32)]
+
+
+def test_a_row_is_written_with_the_slave_off(listening):
+    part, bus = listening
+    system_call = part.on_write[SYSREQ]
+    enabled = []
+
+    def call(value: int) -> None:
+        enabled.append(bus.is_enabled)
+        system_call(value)
+
+    part.on_write[SYSREQ] = call
+    ask(part, bus, BootCommand.ENTER)
+    program(part, bus, 40, bytes(range(128)))
+    assert enabled == [False, False]
+    assert bus.is_enabled
+
+
+def test_a_bootloader_answers_after_a_bus_error(listening):
+    part, bus = listening
+    bus.begin(UNSET, reading=False)
+    bus.raise_event(INTR_S, BUS_ERROR)
+    part.run()
+    bus.raise_event(INTR_S, 0)
+    assert ask(part, bus, BootCommand.GET_INFO)[0] == 1
+
+
+@pytest.mark.parametrize("kind", {board.kind.code: board.kind for board in load_hand("allegro").boards}.values())
+def test_a_snapshot_holds_the_crossings_of_the_kind_that_the_configuration_names(scanning, kind):
+    part, bus, front_end = scanning(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
+    part.run_until(lambda: front_end.conversions > 2 * kind.taxel_count)
+    snapshot = bus.read(ADDRESS, 10 + 2 * kind.taxel_count, bytes([SNAPSHOT]))
+    assert int.from_bytes(snapshot[-4:], "little") == crc32(bytes([ADDRESS]) + snapshot[:-4])
+    assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == counts_of(kind)
+
+
+def test_lines_take_the_current_that_the_configuration_gives_them(scanning):
+    part, _, front_end = scanning()
+    part.run_until(lambda: front_end.conversions > FINGERTIP.taxel_count)
+    expected = {line: IDAC[line] or IDAC_DEFAULT for line in range(FINGERTIP.rx_count)}
+    assert front_end.codes == expected
+
+
+def test_a_board_that_nobody_has_configured_answers_at_the_default_address(scanning):
+    _, bus, _ = scanning(CONFIRMED_A, b"")
+    identity, _ = unpack(Identity, bus.read(UNSET, 58, b"\0"))
+    assert (identity["kind"], identity["taxel_count"]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("bits", "cause"),
+    [
+        (0, ResetCause.POWER_ON),
+        (1 << 0, ResetCause.WATCHDOG),
+        (1 << 1, ResetCause.BROWN_OUT),
+        (1 << 2, ResetCause.WATCHDOG),
+        (1 << 4, ResetCause.COMMAND),
+        (1 << 5, ResetCause.BROWN_OUT),
+        (1 << 7, ResetCause.POWER_ON),
+    ],
+)
+def test_an_image_tells_why_the_processor_was_reset(flash_of, bits, cause):
+    part = Part(bits, flash_of("board", "a", CONFIRMED_A, CONFIGURATION))
+    part.speed = 20
+    bus, front_end = SlaveBus(part), front_end_of(part)
+    part.run_until(lambda: front_end.conversions > 0)
+    status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
+    assert status["reset_cause"] == cause
+
+
+def test_an_image_on_trial_confirms_itself_after_ten_scans_and_a_read(scanning):
+    part, bus, front_end = scanning(ON_TRIAL_A)
+    part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
+    assert metadata_of(part) == bytes([0xFF, 0, 2, 3])
+    bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
+    part.run_until(lambda: metadata_of(part)[0] == 0)
+    part.run(10)
+    identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
+    assert identity["kind"] == FINGERTIP.code
+    before = front_end.conversions
+    part.run(200)
+    assert front_end.conversions > before
+
+
+def test_the_clock_loses_nothing_to_the_confirmation(scanning):
+    part, bus, front_end = scanning(ON_TRIAL_A)
+
+    def offset() -> float:
+        status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
+        return part.cycles / 48 - status["clock_us"]
+
+    part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
+    before = offset()
+    bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
+    part.run_until(lambda: metadata_of(part)[0] == 0)
+    part.run(100)
+    assert abs(offset() - before) < 2 * SLICE * part.speed / 48
+
+
+@pytest.mark.parametrize(
+    ("command", "word"), [(BoardCommand.RESTART, bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"STAY")]
+)
+def test_a_commanded_restart_says_whether_the_bootloader_stays(scanning, command, word):
+    part, bus, _ = scanning()
+    bus.write(ADDRESS, bytes([COMMAND, command, ~command & 0xFF]))
+    assert part.was_reset
+    assert part.ram(0x80, 4) == word
+
+
+def test_the_capacitor_and_the_bus_share_a_port(scanning):
+    part, _, _ = scanning()
+    assert part.words[0x40010010] == 0x6EE
+
+
+class Host:
+    """The PC's end of the UART of a hub whose bus has these devices."""
+
+    def __init__(self, flash: bytes, devices: dict[int, Callable[[bytes, bool], bytes | None]]) -> None:
+        self.part = Part(SOFTWARE, flash)
+        self.part.speed = 10
+        self.uart, self.bus = Uart(self.part), MasterBus(self.part, devices)
+        self._decoder = ReferenceDecoder()
+        self.frames: list[tuple[int, int, bytes]] = []
+
+    def run_until(self, ready: Callable[[], bool], slices: int = 20_000) -> None:
+        def look() -> bool:
+            self.frames += self._decoder.push(self.uart.take())
+            return ready()
+
+        self.part.run_until(look, slices)
+
+    def of_type(self, kind: FrameType) -> list[bytes]:
+        return [payload for found, _, payload in self.frames if found == kind]
+
+    def say(self, kind: FrameType, payload: bytes) -> None:
+        self.uart.send(encode_frame(kind, 0, payload))
+
+
+def test_a_hub_says_hello_and_looks_for_boards(flash_of):
+    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)) and len(set(host.bus.probed)) > 100)
+    assert host.of_type(FrameType.HUB_HELLO)[0][4] == ResetCause.COMMAND
+    assert not host.part.was_reset
+
+
+def test_a_hub_streams_what_a_board_measures_and_confirms_itself_with_the_host_held_back(flash_of, scanning):
+    sensor, bus, _ = scanning()
+
+    def board(written: bytes, reading: bool) -> bytes | None:
+        sensor.run(30)
+        if reading:
+            return bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, written)
+        if written:
+            assert bus.write(ADDRESS, written) == 1 + len(written)
+        return b""
+
+    host = Host(flash_of("hub", "a", ON_TRIAL_A), {ADDRESS: board})
+    levels: list[int] = []
+    host.part.on_write[RTS_PORT] = levels.append
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
+    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.of_type(FrameType.HUB_HELLO)) == 2)
+    host.say(FrameType.COMMAND, bytes([2, Command.START]))
+    host.run_until(lambda: len(host.of_type(FrameType.TAXELS)) == 5)
+    payload = host.of_type(FrameType.TAXELS)[-1]
+    assert payload[0] == ADDRESS
+    assert np.frombuffer(payload[14:-4], "<u2").tolist() == counts_of(FINGERTIP)
+    host.run_until(lambda: metadata_of(host.part) == bytes([0, 0xFF, 3, 3]))
+    host.part.run()
+    lines = [level >> 6 & 1 for level in levels]
+    assert lines[-2:] == [1, 0]  # around the row's write
+    assert not any(lines[:-2])  # and while it starts
+
+
+def test_a_hub_frees_a_bus_whose_sda_is_held_low(flash_of):
+    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
+    edges: list[int] = []
+    drive = {"last": 3}
+
+    def driven(value: int) -> None:
+        if not drive["last"] & 1 and value & 1:
+            edges.append(value)
+        drive["last"] = value
+
+    host.part.on_write[BUS_PORT] = driven
+    host.part.on_read[BUS_PORT + 4] = lambda: drive["last"] & ~(2 if len(edges) < 5 else 0)
+    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
+    host.run_until(lambda: len(edges) >= 5)
+    host.part.run(100)
+    assert host.part.words[0x40010010] == 0xEE  # the lines are the block's again
+    probed = len(host.bus.probed)
+    host.run_until(lambda: len(host.bus.probed) > probed + 10)
+
+
+def test_a_hub_without_an_image_answers_over_its_uart(flash_of):
+    part = Part(POWER_ON, flash_of("hub", ""))
+    uart = Uart(part)
+    part.run_until(lambda: uart.is_enabled and part.enabled != 0)
+    uart.send(build_packet(BootCommand.GET_INFO))
+    received = b""
+    while len(received) < 25:
+        part.run()
+        received += uart.take()
+    status, info = parse_packet(received)
+    assert (status, info[1]) == (BootStatus.OK, 2)
+
+
+def test_a_hub_asked_for_its_bootloader_stays_in_it(flash_of):
+    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
+    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.of_type(FrameType.HUB_HELLO)) == 2)
+    host.say(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
+    with pytest.raises(AssertionError, match="reset the processor"):
+        host.run_until(lambda: False)
+    assert host.part.ram(0x80, 4) == b"STAY"

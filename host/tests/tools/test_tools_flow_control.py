@@ -1,0 +1,186 @@
+"""A hub that makes the host wait: many commands under way, none lost, boards flashed as fast as their bus allows."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import pytest
+
+from taxel.errors import TaxelError
+from taxel.link.virtual import VirtualMemoryLink
+from taxel_tools.application import read_identity
+from taxel_tools.errors import LostError, NackError
+from taxel_tools.hub_queue import HELD_WINDOW, WINDOW
+from taxel_tools.interleave import run, run_all
+from taxel_tools.program import update
+from taxel_tools.steps import Burst, Transfer
+from taxel_tools.wires import HubWire
+
+BOTH_WAYS = ("usb_latency_down_ms 16",)
+HELD = (*BOTH_WAYS, "flow_control 1")
+
+
+def update_all(wire, firmware, addresses, report=lambda progress: None):
+    return run_all(wire, {address: update(address, firmware, wire.now_s, report) for address in addresses})
+
+
+def read_often(address: int, times: int):
+    for _ in range(times):
+        yield Transfer(address, bytes([0x60]) + bytes(11), 12)
+
+
+def burst_of(*transfers: Transfer):
+    burst = Burst(transfers)
+    yield burst
+    return burst.outcomes
+
+
+def test_17_boards_of_12_kib_are_flashed_within_15_s_with_16_ms_each_way(worlds, hub, make_firmware):
+    """400 kHz, 1 Mbaud; each row is summed up by its board again."""
+    world = worlds(*HELD, hand="allegro", usb_latency_ms=16.0)
+    wire = hub(world)
+    began = world.now_s
+    results = update_all(wire, make_firmware(size=12288), wire.scan())
+    print(f"17 boards of 12 KiB through the hub, 16 ms each way, hub holds back: {world.now_s - began:.2f} s")
+    assert [(r.rows_written, r.after) for r in results.values()] == [(96, (1, 2, 3))] * 17
+    assert world.now_s - began < 15.0
+    assert not wire.hub.logs
+
+
+def test_only_a_link_that_holds_back_gets_more_than_the_hubs_ring_holds(worlds, hub):
+    assert hub(worlds(boards=1)).hub.window == WINDOW
+    assert hub(worlds(*HELD, boards=1)).hub.window == HELD_WINDOW
+
+
+@pytest.mark.parametrize("lines", [BOTH_WAYS, HELD])
+def test_no_byte_is_lost_however_many_commands_wait(worlds, hub, lines):
+    world = worlds(*lines, hand="allegro")
+    wire = hub(world)
+    results = run_all(wire, {address: read_often(address, 30) for address in wire.scan()})
+    assert not any(isinstance(result, TaxelError) for result in results.values())
+    assert not wire.hub.logs
+
+
+def test_a_hub_whose_processor_is_away_loses_nothing(worlds, hub):
+    world = worlds("flow_control 1", hand="allegro")
+    wire = hub(world)
+    addresses = wire.scan()
+    talks = {address: read_often(address, 30) for address in addresses}
+
+    def stall():
+        for _ in range(5):
+            world.inject("hub_stall", 0, 15)
+            yield Transfer(addresses[0], bytes([0x60]), 12)
+
+    results = run_all(wire, talks | {0: stall()})
+    assert not any(isinstance(result, TaxelError) for result in results.values())
+    assert not wire.hub.logs
+
+
+def test_a_line_that_is_not_wired_is_found_out_and_costs_time_only(worlds, make_firmware):
+    """The user said rtscts=1, but the hub's bytes are lost: it says so, and the host asks for less at a time."""
+    world = worlds(*BOTH_WAYS, boards=4)
+    link = VirtualMemoryLink(world)
+    link.holds_back = True
+    wire = HubWire(link)
+    assert wire.hub.window == HELD_WINDOW
+    run_all(wire, {address: read_often(address, 30) for address in range(0x50, 0x54)})
+    assert wire.hub.window == HELD_WINDOW, "four boards alone have no more under way than the ring holds"
+    run_all(wire, {place: burst_of(*(Transfer(0x50 + place % 4, b"\x00", 60),) * 3) for place in range(40)})
+    assert "UART: bytes from the host were lost" in wire.hub.logs
+    assert wire.hub.window == WINDOW
+    results = update_all(wire, make_firmware(), range(0x50, 0x54))
+    assert {result.after for result in results.values()} == {(1, 2, 3)}
+
+
+def test_a_hub_that_starts_anew_is_greeted_once_for_all_that_was_under_way(worlds, hub, make_firmware):
+    world = worlds(*HELD, hand="allegro")
+    wire = hub(world)
+    greetings = []
+    greet = wire.hub.greet
+    wire.hub.greet = lambda: greetings.append(world.now_s) or greet()
+    restarts = iter([True])
+
+    def hurt(progress) -> None:
+        if progress.stage == "writing" and progress.done == 3 and next(restarts, False):
+            world.inject("hub_restart")
+
+    results = update_all(wire, make_firmware(), wire.scan(), hurt)
+    assert {result.after for result in results.values()} == {(1, 2, 3)}
+    assert len(greetings) <= 2
+
+
+@pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])
+def test_damage_on_the_wire_costs_time_and_nothing_else(worlds, hub, make_firmware, fault):
+    seed = 60
+    print(f"seed {seed}")
+    generator = random.Random(seed)
+    world = worlds(*HELD, hand="allegro")
+    wire = hub(world)
+
+    def hurt(progress) -> None:
+        if progress.stage == "writing" and progress.done % 3 == 1:
+            world.inject(fault, 0, generator.randrange(200), 1)
+
+    firmware = make_firmware()
+    results = update_all(wire, firmware, wire.scan(), hurt)
+    assert {result.after for result in results.values()} == {(1, 2, 3)}
+    for address in results:
+        assert world.board_flash(address).data[128 * 128 :].startswith(firmware.image_for(1).data)
+
+
+def test_a_burst_gives_every_outcome_in_order(worlds, open_wire):
+    wire = open_wire(worlds(boards=2))
+    reads = (Transfer(0x50, b"\x00", 1), Transfer(0x50, b"\x06", 1), Transfer(0x50, b"\x01", 1))
+    assert run(wire, burst_of(*reads)) == [b"\x54", b"\x50", b"\x01"]
+
+
+def test_an_adapter_ends_a_burst_with_the_first_that_fails(worlds, adapter):
+    wire = adapter(worlds(boards=1))
+    outcomes = run(wire, burst_of(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
+    assert outcomes[0] == b"\x54"
+    assert [type(outcome) for outcome in outcomes] == [bytes, NackError]
+
+
+def test_the_hub_makes_every_transfer_of_a_burst(worlds, hub):
+    wire = hub(worlds(boards=1))
+    outcomes = run(wire, burst_of(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
+    assert [type(outcome) for outcome in outcomes] == [bytes, NackError, bytes]
+
+
+def test_a_burst_whose_command_is_lost_says_so(worlds, hub):
+    world = worlds(boards=2)
+    wire = hub(world)
+
+    def lose(address):
+        world.inject("down_drop", 0, 2, 1)
+        return (yield from burst_of(*(Transfer(address, b"\x00", 1) for _ in range(3))))
+
+    outcomes = run_all(wire, {0: lose(0x50), 1: read_identity(0x51)})[0]
+    assert [type(outcome) for outcome in outcomes].count(LostError) == 1
+
+
+def test_two_transfers_with_one_board_are_sent_apart_unless_another_lies_between(worlds, hub):
+    """A bootloader does not acknowledge a packet while it works the one before off."""
+    wire = hub(worlds(*HELD, boards=4))
+    sent = []
+    send_frame = wire.hub._send_frame
+
+    def note(number, transfer, *rest):
+        if number:
+            sent.append((transfer.address, len(wire.hub._sent)))
+        send_frame(number, transfer, *rest)
+
+    wire.hub._send_frame = note
+    one = (Transfer(0x50, bytes([0x60]) + bytes(11), 12), Transfer(0x50, b"\x00", 1))
+    run(wire, burst_of(*one))
+    assert [address for address, _ in sent] == [0x50, 0x50]
+    sent.clear()
+    many = {
+        address: burst_of(*(Transfer(address, bytes([0x60]) + bytes(11), 12),) * 3) for address in range(0x50, 0x54)
+    }
+    run_all(wire, many)
+    addresses = [address for address, _ in sent]
+    assert all(first != second for first, second in itertools.pairwise(addresses))
+    assert sent[-1][1] > 4, "the second and third of each board did not wait for answers"

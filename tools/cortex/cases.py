@@ -1,0 +1,103 @@
+"""Random cases: an instruction, and registers and memory in which it may do something."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from bare_cpu import RAM_BASE, STATE
+from numpy.typing import NDArray
+from unicorn_oracle import FLASH_SIZE, RAM_SIZE, SLOT
+
+BLOCK = 2048
+"""Cases that share one memory."""
+
+CODE = 0x8000
+"""Where the block's instructions lie, SLOT bytes each; the rest of flash is random."""
+
+WIDE = 0xE800
+"""The first halfword from which on an instruction has two."""
+
+NOP = 0xBF00
+FLAG_T = 0x01000000
+EDGES = np.array([0, 1, 2, 31, 32, 33, 255, 256, 0x7FFFFFFF, 0x80000000, 0x80000001, 0xFFFFFFFE, 0xFFFFFFFF], np.uint32)
+
+
+class Block(NamedTuple):
+    """`first`, `second`: u16[n], halfwords of each instruction; `size`: bytes. `states`: STATE[n] before it."""
+
+    first: NDArray[np.uint16]
+    second: NDArray[np.uint16]
+    size: NDArray[np.int64]
+    states: NDArray[np.void]
+    ram: bytes
+    flash: bytes
+
+
+def _wide_seconds(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Second halfwords: random, or such that the two are BL, MSR, MRS or a barrier."""
+    n = len(first)
+    second = rng.integers(0, 0x10000, n, dtype=np.uint16)
+    kind = rng.integers(0, 6, n)
+    second[kind == 0] |= 0xD000  # BL, if the first fits
+    return second
+
+
+def _special(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
+    """u16[n, 2]: BL, MSR, MRS and barriers, which a sweep of first halfwords would seldom meet."""
+    kind = rng.integers(0, 4, n)
+    number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
+    register = rng.integers(0, 16, n, dtype=np.uint16)
+    first = rng.integers(0xF000, 0xF800, n, dtype=np.uint16)
+    second = rng.integers(0, 0x10000, n, dtype=np.uint16) | np.uint16(0xD000)
+    msr, mrs, barrier = (kind == i for i in (1, 2, 3))
+    first[msr], second[msr] = 0xF380 | register[msr], 0x8800 | number[msr]
+    first[mrs], second[mrs] = 0xF3EF, 0x8000 | register[mrs] << 8 | number[mrs]
+    first[barrier], second[barrier] = 0xF3BF, 0x8F00 | rng.integers(0x30, 0x80, int(barrier.sum()), dtype=np.uint16)
+    return np.stack([first, second], 1)
+
+
+def _instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Blocks in a row sweep all first halfwords; a tenth are special ones instead."""
+    step = 0x9E35  # odd: a permutation of the halfwords
+    first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
+    second = _wide_seconds(rng, first)
+    special = rng.permutation(BLOCK)[: BLOCK // 10]
+    first[special], second[special] = _special(rng, len(special)).T
+    return first, second
+
+
+def _registers(rng: np.random.Generator) -> NDArray[np.uint32]:
+    """u32[n, 16]: addresses in RAM and flash, aligned or not, at their ends; small numbers, edges, anything."""
+    shape = (BLOCK, 16)
+    kind = rng.integers(0, 10, shape)
+    values = rng.integers(0, 1 << 32, shape, dtype=np.uint32)
+    ram = RAM_BASE + rng.integers(0, RAM_SIZE // 4, shape, dtype=np.uint32) * np.uint32(4)
+    values = np.where(kind < 4, ram, values)
+    values = np.where(kind == 4, ram + rng.integers(0, 4, shape, dtype=np.uint32), values)
+    ends = np.array([RAM_BASE, RAM_BASE + RAM_SIZE, FLASH_SIZE], np.uint32)[rng.integers(0, 3, shape)]
+    ends = ends + (rng.integers(-5, 6, shape) * 4).astype(np.uint32)
+    values = np.where(kind == 5, ends, values)
+    values = np.where(kind == 6, rng.integers(0, FLASH_SIZE, shape, dtype=np.uint32), values)
+    values = np.where(kind == 7, rng.integers(0, 256, shape, dtype=np.uint32), values)
+    return np.where(kind == 8, rng.choice(EDGES, shape), values).astype(np.uint32)
+
+
+def draw_block(seed: int, index: int) -> Block:
+    """Block `index` of the sequence that `seed` begins."""
+    rng = np.random.default_rng([seed, index])
+    first, second = _instructions(rng, index)
+    states = np.zeros(BLOCK, STATE)
+    registers = _registers(rng)
+    registers[:, 13] &= ~np.uint32(3)
+    registers[:, 15] = CODE + SLOT * np.arange(BLOCK)
+    states["r"] = registers
+    states["xpsr"] = rng.integers(0, 16, BLOCK, dtype=np.uint32) << np.uint32(28) | np.uint32(FLAG_T)
+    states["msp"] = registers[:, 13]
+    states["psp"] = rng.integers(0, 1 << 30, BLOCK, dtype=np.uint32) * np.uint32(4)
+    states["primask"] = rng.integers(0, 2, BLOCK, dtype=np.uint32)
+    flash = bytearray(rng.bytes(FLASH_SIZE))
+    code = np.frombuffer(flash, np.uint16, BLOCK * SLOT // 2, CODE).reshape(BLOCK, -1)
+    code[:, 0], code[:, 1] = first, second
+    code[(first >> 8 == 0xBF) & (first & 15 != 0), 1:] = NOP  # Unicorn executes IT and what follows it as one
+    return Block(first, second, np.where(first < WIDE, 2, 4), states, rng.bytes(RAM_SIZE), bytes(flash))

@@ -1,0 +1,164 @@
+"""Programs for a bare Cortex-M0: compiled, and run here, in Unicorn and in QEMU. What they say is one text.
+
+A program asks its host through BKPT 0xAB (semihosting): write a text, end.
+"""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bare_cpu import RAM_BASE, BareCpu, Reason
+from unicorn_oracle import FLASH_SIZE, INTERRUPT_BREAKPOINT, RAM_SIZE, UnicornMissingError
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAMS = Path(__file__).parent / "programs"
+FIRMWARE = ROOT / "firmware"
+COMPILER, OBJCOPY, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-objcopy", "qemu-system-arm"
+SYS_WRITE0, SYS_EXIT = 4, 0x18
+PATIENCE_S = 60.0
+LONGEST = 1 << 34
+"""Cycles after which a program is taken to hang."""
+
+SOURCES: dict[str, tuple[str, ...]] = {
+    "firmware": (
+        *(f"codec/{name}.c" for name in ("crc32_small", "whitening_small", "encoder", "deframer")),
+        *(f"sensor/{name}.c" for name in ("sensor", "scan", "slave")),
+    )
+}
+"""What a program has of the firmware."""
+
+
+class ToolMissingError(Exception):
+    """Something that is not installed, in one line."""
+
+
+class ImageError(Exception):
+    """A program that cannot be compiled, or does not come to its end, in one line."""
+
+
+class Image(NamedTuple):
+    """A program. `binary`: flash from 0 on. `elf`: the file that QEMU takes."""
+
+    name: str
+    binary: bytes
+    elf: Path
+
+
+class Run(NamedTuple):
+    """What a program has said, and after how many cycles it ended (0: unknown)."""
+
+    text: str
+    cycles: int
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="taxel-cortex-")
+
+
+@cache
+def build_image(name: str, optimisation: str = "-Os") -> Image:
+    """Compile programs/`name`.c for a Cortex-M0. Raises `ToolMissingError`, `ImageError`."""
+    if not shutil.which(COMPILER):
+        raise ToolMissingError(f"{COMPILER} is missing: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
+    elf = Path(_folder().name) / f"{name}{optimisation}.elf"
+    sources = [PROGRAMS / "image.c", PROGRAMS / f"{name}.c", *(FIRMWARE / source for source in SOURCES.get(name, ()))]
+    options = ["-mcpu=cortex-m0", "-mthumb", optimisation, "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-nostartfiles"]
+    options += [f"-I{FIRMWARE}", "--specs=nosys.specs", f"-T{PROGRAMS / 'image.ld'}", "-o", str(elf)]
+    _run([COMPILER, *options, *map(str, sources)])
+    _run([OBJCOPY, "-O", "binary", str(elf), str(elf.with_suffix(".bin"))])
+    return Image(name, elf.with_suffix(".bin").read_bytes(), elf)
+
+
+def _run(command: list[str]) -> None:
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode:
+        lines = result.stderr.strip().splitlines()
+        raise ImageError(f"{command[0]} has failed: {lines[0] if lines else 'it does not say why'}")
+
+
+def _text_at(memory: bytes) -> str:
+    return memory.split(b"\0", 1)[0].decode("ascii")
+
+
+def run_here(image: Image, cpu: BareCpu | None = None) -> Run:
+    """On our processor, without wait states unless `cpu` is another. Raises `ImageError`."""
+    if cpu is None:
+        with BareCpu() as own:
+            return run_here(image, own)
+    cpu.load(0, image.binary)
+    cpu.reset()
+    begin = cpu.cycle
+    said: list[str] = []
+    while (reason := cpu.run(begin + LONGEST)) == Reason.BREAKPOINT:
+        state = cpu.state["r"][0]
+        if state[0] != SYS_WRITE0:
+            return Run("".join(said), cpu.cycle - begin)
+        address = int(state[1])
+        end = FLASH_SIZE if address < FLASH_SIZE else RAM_BASE + RAM_SIZE
+        said.append(_text_at(cpu.memory(address, min(64, end - address))))
+        cpu.skip()
+    raise ImageError(f"{image.name} has not come to its end: {reason.name}, {cpu.describe_fault()}")
+
+
+class UnicornRun:
+    """A program in Unicorn. `slice_`: instructions a call, 0 for all in one."""
+
+    def __init__(self, image: Image) -> None:
+        try:
+            self._u: Any = importlib.import_module("unicorn")
+            self._arm: Any = importlib.import_module("unicorn.arm_const")
+        except ImportError:
+            raise UnicornMissingError("unicorn is not installed: pip install unicorn==2.1.4") from None
+        u, arm = self._u, self._arm
+        self._engine = u.Uc(u.UC_ARCH_ARM, u.UC_MODE_THUMB, arm.UC_CPU_ARM_CORTEX_M0)
+        self._engine.mem_map(0, FLASH_SIZE, u.UC_PROT_READ | u.UC_PROT_EXEC)
+        self._engine.mem_map(RAM_BASE, RAM_SIZE)
+        self._engine.mem_write(0, image.binary)
+        self._engine.reg_write(arm.UC_ARM_REG_SP, int.from_bytes(image.binary[:4], "little"))
+        self._entry = int.from_bytes(image.binary[4:8], "little")
+        self._engine.hook_add(u.UC_HOOK_INTR, self._on_interrupt)
+        self._said: list[str] = []
+        self._ended = False
+
+    def _on_interrupt(self, engine: Any, number: int, _: object) -> None:
+        if number != INTERRUPT_BREAKPOINT or engine.reg_read(self._arm.UC_ARM_REG_R0) != SYS_WRITE0:
+            self._ended = True
+            engine.emu_stop()
+            return
+        address = engine.reg_read(self._arm.UC_ARM_REG_R1)
+        self._said.append(_text_at(bytes(engine.mem_read(address, 64))))
+        engine.reg_write(self._arm.UC_ARM_REG_PC, (engine.reg_read(self._arm.UC_ARM_REG_PC) + 2) | 1)
+
+    def run(self, slice_: int = 0) -> str:
+        """To the end: what it has said."""
+        place = self._entry
+        while not self._ended:
+            self._engine.emu_start(place | 1, 0xFFFFFFFE, count=slice_)
+            place = self._engine.reg_read(self._arm.UC_ARM_REG_PC)
+        return "".join(self._said)
+
+
+def run_unicorn(image: Image) -> Run:
+    """In Unicorn, all at once. Raises `UnicornMissingError`."""
+    return Run(UnicornRun(image).run(), 0)
+
+
+def run_qemu(image: Image) -> Run:
+    """On QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`."""
+    if not shutil.which(QEMU):
+        raise ToolMissingError(f"{QEMU} is missing: apt-get install qemu-system-arm")
+    command = [QEMU, "-M", "microbit", "-display", "none", "-serial", "none", "-monitor", "none"]
+    command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image.elf)]
+    try:
+        result = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S, stdin=subprocess.DEVNULL)
+    except subprocess.TimeoutExpired:
+        raise ImageError(f"{image.name} has not come to its end in QEMU within {PATIENCE_S:.0f} s") from None
+    # Semihosting writes to standard output or error, depending on QEMU's version.
+    return Run((result.stdout + result.stderr).decode("ascii", "replace"), 0)

@@ -1,0 +1,96 @@
+/* What the processor's speed is measured with: loops, table look-ups, byte and word traffic, calls, multiplications. */
+#include "image.h"
+
+#define ROUNDS 400u
+#define WORDS 512u
+
+static uint32_t table[256], words[WORDS];
+static uint8_t bytes[2048];
+
+static void make_table(void)
+{
+    for (uint32_t i = 0; i < 256; i++) {
+        uint32_t value = i;
+        for (unsigned bit = 0; bit < 8; bit++) {
+            value = value & 1u ? value >> 1 ^ 0xEDB88320u : value >> 1;
+        }
+        table[i] = value;
+    }
+}
+
+static uint32_t crc32(const uint8_t *data, size_t size)
+{
+    uint32_t crc = ~0u;
+    while (size--) {
+        crc = crc >> 8 ^ table[(crc ^ *data++) & 0xFFu];
+    }
+    return ~crc;
+}
+
+static void fill(uint32_t seed)
+{
+    for (size_t i = 0; i < WORDS; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        words[i] = seed;
+    }
+}
+
+static void heap_down(size_t root, size_t size)
+{
+    for (;;) {
+        size_t child = 2 * root + 1;
+        if (child >= size) {
+            return;
+        }
+        child += child + 1 < size && words[child] < words[child + 1];
+        if (words[root] >= words[child]) {
+            return;
+        }
+        const uint32_t swapped = words[root];
+        words[root] = words[child];
+        words[child] = swapped;
+        root = child;
+    }
+}
+
+static void heap_sort(void)
+{
+    for (size_t i = WORDS / 2; i-- > 0;) {
+        heap_down(i, WORDS);
+    }
+    for (size_t size = WORDS; size-- > 1;) {
+        const uint32_t largest = words[0];
+        words[0] = words[size];
+        words[size] = largest;
+        heap_down(0, size);
+    }
+}
+
+static uint32_t filter(void)
+{
+    uint32_t sum = 0;
+    for (size_t i = 8; i < WORDS; i++) {
+        uint32_t value = 0;
+        for (size_t k = 0; k < 8; k++) {
+            value += (words[i - k] >> 16) * (k + 1);
+        }
+        bytes[i] = (uint8_t)(value >> 12);
+        sum += value;
+    }
+    return sum;
+}
+
+int main(void)
+{
+    uint32_t check = 0;
+    make_table();
+    for (uint32_t round = 0; round < ROUNDS; round++) {
+        fill(round);
+        check += filter();
+        heap_sort();
+        check ^= words[round % WORDS];
+        check += crc32(bytes, sizeof bytes);
+    }
+    put_word("check", check);
+    return 0;
+}

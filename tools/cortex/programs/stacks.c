@@ -1,0 +1,104 @@
+/* Two stacks, special registers, frames at odd places, returns from nested handlers to either stack. */
+#include "image.h"
+
+#define ICSR (*(volatile uint32_t *)0xE000ED04)
+#define PENDSVSET (1u << 28)
+
+static uint32_t process_stack[64];
+static volatile uint32_t seen[4];
+
+#define READ(name, special) \
+    do { \
+        uint32_t value_; \
+        __asm__ volatile("mrs %0, " special : "=r"(value_)); \
+        put_word(name, value_); \
+    } while (0)
+
+/* r0: MSP on entry, r1: EXC_RETURN. */
+__attribute__((used)) static void look(uint32_t msp, uint32_t exc_return)
+{
+    uint32_t psp;
+    __asm__ volatile("mrs %0, psp" : "=r"(psp));
+    put_word("  EXC_RETURN", exc_return);
+    put_word("  MSP modulo 8", msp % 8u);
+    put_word("  PSP modulo 8", psp % 8u);
+    const uint32_t *const frame = (const uint32_t *)(exc_return & 4u ? psp : msp);
+    for (unsigned i = 0; i < 5; i++) {
+        put_word("  stacked", frame[i]);
+    }
+    put_word("  xPSR", frame[7]);
+    READ("  CONTROL", "control");
+    READ("  IPSR", "ipsr");
+}
+
+#define ENTER \
+    __asm__ volatile("mov r0, sp\n\t" \
+                     "mov r1, lr\n\t" \
+                     "push {r0, lr}\n\t" \
+                     "bl look\n\t" \
+                     "pop {r0, pc}")
+
+__attribute__((naked)) void on_svcall(void)
+{
+    ENTER;
+}
+
+__attribute__((naked)) void on_pendsv(void)
+{
+    ENTER;
+}
+
+/* Registers of known contents, so many words on the stack, an SVC, and what is left of them. */
+#define CALL(words) \
+    __asm__ volatile("movs r0, #10\n\tmovs r1, #11\n\tmovs r2, #12\n\tmovs r3, #13\n\tmov r12, r3\n\t" \
+                     "sub sp, #4 * " #words "\n\t" \
+                     "cmp r0, r1\n\t" \
+                     "svc #0\n\t" \
+                     "add sp, #4 * " #words "\n\t" \
+                     "ldr r4, =seen\n\tstm r4!, {r0-r3}" ::: "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
+
+static void show(const char *name)
+{
+    put_text(name);
+    put_text("\n");
+    for (unsigned i = 0; i < 4; i++) {
+        put_word("  kept", seen[i]);
+    }
+}
+
+static void special_registers(void)
+{
+    uint32_t value;
+    __asm__ volatile("msr apsr_nzcvq, %1\n\tmrs %0, apsr" : "=r"(value) : "r"(0xA5A5A5A5u) : "cc");
+    put_word("APSR", value & 0xF0000000u);
+    __asm__ volatile("msr primask, %1\n\tmrs %0, primask" : "=r"(value) : "r"(0xFFFFFFFFu));
+    put_word("PRIMASK", value);
+    __asm__ volatile("msr primask, %0" ::"r"(0));
+    READ("PRIMASK", "primask");
+    READ("EPSR", "epsr");
+    READ("CONTROL", "control");
+}
+
+int main(void)
+{
+    special_registers();
+    CALL(2);
+    show("main stack");
+    CALL(1);
+    show("main stack, odd");
+    __asm__ volatile("msr psp, %0" ::"r"(process_stack + 64));
+    __asm__ volatile("movs r0, #2\n\tmsr control, r0\n\tisb" ::: "r0", "memory");
+    READ("CONTROL", "control");
+    CALL(2);
+    show("process stack");
+    CALL(1);
+    show("process stack, odd");
+    register uint32_t r0 __asm__("r0") = PENDSVSET;
+    register volatile uint32_t *r1 __asm__("r1") = &ICSR;
+    __asm__ volatile("movs r2, #0\n\tmovs r3, #0\n\tmov r12, r3\n\tstr r0, [r1]\n\tdsb\n\tisb" ::"r"(r0), "r"(r1)
+                     : "r2", "r3", "r12", "memory");
+    show("PendSV");
+    __asm__ volatile("movs r0, #0\n\tmsr control, r0\n\tisb" ::: "r0", "memory");
+    READ("CONTROL", "control");
+    return 0;
+}

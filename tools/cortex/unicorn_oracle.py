@@ -1,0 +1,180 @@
+"""Unicorn as the oracle of single instructions: its C interface, called through ctypes for speed.
+
+The model must be chosen without UC_MODE_MCLASS: with it, Unicorn 2.1 takes a Cortex-M33 whatever it is told.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from bare_cpu import RAM_BASE, STATE
+from numpy.typing import NDArray
+
+FLASH_SIZE, RAM_SIZE = 0x20000, 0x4000
+SLOT = 8
+"""Bytes of code memory for a case: an instruction of up to 4 bytes and what follows it."""
+
+INTERRUPT_SVC, INTERRUPT_DATA_ABORT, INTERRUPT_BREAKPOINT = 2, 4, 7
+NO_INTERRUPT = -1
+
+
+class Verdict(IntEnum):
+    """What became of an instruction."""
+
+    DONE = 0
+    UNDEFINED = 1
+    UNALIGNED = 2
+    BUS = 3
+    SVC = 4
+    BREAKPOINT = 5
+
+
+class UnicornMissingError(Exception):
+    """Unicorn is not installed, or not usable, in one line."""
+
+
+class _Constants(NamedTuple):
+    unicorn: Any
+    arm: Any
+    library: ctypes.CDLL
+
+
+def _constants() -> _Constants:
+    try:
+        package = importlib.import_module("unicorn")
+        unicorn = importlib.import_module("unicorn.unicorn_const")
+        arm = importlib.import_module("unicorn.arm_const")
+    except ImportError:
+        raise UnicornMissingError("unicorn is not installed: pip install unicorn==2.1.4") from None
+    folder = Path(str(package.__file__)).parent / "lib"
+    found = sorted(folder.glob("libunicorn.so*"))
+    if not found:
+        raise UnicornMissingError(f"no libunicorn.so in {folder.name} of the package unicorn")
+    return _Constants(unicorn, arm, ctypes.CDLL(str(found[0])))
+
+
+class UnicornOracle:
+    """A Cortex-M0 in Unicorn with the memory of `bare_cpu.BareCpu()`. Raises `UnicornMissingError`."""
+
+    def __init__(self) -> None:
+        self._u, self._arm, self._library = _constants()
+        self._handle = ctypes.c_void_p()
+        self._call("open", self._u.UC_ARCH_ARM, self._u.UC_MODE_THUMB, ctypes.byref(self._handle), handle=False)
+        self._control(self._u.UC_CTL_CPU_MODEL, self._arm.UC_CPU_ARM_CORTEX_M0)
+        self._map(0, FLASH_SIZE, self._u.UC_PROT_READ | self._u.UC_PROT_EXEC)
+        self._map(RAM_BASE, RAM_SIZE, self._u.UC_PROT_ALL)
+        self._interrupt = NO_INTERRUPT
+        self._hook_interrupts()
+        self._place_registers()
+
+    def _call(self, name: str, *arguments: Any, handle: bool = True) -> int:
+        function = getattr(self._library, f"uc_{name}")
+        result = int(function(self._handle, *arguments) if handle else function(*arguments))
+        if result:
+            raise UnicornMissingError(f"uc_{name} has failed with {result}")
+        return result
+
+    def _control(self, kind: int, *values: int) -> None:
+        """uc_ctl(), written: see the macros UC_CTL_WRITE in unicorn.h."""
+        request = ctypes.c_uint32(kind | len(values) << 26 | 1 << 30)
+        self._call("ctl", request, *(ctypes.c_int(value) for value in values))
+
+    def _map(self, address: int, size: int, rights: int) -> None:
+        self._call("mem_map", ctypes.c_uint64(address), ctypes.c_uint64(size), ctypes.c_uint32(rights))
+
+    def _hook_interrupts(self) -> None:
+        def on_interrupt(_: int, number: int, __: int) -> None:
+            self._interrupt = number
+            self._library.uc_emu_stop(self._handle)
+
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p)
+        self._callback, hook = kind(on_interrupt), ctypes.c_size_t()
+        begin, end = ctypes.c_uint64(1), ctypes.c_uint64(0)  # everywhere
+        self._call("hook_add", ctypes.byref(hook), self._u.UC_HOOK_INTR, self._callback, None, begin, end)
+
+    def _place_registers(self) -> None:
+        """The words of a state, in its own order, as arrays of registers and pointers for uc_reg_*_batch."""
+        arm = self._arm
+        registers = [arm.UC_ARM_REG_R0 + i for i in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR]
+        self._state = np.zeros(1, STATE)
+        words = self._state.view("<u4")
+        places = [*range(15), self._word("xpsr")]
+        self._written = self._batch([*registers, arm.UC_ARM_REG_XPSR], places, words)
+        before = [(arm.UC_ARM_REG_CONTROL, "control"), (arm.UC_ARM_REG_PSP, "psp"), (arm.UC_ARM_REG_PRIMASK, "primask")]
+        self._special = self._batch([number for number, _ in before], [self._word(name) for _, name in before], words)
+        everything = [*registers, arm.UC_ARM_REG_PC, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_MSP, arm.UC_ARM_REG_PSP]
+        everything += [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_CONTROL]
+        places = [*range(16), *(self._word(name) for name in ("xpsr", "msp", "psp", "primask", "control"))]
+        self._read = self._batch(everything, places, words)
+
+    @staticmethod
+    def _word(name: str) -> int:
+        assert STATE.fields is not None
+        return int(STATE.fields[name][1]) // 4
+
+    @staticmethod
+    def _batch(registers: list[int], places: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
+        numbers = (ctypes.c_int * len(registers))(*registers)
+        pointers = (ctypes.c_void_p * len(registers))(*(words.ctypes.data + 4 * place for place in places))
+        return numbers, pointers, len(registers)
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """Into flash or RAM; what was translated of it is forgotten."""
+        self._call("mem_write", ctypes.c_uint64(address), data, ctypes.c_uint64(len(data)))
+        self._control(self._u.UC_CTL_TB_FLUSH)
+
+    def read_memory(self, address: int, size: int) -> bytes:
+        """Of flash or RAM."""
+        buffer = ctypes.create_string_buffer(size)
+        self._call("mem_read", ctypes.c_uint64(address), buffer, ctypes.c_uint64(size))
+        return buffer.raw
+
+    def run_case(self, state: NDArray[np.void], size: int) -> Verdict:
+        """One instruction of `size` bytes from STATE[1] `state` on, which becomes the state after it."""
+        self._state[:] = state
+        begin = int(state["r"][0, 15])
+        self._library.uc_reg_write_batch(self._handle, *self._special)
+        self._library.uc_reg_write_batch(self._handle, *self._written)
+        self._interrupt = NO_INTERRUPT
+        limit = ctypes.c_uint64(begin + size)
+        error = self._library.uc_emu_start(
+            self._handle, ctypes.c_uint64(begin | 1), limit, ctypes.c_uint64(0), ctypes.c_size_t(1)
+        )
+        self._library.uc_reg_read_batch(self._handle, *self._read)
+        state[:] = self._state
+        return self._judge(int(error), begin, state)
+
+    def _judge(self, error: int, begin: int, state: NDArray[np.void]) -> Verdict:
+        u, moved = self._u, int(state["r"][0, 15]) != begin
+        if self._interrupt != NO_INTERRUPT:
+            verdicts = {
+                INTERRUPT_SVC: Verdict.SVC,
+                INTERRUPT_DATA_ABORT: Verdict.UNALIGNED,
+                INTERRUPT_BREAKPOINT: Verdict.BREAKPOINT,
+            }
+            return verdicts[self._interrupt]
+        if error in (u.UC_ERR_READ_UNMAPPED, u.UC_ERR_WRITE_UNMAPPED, u.UC_ERR_WRITE_PROT):
+            return Verdict.BUS
+        if error == u.UC_ERR_INSN_INVALID and not moved:
+            return Verdict.UNDEFINED
+        return Verdict.DONE  # the fetch after a branch may have failed, which is no part of it
+
+    def close(self) -> None:
+        """Give its memory back."""
+        if self._handle:
+            self._library.uc_close(self._handle)
+            self._handle = ctypes.c_void_p()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,140 @@
+"""A linked image: the parts of an ELF file that go to flash, its sections and its symbols.
+
+Source: Tool Interface Standard, "Executable and Linking Format", version 1.2, book I. 32 bits, little-endian, ARM.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn
+
+from taxel_tools.errors import FirmwareFileError
+
+HEADER: Final = struct.Struct("<16sHHIIIIIHHHHHH")
+PROGRAM_HEADER: Final = struct.Struct("<IIIIIIII")
+SECTION_HEADER: Final = struct.Struct("<IIIIIIIIII")
+SYMBOL: Final = struct.Struct("<IIIBBH")
+IDENTIFICATION: Final = b"\x7fELF\x01\x01"  # 32 bits, little-endian
+EXECUTABLE, ARM = 2, 40
+LOAD: Final = 1
+SYMBOL_TABLE: Final = 2
+FUNCTION: Final = 2
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section that takes memory; `size` in bytes."""
+
+    name: str
+    address: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Function:
+    """Code of `size` bytes from `address` on, without the bit that says Thumb."""
+
+    name: str
+    address: int
+    size: int
+
+
+@dataclass(frozen=True)
+class LinkedImage:
+    """`content`: the bytes from `address` on, gaps filled with zeros; `symbols`: name to value, of functions too."""
+
+    path: str
+    address: int
+    content: bytes
+    sections: tuple[Section, ...]
+    symbols: dict[str, int]
+    functions: tuple[Function, ...]
+
+    def symbol(self, name: str) -> int:
+        """Value of a symbol. Raises FirmwareFileError if there is none."""
+        if name not in self.symbols:
+            _fail(self.path, f"symbol {name}", "one", "none", "link it with image.ld.in")
+        return self.symbols[name]
+
+
+def _fail(path: str, field: str, expected: str, found: str, remedy: str = "build it anew") -> NoReturn:
+    raise FirmwareFileError(path, field, expected, found, remedy)
+
+
+def read_linked_image(path: Path) -> LinkedImage:
+    """Read it. Raises FirmwareFileError with one line for each kind of damage, OSError."""
+    data = path.read_bytes()
+    if not data.startswith(IDENTIFICATION) or len(data) < HEADER.size:
+        _fail(str(path), "file", "a 32-bit little-endian ELF", repr(data[:6]), "give what the linker wrote")
+    header = HEADER.unpack_from(data)
+    if header[1] != EXECUTABLE or header[2] != ARM:
+        _fail(
+            str(path),
+            "file",
+            "an executable for ARM",
+            f"type {header[1]}, machine {header[2]}",
+            "use arm-none-eabi-gcc",
+        )
+    try:
+        address, content = _flash(str(path), data, header)
+        tables = [SECTION_HEADER.unpack_from(data, header[6] + place * header[11]) for place in range(header[12])]
+        names = tables[header[13]]
+        symbols, functions = _symbols(data, tables)
+        return LinkedImage(
+            str(path),
+            address,
+            content,
+            tuple(Section(_text(data, names[4] + table[0]), table[3], table[5]) for table in tables if table[2] & 2),
+            symbols,
+            functions,
+        )
+    except (struct.error, IndexError, UnicodeDecodeError):
+        _fail(str(path), "file", "whole tables", "a table beyond the file's end")
+
+
+def _text(data: bytes, offset: int) -> str:
+    return data[offset : data.index(0, offset)].decode("ascii") if 0 in data[offset:] else ""
+
+
+def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
+    """(address, bytes) of all that is loaded into flash."""
+    pieces: list[tuple[int, bytes]] = []
+    for place in range(header[10]):
+        segment = PROGRAM_HEADER.unpack_from(data, header[5] + place * header[9])
+        kind, offset, _, address, size = segment[:5]
+        if kind == LOAD and size:
+            if offset + size > len(data):
+                _fail(path, f"segment {place}", f"{size} bytes", f"{len(data) - offset}")
+            pieces.append((address, data[offset : offset + size]))
+    if not pieces:
+        _fail(path, "file", "bytes for the flash", "none")
+    pieces.sort()
+    begin = pieces[0][0]
+    content = bytearray()
+    for address, piece in pieces:
+        if address < begin + len(content):
+            _fail(path, "segments", "each address once", f"0x{address:X} again")
+        if address > begin + 0x10000:
+            _fail(path, "segments", "flash alone", f"address 0x{address:X}")
+        content += bytes(address - begin - len(content)) + piece
+    return begin, bytes(content)
+
+
+def _symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
+    values: dict[str, int] = {}
+    functions: list[Function] = []
+    for table in tables:
+        if table[1] != SYMBOL_TABLE:
+            continue
+        names = tables[table[6]][4]
+        for offset in range(table[4], table[4] + table[5], SYMBOL.size):
+            name, value, size, info, _, _ = SYMBOL.unpack_from(data, offset)
+            text = _text(data, names + name)
+            if not text or text.startswith("$"):
+                continue
+            values[text] = value
+            if info & 0xF == FUNCTION:
+                functions.append(Function(text, value & ~1, size))
+    return values, tuple(sorted(functions, key=lambda function: (function.address, function.name)))

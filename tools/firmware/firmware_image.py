@@ -1,0 +1,159 @@
+"""Make what a host and a programmer take from the linked images of one device.
+
+python tools/firmware/firmware_image.py --bootloader ELF --slot-a ELF --slot-b ELF --name board --out DIR
+
+Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with their headers filled in, the manifest DIR/NAME.toml of both, and
+DIR/NAME-factory.hex for a programmer: the bootloader and the image of slot A. The same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import re
+import sys
+import tomllib
+from pathlib import Path
+from typing import Final, NoReturn
+
+from firmware_elf import LinkedImage, read_linked_image
+
+from taxel.errors import TaxelError
+from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice, image
+from taxel_tools.errors import FirmwareFileError
+from taxel_tools.files.cyacd import write_cyacd
+from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, parse_image, slot_name
+from taxel_tools.files.intel_hex import write_intel_hex
+
+PROJECT: Final = Path(__file__).parents[2] / "pyproject.toml"
+RAM_BEGIN, RAM_SIZE = 0x20000000, 0x1000
+BOOTLOADER_SIZE: Final = BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
+HEX_END: Final = ":00000001FF\n"
+ANY_KIND: Final = 0
+
+
+def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoReturn:
+    raise FirmwareFileError(path, field, expected, found, remedy)
+
+
+def version_of(project: Path) -> tuple[int, int, int]:
+    """The version that pyproject.toml gives the project. Raises FirmwareFileError, OSError."""
+    try:
+        text = str(tomllib.loads(project.read_text())["project"]["version"])
+    except (ValueError, KeyError):
+        _fail(str(project), "project.version", "a version", "none", "add it")
+    match = re.fullmatch(r"(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text)
+    numbers = tuple(int(part) for part in match.groups()) if match else ()
+    if len(numbers) != 3 or max(numbers) > 255:
+        _fail(
+            str(project), "project.version", "three numbers to 255, such as 1.2.0", repr(text), "an image has no more"
+        )
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _check_vectors(linked: LinkedImage, offset: int) -> None:
+    """The first two vectors at `offset` of the content: a stack in RAM, and Thumb code of this image."""
+    stack, reset = (int.from_bytes(linked.content[at : at + 4], "little") for at in (offset, offset + 4))
+    if not RAM_BEGIN < stack <= RAM_BEGIN + RAM_SIZE or stack % 8:
+        _fail(linked.path, "stack pointer", "a multiple of 8 in RAM", f"0x{stack:08X}", "mend the vector table")
+    end = linked.address + len(linked.content)
+    if not linked.address + offset + 8 <= reset < end or not reset & 1:
+        expected = f"Thumb code from 0x{linked.address + offset + 8:X} to 0x{end:X}"
+        _fail(linked.path, "reset vector", expected, f"0x{reset:08X}", "mend the vector table")
+
+
+def slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
+    """The image with its header filled in. Raises FirmwareFileError if it is not linked for this slot."""
+    device = _device(linked)
+    layout = LAYOUTS[device]
+    found = linked.symbol("image_slot")
+    if found != slot or linked.address != layout.slot_address(slot):
+        place = f"slot {slot_name(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
+        _fail(linked.path, "address", place, f"0x{linked.address:X}", "give the two images in their order")
+    if any(linked.content[:HEADER_SIZE]):
+        _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it anew")
+    _check_vectors(linked, HEADER_SIZE)
+    try:
+        data = image(device, slot, ANY_KIND, version, linked.content[HEADER_SIZE:])
+    except ValueError as error:
+        _fail(linked.path, "size", f"at most {layout.slot_size} bytes", str(error), "build it smaller")
+    return parse_image(data, linked.path)
+
+
+def _device(linked: LinkedImage) -> BootDevice:
+    value = linked.symbol("image_device")
+    if value not in LAYOUTS:
+        _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it anew")
+    return BootDevice(value)
+
+
+def bootloader_content(linked: LinkedImage) -> bytes:
+    """Its bytes from address 0 on. Raises FirmwareFileError if they are not a bootloader's."""
+    if linked.address or len(linked.content) > BOOTLOADER_SIZE or "image_slot" in linked.symbols:
+        found = f"{len(linked.content)} bytes at 0x{linked.address:X}"
+        _fail(linked.path, "place", f"{BOOTLOADER_SIZE} bytes or fewer at 0", found, "give the bootloader's ELF")
+    _check_vectors(linked, 0)
+    return linked.content
+
+
+def manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
+    """The text of a manifest that names these files, which are beside it."""
+    lines = ["# Written by tools/firmware/firmware_image.py.", "taxel_firmware = 1"]
+    for found, file in zip(images, files, strict=True):
+        lines += [
+            "",
+            "[[image]]",
+            f'file = "{file.name}"',
+            f'sha256 = "{hashlib.sha256(file.read_bytes()).hexdigest()}"',
+            f'device = "{found.device.name.lower()}"',
+            f"kind = {found.kind}",
+            f'slot = "{slot_name(found.slot)}"',
+            f'version = "{".".join(map(str, found.version))}"',
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, project: Path = PROJECT) -> None:
+    """Write all files of one device. Raises FirmwareFileError, OSError; then nothing that can be used is left."""
+    version = version_of(project)
+    boot_file = read_linked_image(bootloader)
+    boot = bootloader_content(boot_file)
+    linked = [read_linked_image(path) for path in slots]
+    images = [slot_image(file, slot, version) for slot, file in enumerate(linked)]
+    for other in (boot_file, linked[1]):
+        if _device(other) != images[0].device:
+            device = images[0].device.name.lower()
+            _fail(other.path, "device", f"{device}, as slot A", _device(other).name.lower(), "give files of one device")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{name}.toml").unlink(missing_ok=True)
+    files = []
+    for found in images:
+        layout = LAYOUTS[found.device]
+        stem = f"{name}-{slot_name(found.slot).lower()}"
+        files.append(out / f"{stem}.cyacd")
+        files[-1].write_text(write_cyacd(found, layout.first_rows[found.slot]))
+        (out / f"{stem}.bin").write_bytes(found.data)
+        (out / f"{stem}.hex").write_text(write_intel_hex(found.data, layout.slot_address(found.slot)))
+    first = write_intel_hex(boot, 0).removesuffix(HEX_END)
+    layout = LAYOUTS[images[0].device]
+    (out / f"{name}-factory.hex").write_text(first + write_intel_hex(images[0].data, layout.slot_address(0)))
+    (out / f"{name}.toml").write_text(manifest(name, images, files))
+
+
+def main() -> int:
+    """Write them; an error is one line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
+        parser.add_argument(option, type=Path, required=True)
+    parser.add_argument("--name", required=True, help="what the files' names begin with")
+    options = parser.parse_args()
+    try:
+        write_images(options.bootloader, (options.slot_a, options.slot_b), options.name, options.out)
+    except (TaxelError, OSError) as error:
+        print(f"firmware_image: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,216 @@
+"""Worst-case stack of a linked image, from its machine code, what the compiler noted of it, and a table of pointers.
+
+A function's frame is what its pushes and subtractions from the stack pointer add up to, or what the compiler's .su file
+says if that is more. Calls and jumps to other functions are read from the disassembly; where calls through pointers go,
+and which interrupts cut into one another, stands in a table (firmware/boards/psoc4200/calls.toml). An exception takes
+32 bytes and up to 4 to align them (ARMv6-M Architecture Reference Manual, B1.5.6).
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tomllib
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Final, NoReturn
+
+from firmware_elf import LinkedImage
+
+from taxel_tools.errors import FirmwareFileError
+
+EXCEPTION_FRAME: Final = 32 + 4
+ENTRY: Final = "reset_handler"
+UNEXPECTED: Final = "unexpected_handler"
+LABEL: Final = re.compile(r"^([0-9a-f]{8}) <(.+)>:$")
+INSTRUCTION: Final = re.compile(r"^\s+([0-9a-f]+):\t(\S+)(?:\t(.*))?$")
+SUFFIX: Final = re.compile(r"\.(lto_priv|constprop|isra|part|cold)\.\d+")
+
+
+@dataclass
+class Routine:
+    """One function of the disassembly. `calls`: addresses of others that it calls or jumps to."""
+
+    name: str
+    frame: int = 0
+    calls: set[int] = field(default_factory=set)
+    uses_pointer: bool = False
+
+
+@dataclass(frozen=True)
+class CallTable:
+    """The rows of calls.toml: (callers, targets) and (images, handlers of each level)."""
+
+    path: str
+    pointers: tuple[tuple[list[str], list[str]], ...]
+    levels: tuple[tuple[list[str], list[list[str]]], ...]
+
+
+@dataclass(frozen=True)
+class StackUse:
+    """Bytes: of the deepest chain from the start, and of the interrupts on top of it; `chain` names the functions."""
+
+    start: int
+    interrupts: int
+    chain: tuple[str, ...]
+
+    @property
+    def total(self) -> int:
+        """Both together."""
+        return self.start + self.interrupts
+
+
+def _fail(path: str, name: str, expected: str, found: str, remedy: str) -> NoReturn:
+    raise FirmwareFileError(path, name, expected, found, remedy)
+
+
+def read_call_table(path: Path) -> CallTable:
+    """Read it. Raises FirmwareFileError, OSError."""
+    try:
+        document = tomllib.loads(path.read_text())
+        pointers = tuple((list(row["callers"]), list(row["targets"])) for row in document["pointer"])
+        levels = tuple((list(row["images"]), [list(level) for level in row["handlers"]]) for row in document["levels"])
+    except (ValueError, KeyError, TypeError) as error:
+        _fail(str(path), "table", "[[pointer]] and [[levels]]", str(error).splitlines()[0], "mend it")
+    return CallTable(str(path), pointers, levels)
+
+
+def disassemble(path: str, objdump: str) -> dict[int, Routine]:
+    """The routines of an ELF file by their addresses. Raises OSError without the tool."""
+    run = subprocess.run([objdump, "-d", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
+    return read_disassembly(run.stdout)
+
+
+def read_disassembly(text: str) -> dict[int, Routine]:
+    """The same from objdump's text."""
+    routines: dict[int, Routine] = {}
+    begin, previous = -1, ""
+    for line in text.splitlines():
+        label = LABEL.match(line)
+        if label:
+            begin = int(label[1], 16)
+            routines[begin] = Routine(SUFFIX.sub("", label[2]))
+            continue
+        instruction = INSTRUCTION.match(line)
+        if instruction and begin >= 0:
+            _read_instruction(routines[begin], begin, instruction[2], instruction[3] or "", previous)
+            previous = line
+    starts = sorted(routines)
+    for address, routine in routines.items():  # a jump into the middle of a routine counts as a call of it
+        owners = {starts[bisect_right(starts, target) - 1] for target in routine.calls if target >= starts[0]}
+        routine.calls = owners - {address} | routine.calls & {address}
+    return routines
+
+
+def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str, previous: str) -> None:
+    if mnemonic == "push":
+        routine.frame += 4 * _register_count(operands)
+    elif mnemonic == "sub" and operands.startswith("sp, #"):
+        routine.frame += int(operands[5:].split()[0])
+    elif (mnemonic == "add" and operands.startswith("sp, r")) or (mnemonic == "mov" and operands.startswith("sp, ")):
+        routine.frame = -(1 << 20)  # by a register: only the compiler knows
+    elif mnemonic == "blx" or (mnemonic == "bx" and operands != "lr" and "pop" not in previous):
+        routine.uses_pointer = True
+    elif mnemonic[0] == "b" and "<" in operands:
+        target = int(operands.split()[0], 16)
+        if target != begin or mnemonic == "bl":
+            routine.calls.add(target)
+
+
+def _register_count(operands: str) -> int:
+    count = 0
+    for part in operands.strip("{}").split(","):
+        first, _, last = part.strip().partition("-")
+        count += int(last[1:]) - int(first[1:]) + 1 if last else 1
+    return count
+
+
+def noted_frames(paths: list[Path]) -> dict[str, int]:
+    """Bytes of each function's frame by the compiler's .su files. Raises FirmwareFileError for one without a bound."""
+    frames: dict[str, int] = {}
+    for path in paths:
+        for line in path.read_text().splitlines():
+            place, size, kind = line.split("\t")
+            name = SUFFIX.sub("", place.rsplit(":", 1)[1])
+            if "dynamic" in kind and "bounded" not in kind:
+                _fail(str(path), name, "a frame of a known size", kind, "use no arrays of variable length")
+            frames[name] = max(frames.get(name, 0), int(size))
+    return frames
+
+
+class CallGraph:
+    """Who calls whom in one image."""
+
+    def __init__(
+        self, image: LinkedImage, routines: dict[int, Routine], noted: dict[str, int], table: CallTable
+    ) -> None:
+        self._path = image.path
+        self._routines = routines
+        self._table = table
+        self._depths: dict[int, tuple[int, tuple[str, ...]]] = {}
+        for routine in routines.values():
+            routine.frame = max(routine.frame, noted.get(routine.name, routine.frame))
+            if routine.frame < 0:
+                _fail(image.path, routine.name, "a frame of a known size", "none", "build with -fstack-usage")
+        self._taken = self._pointed_at(image)
+
+    def _pointed_at(self, image: LinkedImage) -> dict[int, str]:
+        """Functions whose address is a word of the image; each must stand in the table."""
+        words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
+        known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
+        functions = {function.address for function in image.functions}
+        taken = {}
+        for address, routine in self._routines.items():
+            if address not in functions or address | 1 not in words or routine.name in known:
+                continue
+            if not any(_matches(routine.name, targets) for _, targets in self._table.pointers):
+                _fail(image.path, routine.name, f"an entry in {self._table.path}", "none", "say who calls it")
+            taken[address] = routine.name
+        return taken
+
+    def _callees(self, address: int) -> set[int]:
+        routine = self._routines[address]
+        callees = set(routine.calls)
+        if routine.uses_pointer:
+            targets = next(
+                (targets for callers, targets in self._table.pointers if _matches(routine.name, callers)), []
+            )
+            callees |= {taken for taken, name in self._taken.items() if _matches(name, targets)}
+        return callees
+
+    def depth(self, address: int, above: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
+        """Bytes of the deepest chain from a function on, and its names. Raises FirmwareFileError for recursion."""
+        if address in self._depths:
+            return self._depths[address]
+        name = self._routines[address].name
+        if address in above:
+            _fail(self._path, name, "no recursion", "a call of itself, over others perhaps", "see calls.toml")
+        deepest: tuple[int, tuple[str, ...]] = (0, ())
+        for callee in sorted(self._callees(address)):
+            deepest = max(deepest, self.depth(callee, (*above, address)))
+        self._depths[address] = deepest[0] + self._routines[address].frame, (name, *deepest[1])
+        return self._depths[address]
+
+    def use(self, image: str) -> StackUse:
+        """Worst case of an image of this name."""
+        by_name = {routine.name: address for address, routine in self._routines.items()}
+        if ENTRY not in by_name:
+            _fail(self._path, "symbols", ENTRY, "none", "is it an image of this port?")
+        levels = next((levels for images, levels in self._table.levels if _matches(image, images)), None)
+        if levels is None:
+            _fail(self._table.path, "levels", f"a row for {image}", "none", "add one")
+        interrupts, chain = 0, self.depth(by_name[ENTRY])
+        names = chain[1]
+        for level in levels:
+            deepest = max((self.depth(by_name[name]) for name in level if name in by_name), default=(0, ()))
+            interrupts += EXCEPTION_FRAME + deepest[0]
+            names = (*names, *deepest[1])
+        return StackUse(chain[0], interrupts, names)
+
+
+def _matches(name: str, patterns: list[str]) -> bool:
+    if any(fnmatchcase(name, pattern[1:]) for pattern in patterns if pattern.startswith("!")):
+        return False
+    return any(fnmatchcase(name, pattern) for pattern in patterns)

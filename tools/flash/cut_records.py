@@ -1,0 +1,60 @@
+"""What the bytes of a flash row mean: which operation a cut has struck, and which record counts."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from taxel.link.virtual import PowerCut
+from taxel_protocol.bootloader import (
+    BOOT_CONFIGURATION_MAGIC,
+    BOOT_CONFIGURATION_ROW,
+    BOOT_METADATA_MAGIC,
+    BOOT_METADATA_ROW,
+    BOOT_ROW_SIZE,
+    BOOT_SLOT_NONE,
+    BOOT_TRIES,
+    Configuration,
+    Metadata,
+    Record,
+)
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import unpack
+
+OPERATIONS: Final = ("row of the image", "image made pending", "try counted", "image confirmed", "configuration")
+
+
+def operation_of(cut: PowerCut) -> str:
+    """The name of what was being written."""
+    if cut.row in (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_ROW + 1):
+        return OPERATIONS[4]
+    if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
+        return OPERATIONS[0]
+    metadata = unpack(Metadata, unpack(Record, cut.wanted)[0]["payload"])[0]
+    if metadata["pending"] == BOOT_SLOT_NONE:
+        return OPERATIONS[3]
+    return OPERATIONS[1] if metadata["tries"][metadata["pending"]] == BOOT_TRIES else OPERATIONS[2]
+
+
+def _newest(flash: bytes, first_row: int, magic: int) -> bytes | None:
+    """Payload of the valid record with the later sequence."""
+    newest: tuple[int, bytes] | None = None
+    for row in (first_row, first_row + 1):
+        data = flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]
+        record = unpack(Record, data)[0]
+        if record["magic"] != magic or record["crc32"] != crc32(data[:120]):
+            continue
+        if newest is None or 0 < (record["sequence"] - newest[0]) % 2**32 < 2**31:
+            newest = record["sequence"], record["payload"]
+    return None if newest is None else newest[1]
+
+
+def confirmed_slot(flash: bytes) -> int | None:
+    """The slot of the confirmed image; None without a record."""
+    payload = _newest(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
+    return None if payload is None else int(unpack(Metadata, payload)[0]["confirmed"])
+
+
+def configuration_of(flash: bytes) -> dict[str, Any] | None:
+    """The fields of the configuration that counts; None if there is none."""
+    payload = _newest(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
+    return None if payload is None else unpack(Configuration, payload)[0]
