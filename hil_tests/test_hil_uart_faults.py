@@ -111,7 +111,7 @@ def test_a_host_that_stops_reading_gets_whole_frames_afterwards(rig: Rig, skin: 
 @pytest.mark.needs("faults")
 @pytest.mark.world(lines=["flow_control 1"])
 def test_a_receiver_that_holds_the_host_back_loses_nothing(rig: Rig, skin: Skin) -> None:
-    """The hub's CPU is away while 3,000 bytes arrive: they wait in the adapter; the command after them is obeyed."""
+    """The hub's CPU is away while 3,000 bytes arrive: they wait in the adapter, and the next command is obeyed."""
     watch(rig, skin, 0.3)
     for _ in range(3):
         rig.faults.inject("hub_stall", 0, 40)

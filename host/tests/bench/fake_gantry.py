@@ -1,4 +1,4 @@
-"""A gantry in a program: behind a pseudo-terminal it takes G-code as grbl does."""
+"""A gantry in a program: it takes G-code as grbl does, from a port that it is handed or behind a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import re
 import select
 import threading
-import time
 import tty
 from collections.abc import Callable
 
@@ -17,45 +16,42 @@ PITCH_MM = 5.0
 
 
 class FakeGantry:
-    """Takes lines as grbl does: "ok", "error:9", or nothing at all.
+    """Answers "ok", "error:9", or nothing at all; also a port, with what the probe needs of `serial.Serial`.
 
     on_press: told of place (x, y) in millimetres and force in newtons. answer: what it says to a line, if not "ok".
+    deaf_lines: how many lines it does not hear at first.
     """
 
     def __init__(self, on_press=lambda x, y, force: None, greeting=b"", deaf_lines=0):
         self.on_press = on_press
         self.answer: Callable[[str], bytes] = lambda line: b"ok\r\n"
         self.lines: list[str] = []
-        self.deepest = TOUCH_Z + 99.0
         self.at = {"X": 0.0, "Y": 0.0, "Z": 50.0}
+        self.deepest = 50.0
+        self.port = "/dev/ttyFAKE"
+        self.is_open = True
+        self.timeout = 0.0
         self._deaf_lines = deaf_lines
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
-        os.write(self._master, greeting)
-        self._is_open = True
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
+        self._said = greeting
 
-    def _serve(self):
-        waiting = b""
-        while self._is_open:
-            if not select.select([self._master], [], [], 0.02)[0]:
-                continue
-            waiting += os.read(self._master, 256)
-            while b"\n" in waiting:
-                line, _, waiting = waiting.partition(b"\n")
-                self._take(line.decode())
+    def write(self, data):
+        for line in data.decode().splitlines():
+            self._said += self.take(line)
 
-    def _take(self, line):
+    def readline(self):
+        line, found, self._said = self._said.partition(b"\n")
+        return line + found
+
+    def take(self, line):
+        """Do what a line says; the answer."""
         if self._deaf_lines:
             self._deaf_lines -= 1
-            return
+            return b""
         self.lines.append(line)
         answer = self.answer(line)
-        if answer.startswith(b"ok"):
+        if b"ok" in answer:
             self._move(line)
-        os.write(self._master, answer)
+        return answer
 
     def _move(self, line):
         moved = {axis: float(value) for axis, value in re.findall(r"([XYZ])(-?[\d.]+)", line)}
@@ -66,15 +62,34 @@ class FakeGantry:
         if moved:
             self.on_press(self.at["X"], self.at["Y"], max(TOUCH_Z - self.at["Z"], 0.0) * SPRING)
 
-    def is_clear(self):
-        """Whether the tip is off the board, or soon will be."""
-        deadline = time.monotonic() + 2.0
-        while self.at["Z"] <= TOUCH_Z and time.monotonic() < deadline:
-            time.sleep(0.005)
-        return self.at["Z"] > TOUCH_Z
+    def close(self):
+        self.is_open = False
+
+
+class PtyGantry(FakeGantry):
+    """The same behind a pseudo-terminal that pyserial opens."""
+
+    def __init__(self, **options):
+        super().__init__(**options)
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        os.write(self._master, self._said)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self):
+        waiting = b""
+        while self.is_open:
+            if not select.select([self._master], [], [], 0.02)[0]:
+                continue
+            waiting += os.read(self._master, 256)
+            while b"\n" in waiting:
+                line, _, waiting = waiting.partition(b"\n")
+                os.write(self._master, self.take(line.decode()))
 
     def close(self):
-        self._is_open = False
+        super().close()
         self._thread.join()
         os.close(self._slave)
         os.close(self._master)

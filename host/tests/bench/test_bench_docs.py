@@ -16,6 +16,7 @@ from host.tests.bench.test_bench_operator import PRESS
 from host.tests.command_line import exit_status
 from taxel_tools import cli_bench
 from taxel_tools.bench.phases import PHASES
+from taxel_tools.bench.probe import gcode
 from taxel_tools.bench.probe.emulated import EmulatedProbe
 
 GUIDE = Path(__file__).parents[3] / "docs" / "how-to-bench-boards.md"
@@ -50,6 +51,7 @@ def guide(tmp_path, monkeypatch):
     """Runs a command of the guide; its probes press the emulated board."""
     monkeypatch.chdir(tmp_path)
     gantry = FakeGantry()
+    monkeypatch.setattr(gcode.serial, "Serial", lambda port, baud, timeout: gantry)
     screen = io.StringIO()
     console = Console(file=screen, force_terminal=True, width=200)
     hands = Hands(screen)
@@ -58,7 +60,7 @@ def guide(tmp_path, monkeypatch):
     def open_probe(text, station, emulated, person):
         hands.finger = EmulatedProbe(emulated.world, station.kind, 0, 0.005)
         gantry.on_press = pressing(station.kind, hands.finger)
-        return real(text and text.replace("/dev/ttyUSB1", gantry.port), station, emulated, person)
+        return real(text, station, emulated, person)
 
     monkeypatch.setattr(cli_bench, "open_probe", open_probe)
 
@@ -68,8 +70,7 @@ def guide(tmp_path, monkeypatch):
             monkeypatch.setattr(sys, "stdin", hands)
         return exit_status(*shlex.split(line, comments=True)[1:])
 
-    yield run
-    gantry.close()
+    return run
 
 
 def test_the_guides_blocks_run_in_their_order(guide, tmp_path, capsys):

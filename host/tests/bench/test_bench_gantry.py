@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from host.tests.bench.conftest import ADDRESS, faults_of, phase_of, short_plan, value_of
-from host.tests.bench.fake_gantry import PITCH_MM, SPRING, TOUCH_Z, FakeGantry, X, Y, pressing
+from host.tests.bench.fake_gantry import PITCH_MM, SPRING, TOUCH_Z, FakeGantry, PtyGantry, X, Y, pressing
 from taxel.hand import load_hand
 from taxel_tools.bench.probe import ProbeError, gcode
 from taxel_tools.bench.probe.gcode import open_gcode
@@ -16,21 +16,28 @@ from taxel_tools.testing.record import Outcome
 KIND = load_hand("allegro").board(ADDRESS).kind
 
 
-@pytest.fixture(autouse=True)
-def soon(monkeypatch):
-    """A gantry that says nothing is given up soon."""
-    monkeypatch.setattr(gcode, "ANSWER_S", 0.3)
-    monkeypatch.setattr(gcode, "WAKE_S", 0.1)
-    monkeypatch.setattr(gcode, "LIFT_S", 0.1)
-    monkeypatch.setattr(gcode, "QUIET_S", 0.02)
+@pytest.fixture
+def gantries(monkeypatch):
+    """Gantries whose port is an object: they answer at once, or never."""
+    opened = {}
+
+    def make(**options):
+        gantry = FakeGantry(**options)
+        gantry.port = f"/dev/ttyFAKE{len(opened)}"
+        opened[gantry.port] = gantry
+        return gantry
+
+    monkeypatch.setattr(gcode.serial, "Serial", lambda port, baud, timeout: opened[port])
+    return make
 
 
 @pytest.fixture
-def gantries():
+def behind_a_pty():
+    """Gantries that pyserial opens."""
     opened = []
 
     def make(**options):
-        opened.append(FakeGantry(**options))
+        opened.append(PtyGantry(**options))
         return opened[-1]
 
     yield make
@@ -48,9 +55,9 @@ def probe_of(gantry, operator=None, **options):
     return open_gcode(url_of(gantry, **options), KIND, PITCH_MM * 1e-3, operator or NoOperator())
 
 
-def test_a_board_is_pressed_from_end_to_end(benches, gantries):
+def test_a_board_is_pressed_from_end_to_end(benches, behind_a_pty):
     bench = benches()
-    gantry = gantries(on_press=pressing(bench.station.kind, bench.finger))
+    gantry = behind_a_pty(on_press=pressing(bench.station.kind, bench.finger))
     bench.station.probe = open_gcode(url_of(gantry), bench.station.kind, PITCH_MM * 1e-3, NoOperator())
     record = bench.run(short_plan("presses"))
     bench.station.probe.close()
@@ -123,8 +130,10 @@ def test_a_tip_that_nobody_can_change_is_an_error_of_the_phase(benches, gantries
     assert phase_of(record, "loading").problem.startswith(expected)
 
 
-def test_a_controller_that_restarts_when_its_port_is_opened_is_waited_for(gantries):
-    gantry = gantries(greeting=b"\r\nGrbl 1.1h ['$' for help]\r\n", deaf_lines=2)
+def test_a_controller_that_restarts_when_its_port_is_opened_is_waited_for(behind_a_pty, monkeypatch):
+    monkeypatch.setattr(gcode, "WAKE_S", 0.2)
+    monkeypatch.setattr(gcode, "WAKE_ATTEMPTS", 100)
+    gantry = behind_a_pty(greeting=b"\r\nGrbl 1.1h ['$' for help]\r\n", deaf_lines=2)
     probe_of(gantry).press(0, 1.0, 3e-3)
     assert gantry.lines[-1] == "G4 P0"
     assert gantry.at["Z"] == pytest.approx(TOUCH_Z - 0.1)
@@ -139,9 +148,10 @@ def test_remarks_and_long_answers_are_passed_over(gantries):
     assert gantry.lines[-2:] == ["G0 Z7.000", "G4 P0"]
 
 
-def test_a_port_that_says_nothing_is_one_line(gantries):
-    gantry = gantries(deaf_lines=10**6)
-    with pytest.raises(ProbeError, match=r"no answer to 'G21' in 0\.6 s; is this the gantry's port\?"):
+def test_a_port_that_says_nothing_is_one_line(behind_a_pty, monkeypatch):
+    monkeypatch.setattr(gcode, "WAKE_S", 0.05)
+    gantry = behind_a_pty(deaf_lines=10**6)
+    with pytest.raises(ProbeError, match=r"no answer to 'G21' in 0\.3 s; is this the gantry's port\?"):
         probe_of(gantry)
 
 
@@ -160,7 +170,7 @@ def test_a_gantry_that_fails_half_way_is_lifted_and_moves_no_more(gantries, answ
     gantry.answer = lambda line: answer if line.startswith("G1") else b"ok\r\n"
     with pytest.raises(ProbeError, match="G1 Z"):
         probe.press(0, 2.0, 3e-3)
-    assert gantry.is_clear()
+    assert gantry.at["Z"] > TOUCH_Z
     said = len(gantry.lines)
     with pytest.raises(ProbeError, match="G1 Z"):
         probe.press(1, 1.0, 3e-3)
@@ -185,7 +195,7 @@ def test_a_failing_gantry_is_an_error_of_the_phase_and_the_record_stays(benches,
         "faults": Outcome.PASS,
     }
     assert "answered 'error:2' to 'G0 X20.000" in phase_of(record, "presses").problem
-    assert gantry.is_clear()
+    assert gantry.at["Z"] > TOUCH_Z
 
 
 def test_a_test_that_is_stopped_half_way_lets_go(benches, gantries):
