@@ -34,8 +34,8 @@ from taxel_tools.steps import Burst, Clock, Pause, Steps, Transfer
 
 PATIENCE_S: Final = 0.3
 """How long a board may not be ready: a row and a record take 20 ms each, a restart some 50 ms."""
-RESTART_S: Final = 1.0
-"""From a restart until the bootloader must answer."""
+RESTART_S: Final = 2.0
+"""From the first request until the bootloader must answer; a restart takes some 50 ms."""
 AGAIN_S: Final = 0.002
 AGAIN_MAX_S: Final = 0.016
 """Between two looks at a board that is not ready, longer and longer: a silent board must not keep the bus busy."""
@@ -100,14 +100,15 @@ class BootSession:
                     raise BoardError(self.address, f"{error.problem}; check its power and its address") from None
             yield Pause(0.01)
             try:
-                return (yield from self.enter_here())
+                return (yield from self.enter_here(attempts=1))  # if the command was lost, an application answers
             except (TransferError, BoardError) as error:
                 if isinstance(error, StatusError) or self.now_s() > deadline:
                     raise
 
-    def enter_here(self) -> Steps[dict[str, Any]]:
+    def enter_here(self, attempts: int = ATTEMPTS) -> Steps[dict[str, Any]]:
         """Begin a session with a board that is in its bootloader; returns the fields of `EnterReply`."""
-        return unpack(EnterReply, (yield from self.ask(BootCommand.ENTER, reply=EnterReply)))[0]
+        reply = yield from self.ask(BootCommand.ENTER, reply=EnterReply, attempts=attempts)
+        return unpack(EnterReply, reply)[0]
 
     def info(self) -> Steps[BootInfo]:
         """What the bootloader says of its board."""
@@ -263,19 +264,21 @@ class BootSession:
         """Send a packet and leave its response unread."""
         yield from self._write(build_packet(command, data))
 
-    def ask(self, command: BootCommand, data: bytes = b"", reply: Struct | int = 0) -> Steps[bytes]:
+    def ask(
+        self, command: BootCommand, data: bytes = b"", reply: Struct | int = 0, attempts: int = ATTEMPTS
+    ) -> Steps[bytes]:
         """Send a packet; returns the response's data, of the expected size.
 
         What was lost or damaged is sent again: nothing that is asked does harm when it is asked twice.
         """
         size = reply if isinstance(reply, int) else packer_of(reply).size
-        for attempt in range(1, ATTEMPTS + 1):
+        for attempt in range(1, attempts + 1):
             try:
                 yield from self._write(build_packet(command, data))
                 return (yield from self.response(size))
             except (StatusError, LostError) as error:
                 may_pass = isinstance(error, LostError) or error.status == BootStatus.CHECKSUM
-                if attempt == ATTEMPTS or not may_pass:
+                if attempt == attempts or not may_pass:
                     raise
         raise AssertionError
 
