@@ -4,6 +4,7 @@
 #include "codec/crc32.h"
 #include "emulator/board_cortex.h"
 #include "emulator/board_parts.h"
+#include "emulator/costs.h"
 
 #define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read */
 
@@ -24,7 +25,8 @@ static void start_application(struct board_node *board)
     board->has_confirmed = false;
     board->flash_until = 0;
     board->boot_end = boot->now + rest;
-    board->now = board->boot_end;
+    board->clock_zero = board->boot_end - board_cycles(board, COST_SENSOR_INIT);
+    board->interrupt = board->now = board->boot_end;
     board->cpu_free = board->boot_end;
     board->config.reset_cause = boot->cause;
     board->config.address = board->address = boot_node_address(boot);

@@ -28,33 +28,56 @@ static double ahead(const struct board_node *board, vtime time)
     return clock_wander_ahead(&board->wander, (double)time / (double)VTIME_SECOND);
 }
 
+/* Of the interrupt that starts the conversion of a crossing, but for what it does afterwards. */
+static unsigned start_cost(const struct board_node *board, uint16_t crossing, uint8_t tx)
+{
+    static const uint8_t division[TAXEL_LINES_MAX] = COST_QUOTIENT;
+    const uint16_t settle_cycles = board->sensor.settings.settle_cycles;
+    const unsigned skipped = board->begins_scan ? crossing : crossing - board->crossing - 1u;
+    const unsigned cost = COST_CONVERSION + COST_SETTLE_LOOP * (settle_cycles / COST_SETTLE_LOOP + 1u) + division[tx] +
+                          COST_SKIPPED_CROSSING * skipped + (tx != board->conversion_tx ? COST_NEW_TX : 0u);
+    return board->begins_scan ? cost + COST_SCAN : cost;
+}
+
+/* SysTick cuts into whatever runs at [from, to): how much later that ends. */
+static vtime tick_between(const struct board_node *board, vtime from, vtime to)
+{
+    const vtime period = cycles(board, COST_TICK_PERIOD), length = cycles(board, COST_TICK);
+    const vtime last = board->clock_zero + (to - board->clock_zero) / period * period;
+    return last == board->clock_zero || last + length <= from ? 0 : last > from ? length : last + length - from;
+}
+
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct board_node *board = context;
-    const uint16_t taxel = board->taxel_at[tx][rx];
-    vtime duration = board->front_end.settle_time + board->front_end.conversion_time;
-    board->conversion_taxel = taxel;
+    const uint16_t crossing = (uint16_t)(tx * board->description->columns + rx);
+    board->conversion_taxel = board->taxel_at[tx][rx];
+    board->begins_scan = board->conversion_taxel == 0;
+    const vtime busy = cycles(board, start_cost(board, crossing, tx));
+    const vtime begin = board->interrupt + busy + tick_between(board, board->interrupt, board->interrupt + busy);
+    vtime duration = begin - board->interrupt + board->front_end.conversion_time;
+    board->cpu_free = begin + cycles(board, COST_AFTER_START + (board->begins_scan ? COST_AFTER_SCAN : 0u));
+    board->crossing = crossing;
     board->conversion_tx = tx;
     board->conversion_rx = rx;
-    board->begins_scan = taxel == 0;
     if (board->wander.amplitude != 0.0) {
         if (board->begins_scan) {
             board->wander_rate = clock_wander_rate(&board->wander, (double)board->now / (double)VTIME_SECOND);
         }
         duration = (vtime)((double)duration / board->wander_rate);
     }
-    board->conversion_end = board->now + duration;
+    board->conversion_end = board->interrupt + duration;
 }
 
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
-    const double us = (double)(board->now - board->boot_end) * board->clock_rate / (double)VTIME_US +
+    const double us = (double)(board->now - board->clock_zero) * board->clock_rate / (double)VTIME_US +
                       board->description->clock_start_us;
     if (board->wander.amplitude == 0.0) {
         return (uint32_t)(uint64_t)us;
     }
-    return (uint32_t)(uint64_t)(us + 1e6 * (ahead(board, board->now) - ahead(board, board->boot_end)));
+    return (uint32_t)(uint64_t)(us + 1e6 * (ahead(board, board->now) - ahead(board, board->clock_zero)));
 }
 
 static uint32_t on_interrupts_disable(void *context)
@@ -236,6 +259,12 @@ uint16_t board_convert(struct board_node *board)
     return electronics_convert(board->electronics, &conversion);
 }
 
+/* When an interrupt begins that is raised at `time`. One that waits for another follows it without leaving to the main program. */
+static vtime from(const struct board_node *board, vtime time)
+{
+    return vtime_max(time, board->cpu_free > time ? board->cpu_free - cycles(board, COST_TAIL_CHAIN) : 0);
+}
+
 void board_advance(struct board_node *board, vtime until)
 {
     if (!board->powered) {
@@ -249,13 +278,13 @@ void board_advance(struct board_node *board, vtime until)
         board_catch_up(board, until);
     }
     while (board->conversion_end <= until) {
-        const vtime start = vtime_max(board->conversion_end, board->cpu_free);
+        const vtime start = from(board, board->conversion_end);
         if (start > until) {
             return; /* the CPU is still busy with the bus */
         }
         const uint16_t raw = board_convert(board);
-        board->now = start + cycles(board, COST_CONVERSION_INTERRUPT);
-        board->cpu_free = board->now;
+        board->interrupt = board->now = start;
+        board->cpu_free = start + cycles(board, COST_CONVERSION);
         board->conversion_end = VTIME_NEVER;
         taxel_sensor_on_conversion(&board->sensor, raw);
     }
@@ -264,7 +293,12 @@ void board_advance(struct board_node *board, vtime until)
 vtime board_enter(struct board_node *board, vtime now, unsigned cost)
 {
     board_advance(board, now);
-    board->now = vtime_max(now, board->cpu_free) + cycles(board, cost);
-    board->cpu_free = board->now;
+    board->interrupt = board->now = from(board, now);
+    board->cpu_free = board->now + cycles(board, cost);
     return board->now;
+}
+
+vtime board_cycles(const struct board_node *board, unsigned count)
+{
+    return cycles(board, count);
 }

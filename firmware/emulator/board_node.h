@@ -44,10 +44,14 @@ struct board_node {
     uint8_t address;   /* that it answers at now */
     bool has_confirmed; /* its image, or found that it was */
     vtime watchdog_at;
-    vtime boot_end;
+    vtime boot_end;   /* from then on it answers */
+    vtime clock_zero; /* its own clock began then, a little earlier */
     vtime flash_until; /* a row is being written: nothing is acknowledged */
     vtime cpu_free;
     vtime conversion_end;
+    vtime interrupt;  /* when the interrupt that starts the next conversion began */
+    uint16_t crossing; /* of the conversion under way */
+    unsigned unsent;  /* bytes that the slave's FIFO still has */
     uint16_t conversion_taxel;
     uint8_t conversion_tx, conversion_rx;
     bool begins_scan; /* the conversion under way is a scan's first */

@@ -4,9 +4,9 @@
 
 #include "emulator/board_node.h"
 
-/* board_node.c. Begin an interrupt: the scan's interrupts up to now have run, and this one waits until the CPU is free. */
+/* board_node.c. Begin an interrupt: the scan's interrupts up to now have run, and this one waits until the CPU is free. Returns when. */
 vtime board_enter(struct board_node *board, vtime now, unsigned cost);
-
+vtime board_cycles(const struct board_node *board, unsigned count);
 /* Of the conversion that board->conversion_... describes: its raw count. */
 uint16_t board_convert(struct board_node *board);
 

@@ -64,8 +64,10 @@ vtime board_address(struct board_node *board, vtime now, bool reading, bool *ack
         *acknowledge = taxel_boot_i2c_on_address(&board->boot->i2c, reading);
         return now;
     }
-    const vtime ready = board_enter(board, now, COST_SLAVE_ADDRESS) + board->stretch;
+    const vtime begin = board_enter(board, now, reading ? COST_SLAVE_READ : COST_SLAVE_WRITE);
+    const vtime ready = begin + board_cycles(board, reading ? COST_SLAVE_READ_HOLD : COST_SLAVE_WRITE_HOLD) + board->stretch;
     board->stretch = 0;
+    board->unsent = COST_SLAVE_FIFO - 1u;
     *acknowledge = taxel_sensor_on_address(&board->sensor, reading);
     return ready;
 }
@@ -80,9 +82,9 @@ vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *ackno
         *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
         return now;
     }
-    (void)board_enter(board, now, COST_SLAVE_BYTE);
+    const vtime begin = board_enter(board, now, COST_SLAVE_BYTE);
     *acknowledge = taxel_sensor_on_write(&board->sensor, byte);
-    return now; /* the slave's FIFO takes it: no stretching */
+    return begin + board_cycles(board, COST_SLAVE_BYTE_HOLD);
 }
 
 vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
@@ -94,7 +96,10 @@ vtime board_read(struct board_node *board, vtime now, uint8_t *byte)
     } else if (board->runs != RUNS_APPLICATION) {
         *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
     } else {
-        (void)board_enter(board, now, COST_SLAVE_BYTE);
+        if (--board->unsent < COST_SLAVE_FIFO / 2u) { /* it is filled again */
+            (void)board_enter(board, now, COST_SLAVE_REFILL);
+            board->unsent = COST_SLAVE_FIFO;
+        }
         *byte = taxel_sensor_on_read(&board->sensor);
     }
     if (board->corrupt_bytes) {

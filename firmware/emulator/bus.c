@@ -139,16 +139,23 @@ static void hold(struct bus *bus, enum bus_event event, vtime released)
     bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus)));
 }
 
+/* When the master goes on after a byte. */
+static vtime let_go(const struct bus *bus, vtime released)
+{
+    const vtime hold = bus->master == BUS_HUB && !bus->by_steps ? bus->hold : 0;
+    return vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + hold;
+}
+
 static void next_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
     bus->phase = phase;
-    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + CLOCKS_PER_BYTE * bus->clock;
+    bus->next = let_go(bus, released) + CLOCKS_PER_BYTE * bus->clock;
 }
 
 static void stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;
-    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + bus->clock;
+    bus->next = let_go(bus, released) + bus->clock;
 }
 
 /* The master has lost the bus in the middle of a transfer: no stop of its own. */

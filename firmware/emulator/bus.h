@@ -41,6 +41,7 @@ struct bus {
     struct board_node *boards;
     size_t board_count;
     vtime clock; /* one SCL period */
+    vtime hold;  /* how long a native hub's master keeps SCL low after each byte: its interrupt */
     vtime next;  /* when the byte or condition under way ends */
     enum bus_phase phase;
     struct taxel_i2c_transfer transfer;

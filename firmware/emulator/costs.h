@@ -1,21 +1,38 @@
-/* What the firmware costs on a 48 MHz Cortex-M0, in CPU cycles. Estimates from counting instructions of the C sources; to be
- * replaced by counts from the executed Cortex-M0 images. */
+/* What the firmware costs on a 48 MHz Cortex-M0, in CPU cycles: counted in the executed images by
+ * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md says what each is. */
 #ifndef EMULATOR_COSTS_H
 #define EMULATOR_COSTS_H
 
 #define CPU_HZ 48000000.0
 
-#define COST_CONVERSION_INTERRUPT 220u /* store a count, its CRC, find the next crossing, start it */
-#define COST_SLAVE_ADDRESS 160u        /* address interrupt: latch, choose a source; the clock is stretched meanwhile */
-#define COST_SLAVE_BYTE 55u            /* one byte into or out of the slave's FIFO */
-#define COST_SLAVE_STOP 70u
+#define COST_CONVERSION 538u
+#define COST_SETTLE_LOOP 4u
+#define COST_QUOTIENT {0, 4, 46, 50, 46, 50, 44, 48, 46, 50, 44, 48, 44, 50, 50, 50}
+#define COST_NEW_TX 143u
+#define COST_SKIPPED_CROSSING 23u
+#define COST_SCAN 633u
+#define COST_AFTER_START 76u
+#define COST_AFTER_SCAN 13u
+#define COST_SENSOR_INIT 18795u
 
-#define COST_MASTER_BYTE 50u     /* one byte into or out of the master's FIFO */
-#define COST_MASTER_DONE 120u    /* end-of-transfer interrupt */
-#define COST_HUB_PASS 280u       /* one pass of the main loop up to the start of the next transfer */
-#define COST_HUB_CHECK_BYTE 22u  /* CRC of a snapshot, a byte */
-#define COST_HUB_ENCODE_BYTE 62u /* CRC, whitening and stuffing, a byte */
-#define COST_UART_INTERRUPT 60u  /* refill the transmit FIFO */
-#define COST_UART_BYTE 14u
+#define COST_TICK 39u
+#define COST_TICK_PERIOD 196608u
+#define COST_TAIL_CHAIN 22u
+
+#define COST_SLAVE_WRITE 228u
+#define COST_SLAVE_WRITE_HOLD 151u
+#define COST_SLAVE_READ 514u
+#define COST_SLAVE_READ_HOLD 447u
+#define COST_SLAVE_BYTE 152u
+#define COST_SLAVE_BYTE_HOLD 99u
+#define COST_SLAVE_REFILL 247u
+#define COST_SLAVE_STOP 128u
+#define COST_SLAVE_FIFO 8u
+
+#define COST_MASTER_DONE 108u
+#define COST_HUB_PASS 866u
+#define COST_HUB_FRAME_BYTE 155u
+#define COST_UART_INTERRUPT 118u
+#define COST_UART_BYTE 48u
 
 #endif

@@ -309,7 +309,7 @@ void hub_node_run(struct hub_node *node, vtime horizon)
     taxel_hub_run(&node->hub);
     /* Checking and framing come after the next transfer has been started, so they cost the CPU but not the bus. */
     const double framed = node->hub.outbox.bytes_sent - sent;
-    node->cpu_free = node->now + cycles(node, framed * (COST_HUB_CHECK_BYTE + COST_HUB_ENCODE_BYTE));
+    node->cpu_free = node->now + cycles(node, framed * COST_HUB_FRAME_BYTE);
     if (node->restart_wanted) {
         hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);
         return;

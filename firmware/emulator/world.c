@@ -75,6 +75,7 @@ int world_init(struct world *world, const struct world_description *description,
     }
     enter_fields(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
+    world->bus.hold = (vtime)(description->hub_byte_us * (double)VTIME_US);
     uart_init(&world->uart, endpoint, description, &world->log);
     if (hub_node_init(&world->hub, &world->bus, &world->uart, description)) {
         return -1;

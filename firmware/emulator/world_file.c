@@ -241,6 +241,7 @@ static int read_line(const struct world_reader *reader)
         {"usb_latency_down_ms", 0.0, 255.0, &world->usb_latency_down_ms},
         {"hub_clock_ppm", -1e5, 1e5, &world->hub_clock_ppm},
         {"hub_clock_start_us", 0.0, 1e12, &world->hub_clock_start_us},
+        {"hub_byte_us", 0.0, 1e3, &world->hub_byte_us},
         {"noise_counts", 0.0, 1e4, &world->noise_counts},
     };
     for (size_t i = 0; i < sizeof settings / sizeof settings[0]; i++) {

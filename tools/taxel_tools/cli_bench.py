@@ -83,7 +83,7 @@ def bench_command(
                 under_test.probe.close()
         folder = keep(record, out, history)
     except (TaxelError, OSError) as error:  # 1, the status of any other command's errors, means a bad board here
-        print(f"taxel: {error}", file=sys.stderr)
+        print(f"taxel: {_line(error)}", file=sys.stderr)
         raise typer.Exit(NOT_TESTED) from None
     if as_json:
         print_json({"outcome": str(record.outcome), "folder": str(folder), "findings": record.findings()})
@@ -135,6 +135,12 @@ def _person(console: Console, plan: Plan, serial: str | None, probe: str | None)
     if probe == "operator":
         raise TaxelError("--probe operator: nobody is at a terminal to be told what to press; choose another probe")
     return NoOperator()
+
+
+def _line(error: TaxelError | OSError) -> str:
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error).splitlines()[0]
 
 
 def _login() -> str:

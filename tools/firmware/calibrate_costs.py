@@ -1,0 +1,261 @@
+"""Count in executed images what the native emulator has to charge for the firmware (firmware/emulator/costs.h).
+
+python tools/firmware/calibrate_costs.py [--check] [--images DIR]
+
+Boards with the images of `make firmware` run in the emulator; every handler's cycles are counted there. Writes costs.h;
+with --check it only says whether that file is stale.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, image_line, lone_board
+from hub_costs import measure_hub
+
+from taxel.errors import TaxelError
+from taxel.hand import Hand, load_hand
+from taxel.hand.description import Board
+from taxel.hand.world import WorldSettings
+from taxel.link.virtual import HandlerCost, VirtualWorld
+from taxel_protocol import SNAPSHOT_OVERHEAD
+from taxel_protocol.limits import REGISTER_SNAPSHOT
+
+ROOT: Final = Path(__file__).parents[2]
+COSTS: Final = ROOT / "firmware" / "emulator" / "costs.h"
+SMALL, LARGE = 0x2C, 0x20
+"""Boards of the allegro hand: the conversions of both together have every case."""
+CYCLES_PER_US: Final = 48
+PERIOD: Final = 160 * 40
+SETTLE_CYCLES: Final = 4 * (96 // 4 + 1)
+QUOTIENTS: Final = 16
+RUN_S: Final = 12.0
+BEFORE_START: Final = 0.9
+"""Share of a conversion's interrupt that the next conversion waits for: what cuts into it delays the scan so much."""
+TAIL_CHAIN: Final = 16 + 12 - 6
+"""Cycles that an interrupt saves which follows another at once (firmware/emulator/cortex_m0/cortex_m0.h)."""
+
+HEAD: Final = """\
+/* What the firmware costs on a 48 MHz Cortex-M0, in CPU cycles: counted in the executed images by
+ * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md says what each is. */
+#ifndef EMULATOR_COSTS_H
+#define EMULATOR_COSTS_H
+
+#define CPU_HZ 48000000.0
+
+"""
+
+Costs = dict[str, int | list[int]]
+
+
+def exact(value: float, what: str) -> int:
+    """A number of cycles that must come out whole. Raises ValueError."""
+    if abs(value - round(value)) > 0.2:
+        raise ValueError(f"{what}: expected whole cycles, found {value:.3f}")
+    return round(value)
+
+
+@contextmanager
+def scanning(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
+    """A world in which that board scans, and nobody asks it anything."""
+    text = lone_board(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + image_line(board.address)
+    with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
+        world.inject("hub_unplug")
+        world.run(0.35)
+        yield world
+
+
+def crossings_of(board: Board) -> list[int]:
+    """Numbers of the crossings that are taxels."""
+    bits = board.kind.crossing_bitmap()
+    return [at for at in range(board.kind.tx_count * board.kind.rx_count) if bits[at >> 3] >> (at & 7) & 1]
+
+
+def conversions(world: VirtualWorld, board: Board) -> list[int]:
+    """Cycles of the interrupts of a scan, in the order of the crossings whose conversion they start."""
+    costs: list[int] = []
+    last = world.handler_costs(board.address)["CSD"]
+    while len(costs) < 2 * board.kind.taxel_count + 1:
+        world.run(40e-6)
+        now = world.handler_costs(board.address)["CSD"]
+        if now.count > last.count:
+            costs.append(now.own - last.own)
+            last = now
+    begin = costs.index(max(costs[: board.kind.taxel_count]))
+    return costs[begin : begin + board.kind.taxel_count]
+
+
+def conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
+    """Solve what the interrupts of whole scans cost for what each case of them adds."""
+    plain: dict[int, int] = {}
+    switching: list[tuple[int, int, int]] = []
+    first: tuple[int, int] | None = None
+    for board, costs in scans.values():
+        crossings = crossings_of(board)
+        if not crossings[0]:
+            raise ValueError("the first crossing of a calibrating board must not be number 0")
+        for place, (crossing, cost) in enumerate(zip(crossings, costs, strict=True)):
+            tx, skipped = crossing // board.kind.rx_count, crossing - crossings[place - 1] - 1 if place else crossing
+            if place == 0:
+                first = first or (crossing, cost)
+            elif tx == crossings[place - 1] // board.kind.rx_count:
+                if not skipped:
+                    plain[tx] = cost
+            else:
+                switching.append((tx, skipped, cost))
+    base = plain[0]
+    tx, skipped, cost = next(case for case in switching if case[1] == 0)
+    new_tx = cost - plain[tx]
+    tx, skipped, cost = next(case for case in switching if case[1])
+    skip = exact((cost - plain[tx] - new_tx) / skipped, "a skipped crossing")
+    assert first is not None
+    known = {q: plain[q] - base for q in plain}
+    return {
+        "own": base,
+        "quotient": [known.get(q, max(known.values())) for q in range(QUOTIENTS)],
+        "new_tx": new_tx,
+        "skipped": skip,
+        "scan_own": first[1] - base - new_tx - skip * first[0],
+    }
+
+
+def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
+    """(sequence, microseconds, account of the conversion interrupt)."""
+    _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
+    sequence, time_us = struct.unpack_from("<HI", data)
+    return sequence, time_us, world.handler_costs(board.address)["CSD"]
+
+
+def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
+    """(cycles of a scan beyond its conversions, microseconds on the board's clock when its first scan began)."""
+    world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
+    world.run(0.05)
+    begin = snapshot(world, board)
+    world.run(RUN_S)
+    end = snapshot(world, board)
+    scans = end[0] - begin[0]
+    period_us = (end[1] - begin[1]) / scans
+    account, before = end[2], begin[2]
+    cut_in = (account.inclusive - account.own - before.inclusive + before.own) * BEFORE_START
+    cut_in += account.latency - before.latency
+    overhead = period_us * CYCLES_PER_US - PERIOD * board.kind.taxel_count - cut_in / scans
+    return overhead, begin[1] - begin[0] * period_us
+
+
+def slave_costs(world: VirtualWorld, board: Board) -> Costs:
+    """Cycles of the slave's interrupts, and how long the bus waits for each: the fewest of several (nothing cut in)."""
+
+    def least(write: bytes, size: int) -> tuple[int, float]:
+        own, held = [], []
+        for _ in range(12):
+            world.run(0.00113)
+            before, begin = world.handler_costs(board.address)["SCB0"], world.now_s
+            world.transfer(board.address, write, size)
+            held.append((world.now_s - begin) * 1e6 * CYCLES_PER_US)
+            world.run(0.0001)
+            own.append(world.handler_costs(board.address)["SCB0"].own - before.own)
+        return min(own), min(held)
+
+    clock = CYCLES_PER_US * 2.5
+    pointer = bytes([REGISTER_SNAPSHOT])
+    stop = world.handler_costs(board.address)["SCB0"].own_min
+    probe, written, more = least(b"", 0), least(bytes([0xF0, 1]), 0), least(bytes([0xF0, 1, 1]), 0)
+    world.transfer(board.address, pointer, 0)
+    read, refilled = least(b"", 2), least(b"", 6)
+    return {
+        "slave_write": probe[0] - stop,
+        "slave_write_hold": round(probe[1] - 11 * clock),
+        "slave_read": read[0] - stop,
+        "slave_read_hold": round(read[1] - 29 * clock),
+        "slave_byte": more[0] - written[0],
+        "slave_byte_hold": round(more[1] - written[1] - 9 * clock),
+        "slave_refill": refilled[0] - read[0],
+        "slave_stop": stop,
+    }
+
+
+def measure_board(image: Path) -> Costs:
+    """All costs of a sensor board. Raises ValueError if they do not come out as the model of costs.h has them."""
+    hand = load_hand("allegro")
+    scans, overheads = {}, {}
+    costs: Costs = {}
+    for address in (SMALL, LARGE):
+        board = hand.board(address)
+        with scanning(hand, board, image) as world:
+            scans[address] = (board, conversions(world, board))
+            tick = world.handler_costs(address)["SysTick"]
+            overheads[address] = scan_overhead(world, board)
+            if address == SMALL:
+                costs.update(slave_costs(world, board))
+    costs.update(conversion_costs(scans))
+    own, scan_own = costs["own"], costs["scan_own"]
+    assert isinstance(own, int)
+    assert isinstance(scan_own, int)
+    spare = {address: sum(cycles) - overheads[address][0] for address, (_, cycles) in scans.items()}
+    counts = {address: scans[address][0].kind.taxel_count for address in scans}
+    after = round((spare[LARGE] - spare[SMALL]) / (counts[LARGE] - counts[SMALL]))
+    after_scan = round(spare[SMALL] - after * counts[SMALL])
+    return costs | {
+        "conversion": own - SETTLE_CYCLES - after,
+        "scan": scan_own - after_scan,
+        "after_start": after,
+        "after_scan": after_scan,
+        "sensor_init": round(overheads[SMALL][1] * CYCLES_PER_US),
+        "tick": round(tick.own / tick.count),
+    }
+
+
+def header(board: Costs, hub: Costs) -> str:
+    """The text of costs.h."""
+
+    def define(name: str, value: int | list[int]) -> str:
+        text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
+        return f"#define COST_{name.upper()} {text}"
+
+    conversion = [
+        define("conversion", board["conversion"]),
+        define("settle_loop", 4),
+        define("quotient", board["quotient"]),
+        define("new_tx", board["new_tx"]),
+        define("skipped_crossing", board["skipped"]),
+        *(define(name, board[name]) for name in ("scan", "after_start", "after_scan", "sensor_init")),
+    ]
+    tick = [
+        define("tick", board["tick"]),
+        define("tick_period", 4096 * CYCLES_PER_US),
+        define("tail_chain", TAIL_CHAIN),
+    ]
+    slave = [define(name, board[name]) for name in board if name.startswith("slave_")]
+    slave.append(define("slave_fifo", 8))
+    blocks = ["\n".join(block) for block in (conversion, tick, slave, [define(name, hub[name]) for name in hub])]
+    return HEAD + "\n\n".join(blocks) + "\n\n#endif\n"
+
+
+def main() -> int:
+    """Measure, and write or compare; an error is one line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="only say whether costs.h is stale")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")
+    options = parser.parse_args()
+    try:
+        text = header(measure_board(options.images / BOARD_IMAGE), measure_hub(options.images / HUB_IMAGE))
+    except (TaxelError, OSError, ValueError) as error:
+        print(f"calibrate_costs: {error}", file=sys.stderr)
+        return 1
+    if text == COSTS.read_text():
+        return 0
+    if options.check:
+        print(f"{COSTS.relative_to(ROOT)} is stale: run python tools/firmware/calibrate_costs.py", file=sys.stderr)
+        return 1
+    COSTS.write_text(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""Count what the hub's firmware costs, in an executed image: interrupts, a pass of its main loop, a framed byte."""
+
+from __future__ import annotations
+
+import bisect
+from pathlib import Path
+from typing import Final
+
+from executed_world import HUB_IMAGE, image_line, lone_board
+from firmware_elf import read_linked_image
+
+from taxel.hand import load_hand
+from taxel.hand.world import WorldSettings
+from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
+from taxel.skin import Skin
+
+Costs = dict[str, int | list[int]]
+
+CYCLES_PER_US: Final = 48
+BOARD: Final = 0x20
+"""The largest of the allegro hand."""
+PROBE_US: Final = 11 * 2.5
+"""An address that nobody acknowledges: start, nine clocks, stop."""
+PROBES: Final = 10
+FRAMING: Final = ("put_body", "emit", "taxel_crc32", "taxel_encoder_put", "taxel_encoder_begin", "taxel_encoder_end")
+SAMPLE_S, SAMPLES = 2.03e-6, 60_000
+
+
+def pass_cycles(world: VirtualWorld) -> int:
+    """From the end of a probe to the start of the next, while the hub looks for boards."""
+    times: list[float] = []
+    probes = 0
+    while len(times) < 40 * PROBES and world.now_s < 1.0:
+        world.run(2e-6)
+        now = world.handler_costs(0)["SCB0"].count // 2  # one interrupt for the address, one for the stop
+        if now > probes:
+            times.append(world.now_s)
+            probes = now
+    densest = min(end - begin for begin, end in zip(times, times[PROBES:], strict=False))
+    return round((densest * 1e6 / PROBES - PROBE_US) * CYCLES_PER_US)
+
+
+def streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
+    """Of a hub that streams a board: its UART's interrupt, and what is done to each byte of a frame (by samples)."""
+    functions = read_linked_image(elf).functions
+    begins = [one.address for one in functions]
+    framing = 0
+    before, sent = world.handler_costs(0)["SCB1"], int(world.statistics()["uart_bytes_sent"])
+    begin = world.now_s
+    for number in range(SAMPLES):
+        world.run(SAMPLE_S)
+        at = functions[max(bisect.bisect_right(begins, world.processor(0).pc) - 1, 0)]
+        framing += at.name in FRAMING
+        if number % 1000 == 0:
+            skin.poll(0.0)
+    after = world.handler_costs(0)["SCB1"]
+    sent = int(world.statistics()["uart_bytes_sent"]) - sent
+    cycles = (world.now_s - begin) * 1e6 * CYCLES_PER_US
+    own, count = after.own - before.own, after.count - before.count
+    return {
+        "hub_frame_byte": round(cycles * framing / SAMPLES / sent),
+        "uart_interrupt": after.own_min,
+        "uart_byte": round((own - after.own_min * count) / sent),
+    }
+
+
+def measure_hub(image: Path) -> Costs:
+    """All costs of the hub that costs.h has. `image`: hub-factory.hex, beside the folder with hub-a.elf."""
+    hand = load_hand("allegro")
+    text = lone_board(hand, BOARD, WorldSettings()) + image_line(0)
+    with VirtualWorld(text, files={HUB_IMAGE: image}) as world:
+        gap = pass_cycles(world)
+        done = world.handler_costs(0)["SCB0"].own_min
+        with Skin(VirtualMemoryLink(world), hand) as skin:
+            end = world.now_s + 1.0
+            while world.now_s < end:
+                skin.poll(0.01)
+            found = streaming(world, skin, image.parents[1] / "hub-a.elf")
+    return {"master_done": done, "hub_pass": gap - done} | found
