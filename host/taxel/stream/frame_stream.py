@@ -19,6 +19,16 @@ RECORDED_BYTES_AT_ONCE = 1 << 17
 """A recording is decoded in pieces of this size: large enough for speed, small enough for constant memory."""
 
 
+def has_arrivals(link: Link) -> bool:
+    """Whether the times at which the link's bytes arrive tell when they were sent.
+
+    Not those of an emulator that runs as fast as it is read, nor of a recording of one, which says so.
+    """
+    if link.is_recorded:
+        return bool(getattr(link, "has_arrivals", True))
+    return link.is_real_time or isinstance(link, SteppedLink)
+
+
 class FrameStream:
     """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
 
@@ -30,7 +40,7 @@ class FrameStream:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
         self._is_stepped = isinstance(link, SteppedLink)
-        self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded or self._is_stepped)
+        self.clock = ClockMap(link.baud, has_arrivals(link))
         self.bytes_received = 0
         self._on_message = on_message
         self._decoder = StreamDecoder()
