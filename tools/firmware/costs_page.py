@@ -64,8 +64,8 @@ together is that length. A poll is a read of the whole snapshot.
 {boards}
 
 The hub while it streams all {count} boards (natively emulated), per frame of 63 taxels in the mean: {poll:,} cycles in
-I2C interrupts; {frame:,} for framing, the UART ({uart:,}) and the main loop, which waits awake when its transmit ring is
-full. A frame goes out every {length:,} cycles: awake for {share:.0%} of them. The budget of both is that time, so
+I2C interrupts; {frame:,} for framing, the UART ({uart:,}) and the main loop, which waits awake when its transmit ring
+is full. A frame goes out every {length:,} cycles: awake for {share:.0%} of them. The budget of both is that time, so
 `make size` fails when the processor never sleeps.
 
 ## What the native emulator charges
