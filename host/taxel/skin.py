@@ -126,6 +126,11 @@ class Skin:
         """Bytes that were part of no frame."""
         return self._stream.bytes_discarded
 
+    @property
+    def bytes_waiting(self) -> int:
+        """Bytes that have arrived and that nobody has polled yet: growing if the reader is too slow."""
+        return self._stream.bytes_waiting
+
     def is_synchronised(self, address: int) -> bool:
         """Whether that board's times come from its own clock (see `taxel.stream.ClockMap`)."""
         return self._stream.clock.is_synchronised(address)

@@ -60,6 +60,11 @@ class FrameStream:
         """Bytes that were part of no frame, or that a slow reader let the ring buffer lose."""
         return self._decoder.discarded_bytes + (self._ring.overrun_bytes if self._ring else 0)
 
+    @property
+    def bytes_waiting(self) -> int:
+        """Bytes that have arrived and that nobody has polled yet; 0 for what is only read when it is asked for."""
+        return len(self._ring) if self._ring else 0
+
     def begin_anew(self) -> None:
         """The hub is about to be asked to stream: what it did before is no measure of what is missing."""
         self._decoder.forget_cycles()
