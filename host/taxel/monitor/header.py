@@ -8,7 +8,7 @@ from taxel.monitor.advice import LAG_BYTES
 from taxel.monitor.reading import SkinReading
 
 QUEUE_BYTES = 1 << 14
-"""What waits between two portions is less; more is worth a word."""
+"""What waits between two portions is less; more is worth a word, in real time: other sources wait for their reader."""
 
 Part = tuple[str, bool]
 
@@ -51,7 +51,7 @@ def load(reading: SkinReading) -> list[Part]:
     if reading.age_s is not None:
         median, largest = (1e3 * age for age in reading.age_s)
         parts.append((f"age {median:.0f} to {largest:.0f} ms", False))
-    if reading.bytes_waiting > QUEUE_BYTES:
+    if reading.bytes_waiting > QUEUE_BYTES and reading.age_s is not None:
         parts.append((f"{reading.bytes_waiting} B wait", reading.bytes_waiting > LAG_BYTES))
     parts.append((f"cpu {100 * reading.cpu_share:.0f} %", reading.cpu_share > 0.95))
     return parts

@@ -11,10 +11,9 @@ from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError
 from taxel.hand.kinematics import Kinematics, taxel_normals, taxel_positions
 from taxel.hand.robot import Robot, Shape, load_robot
-from taxel.hand.transforms import to_quaternion
 
-TAXEL_THICKNESS_M = 0.0012
-"""Of a drawn taxel, so that it stands out of the link that carries it; the electrode itself is flat."""
+LIFT_M = 0.001
+"""A taxel is drawn so far above its electrode, so that it stands out of what carries it."""
 
 ROOT = "palm"
 """Link that a hand is drawn from, where its robot has one: without the arm."""
@@ -28,16 +27,14 @@ class HandScene:
     """Everything to draw.
 
     Attributes:
-        position: f64[n, 3], taxel centres. quaternion: f64[n, 4], w x y z: their frames, x distal and z outwards.
-        size: f64[3], of a taxel's box.
+        position: f64[n, 3], where taxels are drawn. size_m: side of a taxel.
         links: shapes of the robot with their poses f64[4, 4].
         board_position: f64[b, 3], the middle of each board, a little above it.
         outwards: f64[3], unit vector that the palm (or a flat skin) faces. up: f64[3], where its fingers point.
     """
 
     position: NDArray[np.float64]
-    quaternion: NDArray[np.float64]
-    size: NDArray[np.float64]
+    size_m: float
     links: tuple[tuple[Shape, NDArray[np.float64]], ...]
     board_position: NDArray[np.float64]
     outwards: NDArray[np.float64]
@@ -66,16 +63,13 @@ def scene_of(hand: Hand) -> HandScene:
     links, brackets = kinematics.link_poses(angles), kinematics.sensor_poses(angles)
     position, normal = taxel_positions(hand, brackets), taxel_normals(hand, brackets)
     distal = np.einsum("nij,nj->ni", brackets[hand.board_index, :3, :3], hand.distal)
-    frames = np.tile(np.eye(4), (hand.n_taxels, 1, 1))
-    frames[:, :3, :3] = np.stack([distal, np.cross(normal, distal), normal], axis=-1)
     middles = [
         (position + 0.01 * normal)[hand.slice_of(board.address)].mean(axis=0) for board in hand.boards
     ]  # a centimetre off the skin, for a name
     first = hand.slice_of(hand.boards[0].address)
     return HandScene(
-        position=position + 0.5 * TAXEL_THICKNESS_M * normal,
-        quaternion=to_quaternion(frames),
-        size=np.array([hand.size_m, hand.size_m, TAXEL_THICKNESS_M]),
+        position=position + LIFT_M * normal,
+        size_m=hand.size_m,
         links=tuple((shape, links[robot.link_index(shape.link)] @ shape.origin) for shape in robot.shapes),
         board_position=np.array(middles),
         outwards=_unit(normal[first].mean(axis=0)),
@@ -91,19 +85,3 @@ def _angles(robot: Robot) -> NDArray[np.float64]:
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-
-
-def box_mesh(size: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """A box of `size` [3] around the origin: vertices f32[24, 3], each side with its own, and triangles u32[12, 3]."""
-    vertices: list[NDArray[np.float64]] = []
-    faces: list[list[int]] = []
-    for axis in range(3):
-        one, two = (axis + 1) % 3, (axis + 2) % 3
-        for side in (-1.0, 1.0):
-            start = len(vertices)
-            for a, b in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)):
-                corner = np.empty(3)
-                corner[axis], corner[one], corner[two] = side, a * side, b
-                vertices.append(0.5 * corner * size)
-            faces += [[start, start + 1, start + 2], [start, start + 2, start + 3]]
-    return np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32)

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
-from taxel.monitor.colours import TABLE, Scale, linear_light, steps_of
+from taxel.monitor.colours import TABLE, UNKNOWN, Scale, steps_of
 from taxel.monitor.history import History
 from taxel.monitor.model import SkinMonitor
 from taxel.monitor.page import legend_html, status_html, table_html
 from taxel.monitor.reading import SkinReading
-from taxel.monitor.scene import HandScene, box_mesh, scene_of
+from taxel.monitor.scene import HandScene, scene_of
 
 if TYPE_CHECKING:
     import viser
@@ -37,9 +37,6 @@ PANEL_EVERY = 3
 MOST_ACTIVE = "the most active taxels"
 BOARDS = "the most active boards"
 PALM, BACK = "palm side", "back"
-COLOURS = np.rint(255.0 * linear_light(TABLE / 255.0)).astype(np.uint8)
-"""`TABLE` as viser draws it: it takes the colours of many like shapes for amounts of light."""
-
 LINK_COLOUR = (205, 207, 212)
 
 
@@ -70,6 +67,11 @@ class WebView:
         """Where the page is."""
         return f"http://{HOST}:{self._server.get_port()}/"
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether a browser shows the page."""
+        return bool(self._server.get_clients())
+
     def __enter__(self) -> Self:
         return self
 
@@ -87,19 +89,11 @@ class WebView:
         server, hand = self._server, self._scene
         server.scene.set_up_direction(tuple(hand.up))
         server.scene.world_axes.visible = False
-        # Mostly light from all sides: a taxel looks the same wherever it faces, so that its colour can be read.
-        server.scene.configure_default_lights(enabled=False)
-        server.scene.configure_environment_map(None)
-        server.scene.add_light_ambient("/light/everywhere", intensity=2.2)
-        for name, side in (("front", 1.0), ("back", -1.0)):
-            place = tuple(side * hand.outwards + 0.6 * hand.up)
-            server.scene.add_light_directional(f"/light/{name}", intensity=0.9, position=place)
         _draw_links(server, hand)
-        vertices, faces = box_mesh(hand.size)
-        colours = np.tile(COLOURS[-1], (len(hand.position), 1))
-        self._taxels = server.scene.add_batched_meshes_simple(
-            "/taxels", vertices, faces, batched_wxyzs=hand.quaternion, batched_positions=hand.position,
-            batched_colors=colours, flat_shading=True, cast_shadow=False, receive_shadow=False, lod="off",
+        self._steps = np.full(len(hand.position), UNKNOWN)
+        self._taxels = server.scene.add_point_cloud(
+            "/taxels", hand.position, TABLE[self._steps], point_size=0.5 * hand.size_m,
+            point_shape="square", point_shading="flat", precision="float32",
         )  # fmt: skip
         self._names = [
             server.scene.add_label(f"/names/{board.name}", board.name.replace("_", " "), position=place, visible=False)
@@ -126,8 +120,8 @@ class WebView:
         side = gui.add_button_group("view", (PALM, BACK))
         names = gui.add_checkbox("board names", initial_value=False)
         again = gui.add_button("Take the baseline again", hint="Nothing may touch the skin meanwhile.")
-        options = (MOST_ACTIVE, BOARDS, *(board.name for board in self._monitor.hand.boards))
-        self._choice = gui.add_dropdown("drop over time of", options, initial_value=MOST_ACTIVE)
+        options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
+        self._choice = gui.add_dropdown("drop over time of", options, initial_value=BOARDS)
         self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
         self._plot = gui.add_uplot(
             (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _lines(self._plotted),
@@ -157,11 +151,13 @@ class WebView:
         """Show a reading to whoever looks."""
         self._history.add(reading)
         self._drawings += 1
-        if not self._server.get_clients() and not reading.is_ended:
+        if not self.is_seen and not reading.is_ended:
             return
         top = self._scale.update(reading.largest_drop, reading.watched_s)
         with self._server.atomic():
-            self._taxels.batched_colors = COLOURS[steps_of(reading.drop, self._scale.threshold, top)]
+            steps = steps_of(reading.drop, self._scale.threshold, top)
+            if not np.array_equal(steps, self._steps):  # a browser draws the whole hand for each change
+                self._taxels.colors, self._steps = TABLE[steps], steps
             if self._drawings % PANEL_EVERY == 0 or reading.is_ended:
                 self._status.content = status_html(reading, self._title)
                 self._legend.content = legend_html(self._scale.threshold, top)
