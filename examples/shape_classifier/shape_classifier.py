@@ -61,7 +61,7 @@ class Accuracy:
         n, z2 = self.total, NORMAL_95**2
         middle = (self.value + z2 / (2 * n)) / (1 + z2 / n)
         half = NORMAL_95 / (1 + z2 / n) * np.sqrt(self.value * (1 - self.value) / n + z2 / (4 * n * n))
-        return float(middle - half), float(middle + half)
+        return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
 def scaled(drop: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -46,8 +46,8 @@ class GraspRanges:
     """How a grasp departs from its approach. turn_deg: about the object's axis. reach_mm: towards the fingertips.
     along_mm: along the object's axis. press_mm: how far the palm goes on once it touches. thumb_deg: of both joints of
     the thumb that hold. grip: factor on the torques. top_share: of grasps from above, where approaches are "any".
-    object_mm, object_deg, stop_deg: standard deviations of where the object truly stands (each axis) and where held
-    joints stop; these the experimenter does not know.
+    object_mm, object_deg: standard deviations of where the object truly stands and how it is turned, each axis; nobody is
+    told these.
     """
 
     turn_deg: Range = Range(-6.0, 6.0)
@@ -59,7 +59,6 @@ class GraspRanges:
     top_share: float = 0.25
     object_mm: float = 0.7
     object_deg: float = 0.6
-    stop_deg: float = 0.3
 
 
 @dataclass(frozen=True)
