@@ -46,8 +46,8 @@ class GraspRanges:
     """How a grasp departs from its approach. turn_deg: about the object's axis. reach_mm: towards the fingertips.
     along_mm: along the object's axis. press_mm: how far the palm goes on once it touches. thumb_deg: of both joints of
     the thumb that hold. grip: factor on the torques. top_share: of grasps from above, where approaches are "any".
-    object_mm, object_deg: standard deviations of where the object truly stands and how it is turned, each axis; nobody is
-    told these.
+    object_mm, object_deg: standard deviations of where the object truly stands and how it is turned, each axis; nobody
+    is told these.
     """
 
     turn_deg: Range = Range(-6.0, 6.0)

@@ -122,11 +122,8 @@ def read_table(path: Path) -> ShardTable:
     with open_hdf5(path, "r") as file:
         try:
             group = file[GROUP]
-            return ShardTable(
-                group["number"][()],
-                *(tuple(group[name].asstr()[()].tolist()) for name in (*TEXTS, "names")),
-                group["values"][()],
-            )
+            texts = {name: tuple(group[name].asstr()[()].tolist()) for name in (*TEXTS, "names")}
+            return ShardTable(group["number"][()], values=group["values"][()], **texts)
         except (KeyError, TypeError, AttributeError, OSError):
             place.fail("the table of a generated shard", "none", "make the shard again with taxel generate")
 

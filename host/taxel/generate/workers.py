@@ -73,7 +73,12 @@ def _leave_with_parent() -> None:
     """A parent that is killed cannot end its processes; they would wait for ever for what to do next."""
     parent = parent_process()
     if parent is not None:
-        Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+        def watch() -> None:
+            parent.join()
+            os._exit(1)
+
+        Thread(target=watch, daemon=True).start()
 
 
 def _in_pool(
