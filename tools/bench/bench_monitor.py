@@ -26,6 +26,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, world_text
 from taxel.link.emulator import emulator_program
@@ -50,8 +53,12 @@ with open_watched(url) as skin:
     else:
         view = LineView(lambda text: None)
     watch(skin, monitor, view, 8.0)  # the baseline
+    waited = 0
     while kind == "browser" and not view.is_seen:
         watch(skin, monitor, view, 1.0)
+        waited += 1
+        if waited > 60:
+            sys.exit("no browser came")
     before = skin.losses.received
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     reading = watch(skin, monitor, view, float(seconds))
@@ -85,30 +92,23 @@ def watched(url: str, kind: str, seconds: float) -> dict[str, Any]:
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", HEIGHT, WIDTH, 0, 0))
         process = subprocess.Popen(command, stdin=slave, stdout=slave)
         os.close(slave)
-        browser: subprocess.Popen[bytes] | None = None
+        browser: Page | None = None
         try:
             while process.poll() is None:
                 if select.select([master], [], [], 0.5)[0]:
                     with contextlib.suppress(OSError):
                         text = os.read(master, 1 << 16).decode(errors="replace")
                         if kind == "browser" and browser is None and PAGE in text:
-                            browser = _look(text.split(PAGE)[1].split()[0], folder)
+                            browser = Page(text.split(PAGE)[1].split()[0])
         finally:
-            for child in (process, browser):
-                if child is not None and child.poll() is None:
-                    child.kill()
-                    child.wait()
+            if browser is not None:
+                browser.close()
+            if process.poll() is None:
+                process.kill()
+                process.wait()
             os.close(master)
         said: dict[str, Any] = json.loads(out.read_text())
         return said
-
-
-def _look(url: str, folder: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        ["chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-         f"--user-data-dir={folder}/browser", "--remote-debugging-port=0", url],
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
 
 
 def measure(seconds: float) -> list[dict[str, Any]]:

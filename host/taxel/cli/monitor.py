@@ -25,7 +25,9 @@ def monitor(
     url: Annotated[str, typer.Argument(help="serial:///dev/ttyUSB0, emulator: or file:capture.bin")],
     web: Annotated[bool, typer.Option("--web", help="Show the hand in 3-D in a browser; needs viser.")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0: a free one.")] = 8080,
-    hand: Annotated[str, typer.Option(help="Packaged hand or description file.")] = "allegro",
+    hand: Annotated[
+        str | None, typer.Option(help="Packaged hand or description file; of a recording, its own by default.")
+    ] = None,
     rate: Annotated[float | None, typer.Option(help="Scans a second; as many as the bus gives if left out.")] = None,
     speed: Annotated[float, typer.Option(help="Speed at which a capture plays.")] = 1.0,
     baseline: Annotated[

@@ -4,9 +4,12 @@ import os
 import time
 
 from taxel.errors import TaxelError
-from taxel.hand import Hand, load_hand
-from taxel.link import Chunk, Link, open_link
-from taxel.skin import Skin, open_skin
+from taxel.hand import Hand
+from taxel.link import Chunk, Link
+from taxel.link.url import recorded_path
+from taxel.skin import Skin, open_source
+
+SPEED_MAX = 1e6
 
 
 class SpeedError(TaxelError, ValueError):
@@ -64,18 +67,16 @@ class PacedLink:
 
 
 def open_watched(
-    url: str, hand: Hand | str | os.PathLike[str] = "allegro", rate_hz: float | None = None, speed: float = 1.0
+    url: str, hand: Hand | str | os.PathLike[str] | None = None, rate_hz: float | None = None, speed: float = 1.0
 ) -> Skin:
-    """As `taxel.open`, but a capture (`file:`) plays at `speed` times the speed at which it was recorded.
+    """As `taxel.open`, but a recording (`file:`) plays at `speed` times the speed at which it was made.
 
     Raises what `taxel.open` raises, and `SpeedError` for a speed that is not above 0, or another one than 1 for what
-    is not a capture.
+    is not a recording.
     """
-    if not 0.0 < speed <= 1e6:
-        raise SpeedError(f"expected a speed above 0, at most 1e6, found {speed:g}")
-    if not url.startswith("file:"):
-        if speed != 1.0:
-            raise SpeedError(f"{url}: a speed is for a capture (file:capture.bin); for an emulator there is ?speed=max")
-        return open_skin(url, hand, rate_hz)
-    description = hand if isinstance(hand, Hand) else load_hand(hand)
-    return Skin(PacedLink(open_link(url), speed), description)
+    if not 0.0 < speed <= SPEED_MAX:
+        raise SpeedError(f"expected a speed above 0, at most {SPEED_MAX:g}, found {speed:g}")
+    if speed != 1.0 and recorded_path(url) is None:
+        raise SpeedError(f"{url}: a speed is for a recording (file:capture.bin); for an emulator there is ?speed=max")
+    link, description = open_source(url, hand)
+    return Skin(PacedLink(link, speed) if link.is_recorded else link, description, rate_hz)

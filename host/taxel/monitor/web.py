@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -220,6 +221,8 @@ def _serve(port: int) -> viser.ViserServer:
         import viser
     except ImportError:
         raise WebError("--web needs viser, which is not installed: pip install 'taxel[web]'") from None
+    # A browser may open a connection ahead of its need and drop it; that is worth no traceback.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it greets; we say where the page is ourselves
             server = viser.ViserServer(host=HOST, port=port, label="taxel", verbose=False)

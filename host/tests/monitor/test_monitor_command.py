@@ -146,7 +146,7 @@ def test_a_capture_without_frames_is_said_to_have_none(capsys, tmp_path, once):
     [
         (("file:nothing.bin",), "nothing.bin: cannot be read"),
         (("/dev/nothing",), "/dev/nothing: cannot be opened"),
-        (("emulator:", "--speed", 2), "a speed is for a capture"),
+        (("emulator:", "--speed", 2), "a speed is for a recording"),
         (("emulator:", "--hand", "nobody"), "nobody"),
     ],
 )
