@@ -52,18 +52,19 @@ with open_watched(url) as skin:
         print("the skin is at", view.url, flush=True)
     else:
         view = LineView(lambda text: None)
-    watch(skin, monitor, view, 8.0)  # the baseline
+    earlier = watch(skin, monitor, view, 8.0)  # the baseline
     waited = 0
     while kind == "browser" and not view.is_seen:
-        watch(skin, monitor, view, 1.0)
+        earlier = watch(skin, monitor, view, 1.0)
         waited += 1
         if waited > 60:
             sys.exit("no browser came")
-    before = skin.losses.received
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     reading = watch(skin, monitor, view, float(seconds))
     share = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
-    said = reading.as_dict() | {"cpu_share": share, "wire_frames": skin.losses.received - before}
+    said = reading.as_dict() | {"cpu_share": share}
+    for name in ("lost_on_wire", "missing", "damaged", "hub_dropped"):  # not what happened while all of it started
+        said[name] = (said[name] or 0) - (earlier.as_dict()[name] or 0)
 open(out, "w").write(json.dumps(said))
 """
 
