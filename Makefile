@@ -15,7 +15,7 @@ FULL_HAND ?= 10
 SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
-EXECUTED := i2c commands fault_cases uart_faults hub_bootloader
+EXECUTED := i2c commands stream fault_cases uart_faults hub_bootloader
 SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 

@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/costs.h"
 #include "emulator/hex_image.h"
 #include "emulator/world_reader.h"
 #include "emulator/world_scene.h"
@@ -305,7 +304,6 @@ int world_file_read(struct world_description *world, const char *path)
     world->baud = 1000000.0;
     world->usb_latency_ms = 16.0;
     world->usb_latency_down_ms = 1.0;
-    world->hub_byte_us = COST_MASTER_BYTE / CPU_HZ * 1e6;
     world->scan = (struct taxel_scan_settings){
         .sub_conversions = 160, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 16, .settle_cycles = 96};
     if (!file) {
