@@ -37,7 +37,7 @@ MEANINGS: Final[dict[str, tuple[str, str]]] = {
     "SLAVE_FIFO": ("bytes in the FIFO", "the block"),
     "MASTER_DONE": ("the hub's I2C interrupt that ends a transfer", "the cheapest of its I2C interrupts"),
     "MASTER_BYTE": (
-        "the hub's I2C interrupt of a byte read: SCL is held",
+        "the hub's I2C interrupt of a byte: SCL is held (charged only with hub_byte_us)",
         "length of the bus's bytes while it streams",
     ),
     "HUB_PASS": ("a pass of the hub's main loop that starts a transfer", "between two probes of empty addresses"),
