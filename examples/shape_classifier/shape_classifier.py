@@ -30,6 +30,8 @@ from taxel.generate.recipe_file import with_report
 from taxel.generate.run import generate
 from taxel.generate.workers import Processes
 from taxel.grasp.plan import thesis_plan
+from taxel.hand import load_hand
+from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
 
 HERE = Path(__file__).parent
 REPORT = HERE / "report.json"
@@ -38,6 +40,9 @@ TRAIN_SEED, TEST_SEED = 11, 2  # the diagnosed campaign has seed 1
 
 SCALE_COUNTS = 500.0
 """Of a drop: what a finger's press makes."""
+
+SCALE_TAXELS = 5.0
+"""Of the number of active taxels of a board."""
 
 FOLDS = 5
 NORMAL_95 = 1.959964
@@ -64,19 +69,38 @@ class Accuracy:
         return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
-def scaled(drop: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What the classifier sees of drops f64[g, n]: every taxel's, in about unit size."""
+def taxel_drops(drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of drops f64[g, n]: every taxel's, in about unit size."""
     return np.asarray(drop / SCALE_COUNTS)
 
 
-def classifier() -> Any:
-    """Logistic regression on the hold's drops; no pose, no joint angle."""
-    return make_pipeline(FunctionTransformer(scaled), LogisticRegression(C=1.0, max_iter=500))
+def active_taxels(drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Whether each taxel is active, as the thesis uses them, f64[g, n] of 0 and 1."""
+    return np.asarray(drop > ACTIVE_DROP_COUNTS, dtype=np.float64)
 
 
-def right(train: Holds, test: Holds) -> NDArray[np.bool_]:
+def active_on_boards(drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How many taxels of each board are active, f64[g, 17] in about unit size: how large contact is, not where."""
+    board = load_hand("allegro").board_index
+    return np.asarray(active_taxels(drop) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
+
+
+VIEWS = {
+    "every taxel's drop": taxel_drops,
+    "which taxels are active": active_taxels,
+    "how many on each board": active_on_boards,
+}
+"""What a classifier sees of a hold; no pose, no joint angle."""
+
+
+def classifier(view: str) -> Any:
+    """Logistic regression."""
+    return make_pipeline(FunctionTransformer(VIEWS[view]), LogisticRegression(C=1.0, max_iter=500))
+
+
+def right(view: str, train: Holds, test: Holds) -> NDArray[np.bool_]:
     """Which grasps of `test` a classifier tells right that was trained on `train`, bool[g]."""
-    return np.asarray(classifier().fit(train.drop, train.label).predict(test.drop) == test.label)
+    return np.asarray(classifier(view).fit(train.drop, train.label).predict(test.drop) == test.label)
 
 
 def accuracy(found: NDArray[np.bool_]) -> Accuracy:
@@ -92,15 +116,19 @@ def gain(before: NDArray[np.bool_], after: NDArray[np.bool_], seed: int = 0, dra
 
 
 def compared(plain: Holds, added: Holds, test: Holds) -> dict[str, Any]:
-    """Accuracies before and after the effects were added, on the simulator itself and on the test set."""
-    folds = min(FOLDS, int(np.unique(plain.label, return_counts=True)[1].min()))
-    before, after = right(plain, test), right(added, test)
-    told: dict[str, Any] = {"train_grasps": len(plain.label), "test_grasps": len(test.label)}
-    for name, holds, found in (("without_effects", plain, before), ("with_effects", added, after)):
-        own = float(cross_val_score(classifier(), holds.drop, holds.label, cv=folds).mean()) if folds > 1 else np.nan
-        one = accuracy(found)
-        told[name] = {"own_data": own, "right": one.right, "accuracy": one.value, "ci95": list(one.ci95)}
-    told["gain"], *told["gain_ci95"] = gain(before, after)
+    """Accuracies before and after the effects were added, for each view; and on the simulator itself."""
+    told: dict[str, Any] = {"train_grasps": len(plain.label), "test_grasps": len(test.label), "views": {}}
+    folds = min(FOLDS, *np.unique(plain.label, return_counts=True)[1].tolist())
+    for view in VIEWS:
+        before, after = right(view, plain, test), right(view, added, test)
+        rise, low, high = gain(before, after)
+        row: dict[str, Any] = {"gain": rise, "gain_ci95": [low, high]}
+        if folds > 1:
+            row["own_data"] = float(cross_val_score(classifier(view), plain.drop, plain.label, cv=folds).mean())
+        for name, one in (("without_effects", before), ("with_effects", after)):
+            share = accuracy(one)
+            row[name] = {"right": share.right, "accuracy": share.value, "ci95": list(share.ci95)}
+        told["views"][view] = row
     return told
 
 
@@ -123,22 +151,24 @@ def made(out: Path, grasps: int, tests: int, report: Path, workers: int, test_se
 def printed(told: dict[str, Any]) -> None:
     """The result as lines."""
     print(f"trained on {told['train_grasps']} generated grasps, tested on {told['test_grasps']} of the emulated hand")
-    for name in ("without_effects", "with_effects"):
-        one = told[name]
-        low, high = one["ci95"]
-        rest = f"on the simulator's own, cross-validated: {100 * one['own_data']:.0f} %"
-        words = name.replace("_", " ")
-        print(f"{words:16s} {100 * one['accuracy']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %); {rest}")
-    low, high = told["gain_ci95"]
-    print(f"gain: {100 * told['gain']:+.0f} points ({100 * low:+.0f} to {100 * high:+.0f})")
+    print(f"{'what the classifier sees':26s} {'without effects':>22s} {'with effects':>22s} {'gain, points':>20s}")
+    for view, row in told["views"].items():
+        cells = [_percent(row[name]["accuracy"], row[name]["ci95"]) for name in ("without_effects", "with_effects")]
+        low, high = row["gain_ci95"]
+        rise = f"{100 * row['gain']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
+        print(f"{view:26s} {cells[0]:>22s} {cells[1]:>22s} {rise:>20s}")
+
+
+def _percent(value: float, interval: Sequence[float]) -> str:
+    return f"{100 * value:.0f} % ({100 * interval[0]:.0f} to {100 * interval[1]:.0f})"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description="Shape from one hold, trained with and without diagnosed effects.")
     parser.add_argument("--out", type=Path, default=Path("out/shape_classifier"))
-    parser.add_argument("--grasps", type=int, default=1200, help="of each training set")
-    parser.add_argument("--tests", type=int, default=60, help="grasps of the emulated hand, of the 144 of the plan")
+    parser.add_argument("--grasps", type=int, default=600, help="of each training set")
+    parser.add_argument("--tests", type=int, default=24, help="grasps of the emulated hand, of the 144 of the plan")
     parser.add_argument("--report", type=Path, default=REPORT)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--test-set", type=Path, help="a grasp dataset to test on, instead of making one")
