@@ -126,6 +126,8 @@ class McapSkin(Skin):
     def close(self) -> None:
         """Stop the stream, write what is left, close link and file."""
         super().close()
+        if self._file.is_closed:
+            return
         try:
             for message in self._topics.finish():
                 self._file.publish(message)
@@ -196,6 +198,10 @@ def record_link(
     joint_position: npt.ArrayLike | Joints | None = None,
 ) -> Skin:
     """The skin at an open link, recorded as `open_recorded` does; closes the link if that cannot be."""
+    if joint_position is None:
+        joint_position = header.get("joint_position")
+    elif not callable(joint_position):
+        header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
         return _open_mcap(link, hand, header, path, overwrite, joint_position)
     try:
@@ -227,10 +233,6 @@ def _open_mcap(
     overwrite: bool,
     joint_position: npt.ArrayLike | Joints | None,
 ) -> Skin:
-    if joint_position is None:
-        joint_position = header.get("joint_position")
-    elif not callable(joint_position):
-        header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     try:
         file = McapFile(path, header, overwrite)
     except BaseException:

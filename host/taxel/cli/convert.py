@@ -22,8 +22,8 @@ def convert(
     hand: Annotated[str | None, typer.Option(help="Packaged hand or file; none: the recording's own.")] = None,
     joints: Annotated[str, typer.Option(help=HELP)] = "",
     grasp: Annotated[str | None, typer.Option(help="Which grasp of a dataset with several.")] = None,
-    grasped: Annotated[str, typer.Option("--object", help="For x.h5: one of the thesis's objects.")] = UNKNOWN,
-    approach: Annotated[str, typer.Option(help="For x.h5: the grasp's approach.")] = "recording",
+    grasped: Annotated[str, typer.Option("--object", help="For x.h5, x.csv: one of the thesis's objects.")] = UNKNOWN,
+    approach: Annotated[str, typer.Option(help="For x.h5, x.csv: the approach.")] = "recording",
     baseline_frames: Annotated[
         int, typer.Option(min=0, help="For x.h5: so many first cycles are baseline; nothing touched the skin.")
     ] = BASELINE_FRAMES,

@@ -33,7 +33,7 @@ def ros(
 
     The first 100 cycles are the baseline: nothing may touch the skin. Needs ROS 1 (rospy) or ROS 2 (rclpy).
 
-    Example: taxel ros "emulator:" --seconds 2
+    Example: taxel ros "emulator:" --seconds 1
     """
     node = open_node(version)
     try:

@@ -111,6 +111,11 @@ class McapFile:
     def _errors(self) -> contextlib.AbstractContextManager[None]:
         return _writing_errors(self.path)
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more can be written."""
+        return self._file.closed
+
     def close(self) -> None:
         """Write what is left and the index, and close the file. May be called twice."""
         with self._lock, self._errors():

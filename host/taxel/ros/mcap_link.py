@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import struct
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
+import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Channel, Footer, Message, Metadata, Schema
@@ -41,7 +43,7 @@ def is_mcap(path: str | os.PathLike[str]) -> bool:
 class McapReader:
     """Messages of the skin's own types, from front to back, in constant memory; no index is needed.
 
-    `header`: the recording's, {} where there is none. `has_bytes`: whether the hub's bytes are in it. Raises
+    `header`: the recording's, {} where there is none. `has_bytes`: False for a bag that has scans alone. Raises
     `CaptureError` if the file cannot be read or has nothing of a skin.
     """
 
@@ -56,16 +58,23 @@ class McapReader:
         self._schemas: dict[int, str] = {}
         self._records = self._read_records()
         self._held: list[tuple[str, Message]] = []
+        self._damage: CaptureError | None = None
         try:
             self._look_ahead()
         except BaseException:
             self._file.close()
             raise
-        self.has_bytes = bool(self._held) and self._held[0][0] == BYTES_TYPE
+        self.has_bytes = not self._held or self._held[0][0] == BYTES_TYPE
 
     def _look_ahead(self) -> None:
-        """Read up to the first message of the skin; a file that is damaged later is no concern yet."""
-        first = next(self._records, None)
+        """Read up to the first message of the skin; damage after the header is told when it is come to."""
+        try:
+            first = next(self._records, None)
+        except CaptureError as error:
+            if not self.header:
+                raise
+            self._damage = error
+            return
         if first is not None:
             self._held.append(first)
         elif not self.header:
@@ -76,6 +85,8 @@ class McapReader:
 
         Raises `CaptureError` at the place where the file is cut short or damaged, after everything before it.
         """
+        if self._damage is not None:
+            raise self._damage
         while self._held:
             yield self._decoded(*self._held.pop())
         for type_name, message in self._records:
@@ -94,9 +105,7 @@ class McapReader:
                 if isinstance(record, Footer):
                     return
                 if isinstance(record, McapChunk):
-                    if record.uncompressed_size > RECORD_MAX:
-                        raise ValueError("its chunk is too large")
-                    for part in breakup_chunk(record, validate_crc=True):
+                    for part in breakup_chunk(_unpacked(record), validate_crc=True):
                         yield from self._note(part)
                 else:
                     yield from self._note(record)
@@ -130,6 +139,25 @@ class McapReader:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _unpacked(chunk: McapChunk) -> McapChunk:
+    """The chunk without its compression. Raises ValueError if it does not hold what it claims, before it takes memory.
+
+    What a compressed frame says of its own size is not believed.
+    """
+    if chunk.uncompressed_size > RECORD_MAX:
+        raise ValueError("a chunk is too large")
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            data = reader.read(chunk.uncompressed_size + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
+    else:
+        data = chunk.data
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError("a chunk has another size than it claims")
+    return dataclasses.replace(chunk, compression="", data=data)
 
 
 class McapLink:
@@ -170,7 +198,7 @@ class McapLink:
 def open_mcap(path: str | os.PathLike[str]) -> Link:
     """The link of an MCAP file: its bytes, or where it has none (a bag of the ROS topics) bytes made from its scans."""
     reader = McapReader(path)
-    if reader.has_bytes or not reader._held:
+    if reader.has_bytes:
         return McapLink(reader)
     link = FramesLink(reader.name, _frames(reader))
     link.header = reader.header

@@ -106,8 +106,9 @@ def convert(
     """Write the recording `source` as `target`, in the form that its name tells; memory does not grow with its length.
 
     `joint_position`: of the hand's robot, radians [j], for forms that say where taxels are; None: as recorded, else 0.
-    `options`: what a grasp dataset says beside. `progress`: told the recorded seconds so far. A source that is cut
-    short is converted up to the cut; then its `CaptureError` is raised. Raises TaxelError for a name that is taken.
+    `options`: what a grasp dataset, and the active taxels in CSV, say beside. `progress`: told the recorded seconds so
+    far. A source that is cut short is converted up to the cut; then its `CaptureError` is raised. Raises TaxelError for
+    a name that is taken.
     """
     form = form_of(target)
     path = Path(os.fspath(target).rstrip("/") or "/")
@@ -147,7 +148,9 @@ def _sink(
 ) -> FrameSink:
     if form == "csv":
         joints = None if angles is None else lambda: angles
-        return CsvSink(path, skin.hand, header, SkinTopics(skin.hand, skin.hub, 0, joints))
+        return CsvSink(
+            path, skin.hand, header, SkinTopics(skin.hand, skin.hub, 0, joints), (options.object, options.approach)
+        )
     if form == "parquet":
         return ParquetSink(path, skin.hand, header)
     generator = f"taxel convert {importlib.metadata.version('taxel')}"

@@ -34,12 +34,20 @@ _LINE_MAX = 1 << 16
 
 
 class CsvSink:
-    """Writes a folder of CSV. `topics` give the contact cloud; None: no `active.csv`.
+    """Writes a folder of CSV.
 
-    The folder stands under another name until it is whole.
+    `topics` give the contact cloud; None: no `active.csv`. `grasp`: object and approach in it. The folder stands under
+    another name until it is whole.
     """
 
-    def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any], topics: SkinTopics | None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        hand: Hand,
+        header: Mapping[str, Any],
+        topics: SkinTopics | None = None,
+        grasp: tuple[str, str] = ("unknown", "recording"),
+    ) -> None:
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
         shutil.rmtree(self._part, ignore_errors=True)
@@ -49,6 +57,7 @@ class CsvSink:
         self._files: dict[int, TextIO] = {}
         self._frames = 0
         self._topics = topics
+        self._grasp = ",".join(grasp)
         self._active = self._open(ACTIVE_FILE, ACTIVE_COLUMNS) if topics is not None and topics.tree.is_known else None
 
     def _open(self, name: str, columns: tuple[str, ...]) -> TextIO:
@@ -70,10 +79,9 @@ class CsvSink:
                 if message.topic == "/taxel/contact_cloud":
                     self._write_active(self._active, frame.time_s, message.message["data"])
 
-    @staticmethod
-    def _write_active(file: TextIO, time_s: float, data: bytes) -> None:
+    def _write_active(self, file: TextIO, time_s: float, data: bytes) -> None:
         for point in np.frombuffer(data, POINT):
-            file.write(f"1,unknown,recording,{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
+            file.write(f"1,{self._grasp},{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
 
     def close(self, is_whole: bool) -> None:
         """Give the folder its name; only another recording's folder is replaced."""

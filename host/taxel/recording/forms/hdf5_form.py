@@ -16,6 +16,7 @@ from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.errors import shown
 from taxel.hand.kinematics import kinematics_of
+from taxel.recording.errors import DatasetError
 from taxel.recording.forms.frame_table import fail
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_dataset import GraspDataset
@@ -50,14 +51,24 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class GraspOptions:
-    """What a dataset says of a grasp and a recording does not. `object`: one of the thesis's, or "unknown".
-    `baseline_frames`: so many of the first rows are phase 0 (nothing touched the skin), the others hold.
+    """What a dataset says of a grasp and a recording does not.
+
+    `object`: one of the thesis's, or "unknown"; it and `approach` are words without commas. `baseline_frames`: so many
+    of the first rows are phase 0 (nothing touched the skin), the others hold. Raises DatasetError for such a word.
     """
 
     object: str = UNKNOWN
     approach: str = "recording"
     session: int = 0
     baseline_frames: int = BASELINE_FRAMES
+
+    def __post_init__(self) -> None:
+        for name in ("object", "approach"):
+            value = getattr(self, name)
+            if not value.isprintable() or not value or set(value) & set(',"/'):
+                raise DatasetError(
+                    f"--{name}", "word", "one without commas, quotes and slashes", shown(value), "rename it"
+                )
 
 
 class Hdf5Sink:
