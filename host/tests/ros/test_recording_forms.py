@@ -23,31 +23,31 @@ NAMES = {"capture": "x.bin", "mcap": "x.mcap", "csv": "x.csv", "parquet": "x.par
 
 
 @pytest.fixture(scope="module")
-def forms(recorded, tmp_path_factory):
+def forms(small, tmp_path_factory):
     """The recording in every form: (path, what the conversion told)."""
     folder = tmp_path_factory.mktemp("forms")
-    return {form: (folder / name, convert(recorded.path, folder / name)) for form, name in NAMES.items()}
+    return {form: (folder / name, convert(small.path, folder / name)) for form, name in NAMES.items()}
 
 
 @pytest.fixture
-def exact(recorded):
+def exact(small):
     """A check of frames against the recording's; times to the microsecond."""
 
     def check(frames, *names):
-        assert differences(frames, recorded.frames, *names) == []
-        late = [a.time_s - b.time_s for a, b in zip(frames, recorded.frames, strict=True)]
+        assert differences(frames, small.frames, *names) == []
+        late = [a.time_s - b.time_s for a, b in zip(frames, small.frames, strict=True)]
         assert max(map(abs, late)) < 1e-6
 
     return check
 
 
 @pytest.mark.parametrize("form", ["capture", "mcap"])
-def test_what_keeps_bytes_keeps_everything(forms, recorded, form):
+def test_what_keeps_bytes_keeps_everything(forms, small, form):
     path, told = forms[form]
     frames, losses = frames_in(path)
-    assert differences(frames, recorded.frames, *ALL) == []
-    assert repr(losses) == repr(recorded.losses)
-    assert (told.frames, told.notes) == (len(recorded.frames), [])
+    assert differences(frames, small.frames, *ALL) == []
+    assert repr(losses) == repr(small.losses)
+    assert (told.frames, told.notes) == (len(small.frames), [])
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -69,31 +69,31 @@ def test_a_chain_of_conversions_loses_nothing_that_its_forms_carry(forms, exact,
     exact(frames_in(path)[0], *KEPT)
 
 
-def test_a_dataset_keeps_counts_and_clocks_and_the_first_time_of_each_cycle(forms, recorded, tmp_path):
+def test_a_dataset_keeps_counts_and_clocks_and_the_first_time_of_each_cycle(forms, small, tmp_path):
     path, told = forms["hdf5"]
     assert len(told.notes) == 1
     frames, _ = frames_in(path)
-    assert differences(frames, recorded.frames, "address", "raw_counts", "board_time_us") == []
+    assert differences(frames, small.frames, "address", "raw_counts", "board_time_us") == []
     first = {}
-    for frame in recorded.frames:
+    for frame in small.frames:
         first[frame.cycle] = min(first.get(frame.cycle, frame.time_s), frame.time_s)
-    wanted = [first[frame.cycle] for frame in recorded.frames]
+    wanted = [first[frame.cycle] for frame in small.frames]
     assert np.abs(np.subtract([frame.time_s for frame in frames], wanted)).max() < 1e-6
     convert(path, tmp_path / "back.mcap")
-    assert differences(frames_in(tmp_path / "back.mcap")[0], recorded.frames, "address", "raw_counts") == []
+    assert differences(frames_in(tmp_path / "back.mcap")[0], small.frames, "address", "raw_counts") == []
 
 
-def test_a_dataset_is_valid_and_says_where_the_boards_were(forms, recorded):
+def test_a_dataset_is_valid_and_says_where_the_boards_were(forms, small):
     with GraspDataset(forms["hdf5"][0], baseline_frames=100) as data:
         data.check()
         (grasp,) = data
-        assert (data.source, data.hand, grasp.object, grasp.approach) == ("real", "allegro", "unknown", "recording")
+        assert (data.source, data.hand, grasp.object, grasp.approach) == ("real", "rig4", "unknown", "recording")
         assert (grasp.phase == Phase.BASELINE).sum() == 100
-        assert np.array_equal(grasp.joint_position[0], np.linspace(-0.3, 0.3, 22))
-        poses = kinematics_of(recorded.hand).sensor_poses(grasp.joint_position[0])
+        assert np.array_equal(grasp.joint_position[0], [0.3])
+        poses = kinematics_of(small.hand).sensor_poses(grasp.joint_position[0])
         assert np.allclose(grasp.sensor_pose, poses)
-        spans = {board.address: [] for board in recorded.hand.boards}
-        for frame in recorded.frames:
+        spans = {board.address: [] for board in small.hand.boards}
+        for frame in small.frames:
             spans[frame.address].append(frame.time_s)
         rates = [(len(times) - 1) / (times[-1] - times[0]) for times in spans.values()]
         assert np.allclose(data.sensors.rate_hz, rates, rtol=0.02)
@@ -111,9 +111,9 @@ def test_a_dataset_can_name_the_object(forms, tmp_path):
     assert not (tmp_path / "y.h5").exists()
 
 
-def test_lost_frames_stay_missing_in_every_form(recorded, tmp_path):
+def test_lost_frames_stay_missing_in_every_form(small, tmp_path):
     """Frames that did not arrive are told by cycles and scans, which tables keep."""
-    data = bytearray(recorded.path.read_bytes())
+    data = bytearray(small.path.read_bytes())
     for at in range(len(data) // 2, len(data) // 2 + 60_000, 20_000):
         data[at : at + 40] = bytes(40)
     hurt = tmp_path / "hurt.bin"
@@ -132,45 +132,45 @@ def test_lost_frames_stay_missing_in_every_form(recorded, tmp_path):
         assert dataset["0001"].valid.sum() == len(frames)
 
 
-def test_csv_has_a_file_a_board_and_the_active_taxels_in_space(forms, recorded):
+def test_csv_has_a_file_a_board_and_the_active_taxels_in_space(forms, small):
     folder = forms["csv"][0]
-    names = {f"{board.name}.csv" for board in recorded.hand.boards}
+    names = {f"{board.name}.csv" for board in small.hand.boards}
     assert {file.name for file in folder.iterdir()} == names | {"active.csv", "recording.json"}
-    heading, first, *_ = (folder / "palm.csv").read_text().splitlines()
+    heading, first, *_ = (folder / "slab.csv").read_text().splitlines()
     assert heading.startswith("frame,address,time_s,sequence,cycle,board_time_us,hub_time_us,taxel_0,taxel_1,")
-    palm = next(frame for frame in recorded.frames if frame.address == 0x20)
-    assert first.split(",")[7:] == [str(count) for count in palm.raw_counts]
+    slab = next(frame for frame in small.frames if frame.address == 0x50)
+    assert first.split(",")[7:] == [str(count) for count in slab.raw_counts]
     heading, *active = (folder / "active.csv").read_text().splitlines()
     assert heading == "grasp,object,approach,time,x,y,z,active"
     assert len(active) > 10
     x, y, z = map(float, active[-1].split(",")[4:7])
-    places = kinematics_of(recorded.hand).taxel_positions(np.linspace(-0.3, 0.3, 22))
+    places = kinematics_of(small.hand).taxel_positions([0.3])
     assert np.linalg.norm(places - [x, y, z], axis=1).min() < 1e-6
-    assert json.loads((folder / "recording.json").read_text())["hand"] == "allegro"
+    assert json.loads((folder / "recording.json").read_text())["hand"] == "rig4"
 
 
-def test_a_cut_source_is_converted_up_to_the_cut(recorded, tmp_path):
+def test_a_cut_source_is_converted_up_to_the_cut(small, tmp_path):
     cut = tmp_path / "cut.bin"
-    cut.write_bytes(recorded.path.read_bytes()[:-999])
+    cut.write_bytes(small.path.read_bytes()[:-999])
     with pytest.raises(CaptureError, match="is cut short"):
         convert(cut, tmp_path / "x.parquet")
     frames, _ = frames_in(tmp_path / "x.parquet")
-    assert 0.8 * len(recorded.frames) < len(frames) < len(recorded.frames)
+    assert 0.8 * len(small.frames) < len(frames) < len(small.frames)
 
 
 @pytest.mark.parametrize("name", ["x.bin", "x.mcap", "x.csv", "x.parquet", "x.h5"])
-def test_what_exists_is_kept_unless_asked(recorded, tmp_path, name):
+def test_what_exists_is_kept_unless_asked(small, tmp_path, name):
     target = tmp_path / name
     target.write_bytes(b"mine")
     with pytest.raises(TaxelError, match="exists already"):
-        convert(recorded.path, target)
+        convert(small.path, target)
     assert target.read_bytes() == b"mine"
 
 
-def test_a_folder_of_others_is_never_replaced(recorded, tmp_path, capsys):
+def test_a_folder_of_others_is_never_replaced(small, tmp_path, capsys):
     (tmp_path / "mine.csv").mkdir()
     (tmp_path / "mine.csv" / "notes.txt").write_text("mine")
-    told = refusal(capsys, "convert", recorded.path, tmp_path / "mine.csv", "--overwrite")
+    told = refusal(capsys, "convert", small.path, tmp_path / "mine.csv", "--overwrite")
     assert "is no folder of a recording" in told
     assert (tmp_path / "mine.csv" / "notes.txt").read_text() == "mine"
 
@@ -188,10 +188,10 @@ def test_a_mistake_in_csv_is_one_line_that_names_file_and_line(forms, tmp_path, 
     folder = tmp_path / "x.csv"
     shutil.copytree(forms["csv"][0], folder)
     change, place = WRONG_CSV[case]
-    file = folder / "palm.csv"
+    file = folder / "slab.csv"
     file.write_text(change(file.read_text()))
     told = refusal(capsys, "convert", folder, tmp_path / "y.parquet")
-    assert f"palm.csv: {place}" in told
+    assert f"slab.csv: {place}" in told
     assert not (tmp_path / "y.parquet").exists()
 
 
@@ -203,7 +203,7 @@ def test_files_that_are_no_recordings_are_refused_with_one_line(tmp_path, capsys
     (tmp_path / "empty.csv").mkdir()
     assert "recording.json" in refusal(capsys, "convert", tmp_path / "empty.csv", tmp_path / "y.bin")
     assert "expected a name such as" in refusal(capsys, "convert", forms["mcap"][0], tmp_path / "y.avi")
-    assert "robot 'ur5e_allegro': expected 22 joint angles" in refusal(
+    assert "robot 'plate': expected 1 joint angles" in refusal(
         capsys, "convert", forms["mcap"][0], tmp_path / "y.h5", "--joints", "1,2"
     )
     assert "--joints: expected numbers" in refusal(
@@ -218,8 +218,8 @@ def test_a_missing_pyarrow_is_one_line(forms, tmp_path, capsys, monkeypatch):
     assert "pip install 'taxel[parquet]'" in told
 
 
-def test_replay_tells_what_is_in_every_form(forms, recorded, capsys):
+def test_replay_tells_what_is_in_every_form(forms, small, capsys):
     for form, (path, _) in forms.items():
         assert exit_status("replay", path, "--json") == 0
         told = json.loads(capsys.readouterr().out)
-        assert sum(board["frames"] for board in told["boards"]) == len(recorded.frames), form
+        assert sum(board["frames"] for board in told["boards"]) == len(small.frames), form

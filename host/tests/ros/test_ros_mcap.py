@@ -173,7 +173,7 @@ def test_a_bag_of_the_topics_alone_is_opened_too(tmp_path, recorded):
 KILLED = """
 import sys, time
 from taxel.recorder import open_recorded
-with open_recorded("emulator:?speed=max&duration_s=5", sys.argv[1], "flat8") as skin:
+with open_recorded("emulator:?speed=max&duration_s=4", sys.argv[1], "flat8") as skin:
     for count, frame in enumerate(skin):
         if count == 300:
             time.sleep(0.6)  # a chunk is due

@@ -47,22 +47,22 @@ def read_all(skin, count):
 
 
 @pytest.mark.parametrize("name", ["x.bin", "x.csv"])
-def test_a_host_opens_the_port_as_a_hub_and_gets_every_frame(recorded, tmp_path, name):
+def test_a_host_opens_the_port_as_a_hub_and_gets_every_frame(small, tmp_path, name):
     path = tmp_path / name
-    convert(recorded.path, path)
-    with Player(path, recorded.hand) as player, taxel.open(f"serial://{player.port.device}") as skin:
+    convert(small.path, path)
+    with Player(path, small.hand) as player, taxel.open(f"serial://{player.port.device}", small.hand) as skin:
         assert skin.missing_boards == []
-        frames = read_all(skin, len(recorded.frames))
+        frames = read_all(skin, len(small.frames))
         assert skin.losses.lost_on_wire == 0
-    assert differences(frames, recorded.frames, *KEPT) == []
+    assert differences(frames, small.frames, *KEPT) == []
     assert player.has_ended
 
 
-def test_a_program_that_only_listens_gets_the_recorded_bytes(recorded, monkeypatch):
+def test_a_program_that_only_listens_gets_the_recorded_bytes(small, monkeypatch):
     monkeypatch.setattr("taxel.recording.forms.virtual_port.PATIENCE_S", 0.1)
-    with Player(recorded.path, recorded.hand) as player, serial.Serial(player.port.device, timeout=0.5) as port:
+    with Player(small.path, small.hand) as player, serial.Serial(player.port.device, timeout=0.5) as port:
         data = b"".join(iter(lambda: port.read(65_536), b""))
-    link, _ = open_recording(recorded.path)
+    link, _ = open_recording(small.path)
     whole = b""
     try:
         while True:
@@ -73,35 +73,35 @@ def test_a_program_that_only_listens_gets_the_recorded_bytes(recorded, monkeypat
     assert whole.endswith(data[-50_000:])
 
 
-def test_a_port_that_is_closed_early_ends_the_play(recorded):
-    player = Player(recorded.path, recorded.hand, speed=1.0)
-    with player, taxel.open(f"serial://{player.port.device}") as skin:
+def test_a_port_that_is_closed_early_ends_the_play(small):
+    player = Player(small.path, small.hand, speed=1.0)
+    with player, taxel.open(f"serial://{player.port.device}", small.hand) as skin:
         assert len(read_all(skin, 5)) >= 5
     assert player.has_ended is False
 
 
-def test_the_play_keeps_the_recordings_time(recorded, monkeypatch):
+def test_the_play_keeps_the_recordings_time(small, monkeypatch):
     """Not how long it takes, which depends on the machine: never earlier than it is due."""
     monkeypatch.setattr("taxel.recording.forms.virtual_port.PATIENCE_S", 0.1)
     begun = time.monotonic()
     with (
-        Player(recorded.path, recorded.hand, speed=16.0) as player,
+        Player(small.path, small.hand, speed=16.0) as player,
         serial.Serial(player.port.device, timeout=1.0) as port,
     ):
         while port.read(65_536):
             pass
-    span_s = recorded.frames[-1].time_s - recorded.frames[0].time_s
+    span_s = small.frames[-1].time_s - small.frames[0].time_s
     assert time.monotonic() - begun > span_s / 16.0
 
 
-def test_a_recording_without_frames_and_a_strange_speed_are_one_line(tmp_path, recorded, capsys):
+def test_a_recording_without_frames_and_a_strange_speed_are_one_line(tmp_path, small, capsys):
     CaptureWriter(tmp_path / "empty.bin").close()
     with pytest.raises(CaptureError, match="has no taxel frame to play"):
-        VirtualPort(lambda: open_recording(tmp_path / "empty.bin")[0], recorded.hand)
-    assert "--speed: expected max or a number" in refusal(capsys, "replay", recorded.path, "--speed", "fast")
+        VirtualPort(lambda: open_recording(tmp_path / "empty.bin")[0], small.hand)
+    assert "--speed: expected max or a number" in refusal(capsys, "replay", small.path, "--speed", "fast")
 
 
-def test_the_command_prints_the_port_and_what_became_of_it(recorded, monkeypatch, capsys):
+def test_the_command_prints_the_port_and_what_became_of_it(small, monkeypatch, capsys):
     made = queue.Queue()
 
     class Told(VirtualPort):
@@ -112,12 +112,12 @@ def test_the_command_prints_the_port_and_what_became_of_it(recorded, monkeypatch
     monkeypatch.setattr("taxel.cli.replay.VirtualPort", Told)
     status = []
     command = threading.Thread(
-        target=lambda: status.append(exit_status("replay", recorded.path, "--to", "pty", "--speed", "max"))
+        target=lambda: status.append(exit_status("replay", small.path, "--to", "pty", "--speed", "max"))
     )
     command.start()
     device = made.get(timeout=20.0)
-    with taxel.open(f"serial://{device}") as skin:
-        assert len(read_all(skin, len(recorded.frames))) == len(recorded.frames)
+    with taxel.open(f"serial://{device}", small.hand) as skin:
+        assert len(read_all(skin, len(small.frames))) == len(small.frames)
     command.join(timeout=20.0)
     assert status == [0]
     lines = capsys.readouterr().out.splitlines()
