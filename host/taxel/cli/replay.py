@@ -14,7 +14,7 @@ from taxel.cli.summary import StreamSummary
 from taxel.errors import TaxelError
 from taxel.hand.errors import shown
 from taxel.recording.forms import convert, open_recording
-from taxel.recording.forms.convert import form_of
+from taxel.recording.forms.conversion import form_of
 from taxel.recording.forms.virtual_port import VirtualPort
 from taxel.ros.pace import Pace
 from taxel.skin import Skin

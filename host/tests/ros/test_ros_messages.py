@@ -21,6 +21,7 @@ STANDARD = (
     "std_msgs/Header", "std_msgs/String", "geometry_msgs/TransformStamped", "tf2_msgs/TFMessage",
     "sensor_msgs/JointState", "sensor_msgs/PointField", "sensor_msgs/PointCloud2", "diagnostic_msgs/DiagnosticArray",
 )  # fmt: skip
+CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # Debian's ros-core has it not
 OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes")
 HEADER = {"stamp": {"sec": 12, "nanosec": 345_678_901}, "frame_id": "palm"}
 MESSAGES = {
@@ -73,8 +74,9 @@ def test_a_standard_message_has_the_fields_of_ros_2(name):
     assert [field.name for field in fields(name)] == [each[0] for each in theirs]
 
 
-@pytest.mark.parametrize("name", [*STANDARD, *(f"taxel_msgs/{name}" for name in OWN)])
-def test_a_message_has_the_checksum_of_ros_1(name):
+@pytest.mark.parametrize("name", STANDARD)
+def test_a_standard_message_has_the_checksum_of_ros_1(name):
+    """Else a subscriber with the standard class would refuse the topic."""
     try:
         import_ros1()
     except RosError as error:
@@ -84,9 +86,7 @@ def test_a_message_has_the_checksum_of_ros_1(name):
 
     made = generate_dynamic(name, ros1_schema(name))[name]
     theirs = get_message_class(name)
-    if theirs is None:
-        pytest.skip(f"{name.partition('/')[0]} is not installed")
-    assert made._md5sum == theirs._md5sum
+    assert made._md5sum == (theirs._md5sum if theirs is not None else CHECKSUMS[name])
 
 
 def test_the_ros_package_builds_every_message_that_is_in_it():
