@@ -116,12 +116,13 @@ class SkinTopics:
 
     def _cycles(self, is_end: bool) -> Iterator[TopicMessage]:
         while (frames := self._sorter.pop(is_end)) is not None:
-            yield from self._cycle(frames)
+            yield from self._cycle(frames, is_end)
 
-    def _cycle(self, frames: list[TaxelFrame]) -> Iterator[TopicMessage]:
+    def _cycle(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
         time_s = min(frame.time_s for frame in frames)
         time_ns = self.time_ns(time_s)
-        yield from self._silent(frames, time_ns)
+        if not is_end:  # a cycle that the end has cut is no board's fault
+            yield from self._silent(frames, time_ns)
         if self.tree.is_known and time_s >= self._tree_s + TREE_PERIOD_S:
             self._tree_s = time_s
             yield TopicMessage("/joint_states", "sensor_msgs/JointState", time_ns, self.tree.joint_states(time_ns))
