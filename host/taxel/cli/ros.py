@@ -74,7 +74,8 @@ def publish_skin(
             if not own.is_alive or (seconds and first_s is not None and frame.time_s - first_s >= seconds):
                 break
         for message in topics.finish() if topics is not None else ():
-            own.publish(message)
+            if joint_topic is None or message.topic != "/joint_states":
+                own.publish(message)
         print(f"{count} frames published")
     except KeyboardInterrupt:
         pass
