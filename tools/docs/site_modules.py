@@ -1,0 +1,23 @@
+"""The API reference: a page for every package, which shows what its modules' docstrings say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SOURCES = {"host": "taxel", "protocol": "taxel_protocol", "tools": "taxel_tools"}
+
+
+def packages(root: Path) -> dict[str, list[str]]:
+    """Public modules of every package, the package itself first."""
+    found: dict[str, list[str]] = {}
+    for folder, name in SOURCES.items():
+        for init in sorted((root / folder / name).rglob("__init__.py")):
+            package = ".".join(init.parent.relative_to(root / folder).parts)
+            inner = sorted(path.stem for path in init.parent.glob("*.py") if not path.stem.startswith("_"))
+            found[package] = [package, *(f"{package}.{stem}" for stem in inner)]
+    return found
+
+
+def page_of(package: str, modules: list[str]) -> str:
+    """What mkdocstrings makes the page of."""
+    return "\n\n".join([f"# {package}", *(f"::: {module}" for module in modules)]) + "\n"
