@@ -20,7 +20,7 @@ SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/na
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench firmware size generate format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -107,6 +107,12 @@ generate: $(STAMP)  ## write the C header and the vectors from the construct def
 	@$(BIN)/python tools/codegen/c_header.py
 	@$(BIN)/python tools/codegen/vectors.py
 	@$(BIN)/python tools/codegen/bootloader_header.py
+
+docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
+	@$(BIN)/python tools/docs/build_site.py
+
+docs-test: $(STAMP)  ## run every block of every page and every example of --help, the long ones too (half an hour)
+	@TAXEL_DOCS=all $(BIN)/python -m pytest -q host/tests/docs
 
 format: $(STAMP)  ## put the Python sources into form
 	@$(BIN)/ruff check --fix --quiet . || true

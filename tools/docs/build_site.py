@@ -1,7 +1,7 @@
 """Build the site: `python tools/docs/build_site.py` (`make docs`) writes build/docs/site/index.html.
 
-Pages stay where they are in the repository, so that the same links work here and on a Git host. Exit status 1 where a link
-leads nowhere.
+Pages stay where they are in the repository, so that the same links work here and on a Git host. Exit status 1 where a
+link leads nowhere.
 """
 
 from __future__ import annotations
@@ -70,10 +70,8 @@ def main() -> int:
     """Stage, configure, build."""
     lacking = [name for name in NEEDED if find_spec(name) is None]
     if lacking:
-        print(
-            f"docs: {lacking[0]} is not installed; run .venv/bin/python -m pip install --no-build-isolation -e '.[docs]'",
-            file=sys.stderr,
-        )
+        install = ".venv/bin/python -m pip install --no-build-isolation -e '.[docs]'"
+        print(f"docs: {lacking[0]} is not installed; run {install}", file=sys.stderr)
         return 1
     from site_pages import stage
 
@@ -85,11 +83,15 @@ def main() -> int:
     add_references(source, entries)
     shutil.copyfile(HERE / "site.css", source / "site.css")
     settings = json.loads((HERE / "mkdocs.json").read_text())
-    python = next(plugin for plugin in settings["plugins"] if "mkdocstrings" in plugin)["mkdocstrings"]["handlers"]["python"]
+    python = next(plugin for plugin in settings["plugins"] if "mkdocstrings" in plugin)["mkdocstrings"]["handlers"][
+        "python"
+    ]
     python["paths"] = [str(ROOT / folder) for folder in ("host", "protocol", "tools")]
     settings |= {"nav": entries, "docs_dir": str(source), "site_dir": str(site)}
     (build / "mkdocs.yml").write_text(json.dumps(settings))
-    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", str(build / "mkdocs.yml")], check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", str(build / "mkdocs.yml")], check=False
+    )
     if done.returncode == 0:
         print(f"built: {(site / 'index.html').relative_to(ROOT)}, {len(list(site.rglob('*.html')))} pages")
     return done.returncode

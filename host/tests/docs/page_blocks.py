@@ -21,7 +21,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 BLOCK = re.compile(r"(?:^<!-- (run|file): ([^\n]*?) -->\n)?^```([\w-]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^(?:taxel|make|python|pip|git) ", re.MULTILINE)
-REASONS = ("hardware", "hours", "your own files", "an environment of its own", "part of a test file", "the tests themselves")
+REASONS = (
+    "hardware",
+    "hours",
+    "your own files",
+    "an environment of its own",
+    "part of a test file",
+    "the tests themselves",
+)
 SKIPPED = ("build", "out")
 
 
@@ -50,7 +57,7 @@ def pages() -> list[Path]:
     found: list[Path] = []
     for folder, inner, names in os.walk(ROOT):
         inner[:] = [name for name in inner if not name.startswith(".") and name not in SKIPPED]
-        found += [Path(folder, name) for name in names if name.endswith(".md")]
+        found += [Path(folder, name) for name in names if name.endswith(".md") and not name.endswith(".template.md")]
     return sorted(found)
 
 

@@ -1,6 +1,6 @@
 """Every block of code of every page: run in its order in a temporary folder, or checked as far as that goes.
 
-`make docs-test` (TAXEL_DOCS=all) runs the long ones too, each line in a shell of its own environment, campaigns shortened.
+`make docs-test` (TAXEL_DOCS=all) runs the long ones too, each line in a shell, campaigns shortened.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,9 @@ SHORTER = ((re.compile(r"(taxel grasp (?!.*--grasps)[^&#]*)"), r"\1 --grasps 12 
 """What `make docs-test` changes of a command, so that it takes seconds instead of minutes: campaigns of 12 grasps."""
 
 PAGES = [page for page in pages() if any(block.language for block in blocks_of(page))]
-RUN_HERE = [page for page in PAGES if any(b.language in ("sh", "python") for b in blocks_of(page)) and not runs_elsewhere(page)]
+RUN_HERE = [
+    page for page in PAGES if any(b.language in ("sh", "python") for b in blocks_of(page)) and not runs_elsewhere(page)
+]
 
 
 def named(page: Path) -> str:
@@ -64,8 +67,8 @@ def check(block: Block) -> None:
         tree = ast.parse(block.text)
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in ("taxel", "taxel_tools"):
-                module = importlib.import_module(node.module)
-                assert all(hasattr(module, name.name) or importlib.util.find_spec(f"{node.module}.{name.name}") for name in node.names)
+                module = importlib.import_module(node.module or "")
+                assert all(hasattr(module, name.name) or find_spec(f"{node.module}.{name.name}") for name in node.names)
     if block.language == "sh":
         for line in lines_of(block.text):
             for part in re.split(r"\s&&\s|\s\|\s", line):
@@ -84,7 +87,9 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
         return
     for pattern, shorter in SHORTER:
         line = pattern.sub(shorter, line)
-    done = subprocess.run(["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800)
+    done = subprocess.run(
+        ["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800
+    )
     assert done.returncode == wanted, f"{line}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
 
 

@@ -1,8 +1,9 @@
-"""Every public name has a docstring, also where ruff does not look: names that a module makes by assignment are left out."""
+"""Every public name has a docstring, in whichever of the three packages; ruff's rules leave out what overrides."""
 
 from __future__ import annotations
 
 import ast
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +19,7 @@ def undocumented(node: ast.AST, name: str) -> Iterator[str]:
     """
     if not ast.get_docstring(node):
         yield name
-    for inner in ast.iter_child_nodes(node):
+    for inner in () if isinstance(node, DEFINITIONS[1:]) else ast.iter_child_nodes(node):
         if isinstance(inner, DEFINITIONS) and not inner.name.startswith("_") and not says_nothing_new(inner):
             yield from undocumented(inner, f"{name}.{inner.name}")
 
@@ -44,8 +45,6 @@ def test_every_public_name_has_a_docstring():
 
 def test_what_a_package_offers_is_there_and_is_documented():
     """`__all__` names things that exist; what it offers are classes and functions with docstrings, or values."""
-    import importlib
-
     for name, path in modules():
         if path.name != "__init__.py":
             continue
