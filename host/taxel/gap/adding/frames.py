@@ -28,38 +28,64 @@ class SimulatedGrasp(Phases, Protocol):
     """One grasp of a simulation, read from a file or in memory; fields as those of `taxel.recording.grasp.Grasp`."""
 
     @property
-    def object(self) -> str: ...  # noqa: D102
+    def object(self) -> str:
+        """Name of the object."""
+
     @property
-    def approach(self) -> str: ...  # noqa: D102
+    def approach(self) -> str:
+        """Name of the approach."""
+
     @property
-    def timestamp(self) -> Array: ...  # noqa: D102
+    def timestamp(self) -> Array:
+        """f64[T], seconds."""
+
     @property
-    def raw_counts(self) -> NDArray[np.uint16]: ...  # noqa: D102
+    def raw_counts(self) -> NDArray[np.uint16]:
+        """u16[T, n]."""
+
     @property
-    def valid(self) -> NDArray[np.bool_]: ...  # noqa: D102
+    def valid(self) -> NDArray[np.bool_]:
+        """bool[T, s]: whether a sensor has answered."""
+
     @property
-    def sensor_pose(self) -> Array: ...  # noqa: D102
+    def sensor_pose(self) -> Array:
+        """f64[s, 4, 4], world, brackets during hold."""
+
     @property
-    def object_pose(self) -> Array: ...  # noqa: D102
+    def object_pose(self) -> Array:
+        """f64[4, 4], world, where it is believed to be."""
+
     @property
-    def contact_force(self) -> Array | None: ...  # noqa: D102
+    def contact_force(self) -> Array | None:
+        """f64[T, n], newtons."""
+
     @property
-    def separation(self) -> Array | None: ...  # noqa: D102
+    def separation(self) -> Array | None:
+        """f64[T, n], metres."""
 
 
 class Simulation(Protocol):
     """What the grasps of a simulation have in common; fields as those of `GraspDataset`."""
 
     @property
-    def path(self) -> Path: ...  # noqa: D102
+    def path(self) -> Path:
+        """The file, for messages."""
+
     @property
-    def taxels(self) -> TaxelTable: ...  # noqa: D102
+    def taxels(self) -> TaxelTable:
+        """One row a taxel."""
+
     @property
-    def sensors(self) -> SensorTable: ...  # noqa: D102
+    def sensors(self) -> SensorTable:
+        """One row a sensor."""
+
     @property
-    def objects(self) -> Mapping[str, ObjectMesh]: ...  # noqa: D102
+    def objects(self) -> Mapping[str, ObjectMesh]:
+        """Meshes by name."""
+
     @property
-    def sensor_model(self) -> SensorModel | None: ...  # noqa: D102
+    def sensor_model(self) -> SensorModel | None:
+        """How force becomes counts."""
 
 
 @dataclass(frozen=True, eq=False)
