@@ -14,7 +14,7 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) || identity->address != address) {
         return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
     }
-    if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
+    if (identity->map_version < TAXEL_REGISTER_MAP_VERSION_MIN || identity->map_version > TAXEL_REGISTER_MAP_VERSION) {
         return TAXEL_BOARD_FAULT_MAP_VERSION;
     }
     const size_t snapshot_size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count;

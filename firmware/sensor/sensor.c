@@ -37,7 +37,7 @@ static void fill_identity(struct taxel_sensor *sensor)
     const struct taxel_sensor_config *config = sensor->config;
     struct taxel_identity identity = {
         .who_am_i = TAXEL_WHO_AM_I,
-        .map_version = TAXEL_REGISTER_MAP_VERSION,
+        .map_version = TAXEL_REGISTER_MAP_VERSION_MIN,
         .firmware_major = config->firmware_version[0],
         .firmware_minor = config->firmware_version[1],
         .firmware_patch = config->firmware_version[2],

@@ -46,7 +46,7 @@ static void nothing_is_done_before_hello(void)
 
 static void versions_are_negotiated(void)
 {
-    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 1}, {0, 1, 1}, {2, 9, 0}, {0, 0, 0}, {2, 1, 0}};
+    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 2}, {0, 1, 1}, {2, 9, 2}, {3, 9, 0}, {0, 0, 0}, {2, 1, 0}};
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
