@@ -10,7 +10,7 @@ from pathlib import Path
 
 from construct import Struct
 
-from taxel_protocol import frames, limits, names, registers
+from taxel_protocol import compact_tables, frames, limits, names, registers
 from taxel_protocol.layout import Field, fields_of
 
 HEADER = Path(__file__).resolve().parents[2] / "firmware" / "generated" / "taxel_protocol.h"
@@ -68,12 +68,19 @@ def snake(name: str) -> str:
 
 
 def constants() -> list[str]:
-    """The limits as #defines."""
+    """The limits and the compact code's tables as #defines."""
     lines = []
-    for name, value in vars(limits).items():
-        if name.isupper():
+    for name, value in (vars(limits) | vars(compact_tables)).items():
+        if name.isupper() and isinstance(value, tuple):
+            lines += [f"#define TAXEL_{name} \\", *_table(value)]
+        elif name.isupper():
             lines.append(f"#define TAXEL_{name} {value}u")
     return lines
+
+
+def _table(values: tuple[int, ...]) -> list[str]:
+    rows = [", ".join(str(value) for value in values[i : i + 16]) for i in range(0, len(values), 16)]
+    return ["    {" + ", \\\n     ".join(rows) + "}"]
 
 
 def enumeration(enum: type[IntEnum]) -> list[str]:
