@@ -112,7 +112,10 @@ enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *r
     const enum taxel_compact_result result = head.form & TAXEL_COMPACT_WIDTH_MASK
                                                  ? receive_packed(receiver, taxels, bytes, size, snapshot)
                                                  : receive_coded(receiver, taxels, bytes, size, snapshot);
-    if (result == TAXEL_COMPACT_OK && head.form & TAXEL_COMPACT_CANDIDATE) {
+    const bool is_taken = receiver->reference.known && receiver->reference.name == (uint16_t)crc; /* no board does that */
+    if (result == TAXEL_COMPACT_OK && head.form & TAXEL_COMPACT_CANDIDATE && is_taken) {
+        receiver->candidate.known = false;
+    } else if (result == TAXEL_COMPACT_OK && head.form & TAXEL_COMPACT_CANDIDATE) {
         receiver->candidate.known = true;
         receiver->candidate.name = (uint16_t)crc;
         receiver->candidate.timestamp_us = snapshot->timestamp_us;

@@ -286,7 +286,10 @@ def decode(address: int, taxel_count: int, data: bytes, references: Sequence[Ref
     """The snapshot in `data` (from `sequence` to `crc32`). Raises `CompactError`: damaged, none, or none of
     `references` is its own.
     """
-    if len(data) < COMPACT_OVERHEAD_CODED or crc32(data[:-4], crc32(bytes([address]))).to_bytes(4, "little") != data[-4:]:
+    if (
+        len(data) < COMPACT_OVERHEAD_CODED
+        or crc32(data[:-4], crc32(bytes([address]))).to_bytes(4, "little") != data[-4:]
+    ):
         raise CompactError("the CRC is wrong")
     name = int.from_bytes(data[-4:-2], "little")
     form = data[2]

@@ -12,12 +12,14 @@ class BoardCount(NamedTuple):
     """One board's frames.
 
     `received`: whole ones; `missing`: poll cycles without one, between two that brought one, in which the board had a
-    newer scan to show; `damaged`: the board's own CRC was wrong, so that they were not used.
+    newer scan to show; `damaged`: the board's own CRC was wrong, so that they were not used; `undecoded`: compact ones,
+    coded against a reference that this host does not have (a few, when it begins in the middle of a stream).
     """
 
     received: int
     missing: int
     damaged: int
+    undecoded: int = 0
 
 
 class LossAccount:
@@ -54,8 +56,8 @@ class LossAccount:
     @property
     def boards(self) -> dict[int, BoardCount]:
         """Counts of every board that has sent a frame, by address."""
-        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(3, ADDRESSES)
-        seen = np.flatnonzero(table[0] + table[2])
+        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
+        seen = np.flatnonzero(table[0] + table[2] + table[3])
         return {int(a): BoardCount(*(int(count) for count in table[:, a])) for a in seen.tolist()}
 
     def __repr__(self) -> str:
