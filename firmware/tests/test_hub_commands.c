@@ -277,7 +277,7 @@ static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
         CHECK(fake_hub_start(&fake));
         CHECK(fake_hub_run_cycles(&fake, 3));
         for (size_t i = 0; i < 4; i++) {
-            polls[i] = i == newcomer ? 0 : fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls;
+            polls[i] = i == newcomer ? 0 : taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i)));
         }
         const uint32_t cycles = fake.hub.cycle.count;
         const uint64_t until = fake.transfers + trial / 3;
@@ -289,7 +289,7 @@ static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
         CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + newcomer)) != NULL);
         for (size_t i = 0; i < 4; i++) {
             if (i != newcomer) {
-                CHECK_EQUAL(fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls - polls[i], fake.hub.cycle.count - cycles);
+                CHECK_EQUAL(taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i))) - polls[i], fake.hub.cycle.count - cycles);
             }
         }
         end();

@@ -37,8 +37,7 @@ reset handler, and the interrupts that can cut into it with their exception fram
 is reserved beyond the worst case is there for it. `make size` fails when flash, stack or RAM exceeds its budget.
 {compiler}
 
-The hub may take all of the part's RAM: the counters of 17 boards, two transfer buffers and a transmit ring that holds
-more than one frame do not fit into 3 KiB. All others keep to 3 KiB.
+All of them keep to 3 KiB of the part's 4 KiB.
 
 {table}
 

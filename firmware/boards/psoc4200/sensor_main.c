@@ -127,7 +127,7 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
         configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
     config.kind = kind->code;
     config.reset_cause = reset_cause();
-    memcpy(config.firmware_version, self_version(), sizeof config.firmware_version);
+    memcpy(config.firmware_version, SELF_VERSION, sizeof config.firmware_version);
     reset_unique_id(config.unique_id);
     config.rows = kind->rows;
     config.columns = kind->columns;
