@@ -62,10 +62,10 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     FUZZ_CHECK(bench.done_us == BENCH_NEVER && bench.scl && bench.sda);
     FUZZ_CHECK(transfer->address >= TAXEL_ADDRESS_MIN);
     FUZZ_CHECK(transfer->address <= TAXEL_ADDRESS_MAX);
-    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= taxel_hub_read_max(hub));
+    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= taxel_hub_read_max(hub) + transfer->counted);
     const unsigned which = transfer->read_bytes >= buffers[1] && transfer->read_bytes < buffers[1] + bench.config.transfer_buffer_size;
     const size_t place = (size_t)(transfer->read_bytes - buffers[which]);
-    FUZZ_CHECK(place == TAXEL_HUB_HEADROOM || (place == TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && transfer->read_size == 12));
+    FUZZ_CHECK(place + transfer->counted == TAXEL_HUB_HEADROOM || (place == TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && transfer->read_size == 12));
     FUZZ_CHECK(place + transfer->read_size + TAXEL_HUB_TAILROOM <= bench.config.transfer_buffer_size);
     FUZZ_CHECK(!(hub->outbox.large_left && hub->outbox.large_buffer == which) && !(hub->unframed.size && hub->unframed.buffer == which));
     bench.transfer = *transfer;
@@ -162,9 +162,10 @@ static void on_frame(void *context, const struct taxel_frame *frame)
 {
     const uint8_t *payload = frame->payload;
     (void)context;
+    FUZZ_CHECK(frame->type != TAXEL_FRAME_TYPE_COMPACT_TAXELS || bench.wants_compact);
     FUZZ_CHECK(frame->sequence == (uint16_t)bench.frames_pulled);
     bench.frames_pulled++;
-    if (frame->type == TAXEL_FRAME_TYPE_TAXELS) {
+    if (frame->type == TAXEL_FRAME_TYPE_TAXELS || frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
         const size_t size = frame->length - TAXEL_TAXEL_HEADER_SIZE;
         const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + TAXEL_TAXEL_HEADER_SIZE, size - 4u);
         FUZZ_CHECK(crc == taxel_get_u32(payload + frame->length - 4));
@@ -314,7 +315,7 @@ static void run_for(uint64_t microseconds)
 
 static void warm_up(enum bench_state state)
 {
-    static const uint8_t hello[3] = {77, 1, 1}, start[2] = {78, TAXEL_COMMAND_START};
+    static const uint8_t hello[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
     uint8_t wire[64];
     if (state >= BENCH_WARM) {
         run_for(60000);

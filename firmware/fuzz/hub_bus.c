@@ -83,6 +83,25 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + size - 4, crc_with_address(board, bytes, size - 4));
 }
 
+/* Packed with 16 bits, or coded, or nothing new: the hub forwards what has a good CRC. */
+static size_t read_compact(struct bench_board *board, uint8_t *bytes)
+{
+    const bool is_coded = board->sequence & 1u;
+    const size_t size = is_coded ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
+    if (board->holds_scan) {
+        bytes[0] = 0;
+        return 1;
+    }
+    board->sequence++;
+    bytes[0] = (uint8_t)(size < 0x80u ? size : 0x80u + size / 4u);
+    memset(bytes + 1, 0x55, size);
+    fuzz_put_u16(bytes + 1, board->sequence);
+    bytes[3] = is_coded ? 0 : 16;
+    fuzz_put_u32(bytes + (is_coded ? 6 : 4), (uint32_t)bench.now_us + board->clock_offset_us);
+    fuzz_put_u32(bytes + 1 + size - 4, crc_with_address(board, bytes + 1, size - 4));
+    return 1u + size;
+}
+
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
     uint8_t registers[LARGEST];
@@ -104,6 +123,9 @@ static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
         memcpy(registers, board->settings, 8);
         fuzz_put_u32(registers + 8, crc_with_address(board, registers, 8));
         known = 12;
+        break;
+    case 0xA0:
+        known = read_compact(board, registers);
         break;
     case 0x80:
         read_snapshot(board, registers);

@@ -1,6 +1,7 @@
 /* What the host says: hello and commands. One command at a time, whose payload stays in the inbox until it is answered. */
 #include "hub/internal.h"
 
+#define VERSION_OF_COMPACT 2u
 #define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
 
 void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
@@ -47,6 +48,7 @@ void taxel_hub_take_hello(struct taxel_hub *hub)
         hello.version_max < TAXEL_PROTOCOL_VERSION ? hello.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
     const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= hello.version_min;
     hub->version = agreed ? highest : 0;
+    taxel_hub_want_compact(hub, hub->compact && hub->version >= VERSION_OF_COMPACT);
     taxel_hub_send_hello(hub, hello.tag, hub->version);
 }
 
@@ -76,6 +78,30 @@ static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
     command->address = arguments.address;
     command->transfer_read = arguments.read_length;
     command->transfer_size = (uint8_t)(size - TAXEL_TRANSFER_ARGUMENTS_SIZE);
+}
+
+static void start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
+{
+    const uint8_t flags = size ? bytes[TAXEL_START_ARGUMENTS_OFFSET_FLAGS] : 0;
+    if (flags & ~TAXEL_START_FLAG_COMPACT || (size && hub->version < VERSION_OF_COMPACT)) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
+        return;
+    }
+    taxel_hub_want_compact(hub, flags & TAXEL_START_FLAG_COMPACT);
+    taxel_hub_start_streaming(hub);
+    done(hub);
+}
+
+void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference)
+{
+    const uint8_t slot = taxel_hub_slot_of(hub, address & (uint8_t)~TAXEL_ACKNOWLEDGE_FORGET);
+    if (slot == TAXEL_NO_SLOT || !hub->compact) {
+        return;
+    }
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, slot);
+    board->forget = address & TAXEL_ACKNOWLEDGE_FORGET;
+    board->acknowledge = !board->forget;
+    board->reference = reference;
 }
 
 static bool is_chosen(uint8_t wanted, const struct taxel_hub_slot *board)
@@ -160,7 +186,7 @@ struct argument_rule {
 };
 
 static const struct argument_rule argument_rules[] = {
-    {TAXEL_COMMAND_START, 0, 0},
+    {TAXEL_COMMAND_START, 0, TAXEL_START_ARGUMENTS_SIZE},
     {TAXEL_COMMAND_STOP, 0, 0},
     {TAXEL_COMMAND_SET_RATE, TAXEL_SET_RATE_ARGUMENTS_SIZE, TAXEL_SET_RATE_ARGUMENTS_SIZE},
     {TAXEL_COMMAND_SCAN_BUS, 0, 0},
@@ -208,8 +234,7 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
 {
     switch (command) {
     case TAXEL_COMMAND_START:
-        taxel_hub_start_streaming(hub);
-        done(hub);
+        start(hub, arguments, size);
         break;
     case TAXEL_COMMAND_STOP:
         hub->streaming = false;

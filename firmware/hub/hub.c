@@ -65,7 +65,7 @@ static void take_job_outcome(struct taxel_hub *hub)
     hub->job_done = false;
     taxel_hub_note_result(hub, hub->job_result);
     if (job->kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
-        taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
+        taxel_hub_keep_snapshot(hub);
         job->kind = TAXEL_JOB_NONE;
         taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */
         taxel_hub_take_snapshot(hub);

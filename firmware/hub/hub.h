@@ -26,7 +26,7 @@
 #define TAXEL_HUB_REPLY_RESERVE 180u /* the longest reply, and small frames that cannot wait */
 
 /* A transfer buffer becomes the frame of what was read into it: its header goes before, its CRC behind. */
-#define TAXEL_HUB_HEADROOM 18u
+#define TAXEL_HUB_HEADROOM 18u /* its last byte is where the length of a compact snapshot is read to */
 #define TAXEL_HUB_TAILROOM 6u
 #define TAXEL_HUB_BUFFER_SIZE(read_max) (TAXEL_HUB_HEADROOM + (read_max) + TAXEL_HUB_TAILROOM)
 
@@ -40,13 +40,18 @@ struct taxel_hub_slot {
     uint8_t attempts : 2;
     bool retry : 1;
     bool info_wanted : 1;
-    bool pointer_is_snapshot : 1; /* the board's register pointer: a read needs no write before it */
+    bool pointer_is_snapshot : 1; /* the board's register pointer, at what is polled: a read needs no write before it */
     bool has_sequence : 1;
+    bool has_clock : 1; /* last_timestamp_us says something */
+    bool has_compact : 1; /* the board has compact snapshots */
+    bool acknowledge : 1; /* the board is to be told `reference` */
+    bool forget : 1;      /* or that the host has none */
     bool has_settings : 1; /* the host chose settings: they are written again when the board restarts */
     bool settings_dirty : 1;
     bool settings_rejected : 1;
     uint16_t consecutive_failures;
     uint16_t last_sequence;
+    uint16_t reference; /* name of the candidate that the host has decoded */
     uint32_t last_timestamp_us; /* board's clock, of the last snapshot forwarded */
     uint32_t last_read_us;      /* hub's clock, when that, or an identity that did not fit, was read */
     uint32_t forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
@@ -74,6 +79,7 @@ enum taxel_job_kind {
     TAXEL_JOB_READ_SETTINGS,  /* after an identity, and into its buffer behind it */
     TAXEL_JOB_CHECK_SETTINGS, /* after a write of settings */
     TAXEL_JOB_WRITE_SETTINGS,
+    TAXEL_JOB_ACKNOWLEDGE,
     TAXEL_JOB_CLOCK,
     TAXEL_JOB_PROBE_ADDRESS,
     TAXEL_JOB_PASS_THROUGH,
@@ -88,8 +94,9 @@ struct taxel_job {
     uint16_t read_size;
     uint32_t started_us;
     uint32_t deadline_us;
+    bool is_compact; /* a poll that reads a length first */
     uint8_t write_size;
-    uint8_t pointer; /* the register that is written first */
+    uint8_t write_bytes[1u + TAXEL_COMPACT_ACKNOWLEDGE_SIZE]; /* of all but settings and the host's own */
 };
 
 /* What was read well and is not a frame yet. */
@@ -195,6 +202,7 @@ struct taxel_hub {
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
     bool uart_is_stalled; /* nobody reads: what finds no room is dropped */
     bool streaming;
+    bool compact; /* the host wants compact snapshots of the boards that have them */
     bool restart_wanted;
     bool bootloader_wanted;
 };

@@ -64,6 +64,10 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
     if (fault == TAXEL_BOARD_FAULT_NONE) {
         board->taxel_count = bytes[TAXEL_IDENTITY_OFFSET_TAXEL_COUNT];
         board->attempts = 0;
+        board->acknowledge = board->forget = false;
+        board->has_compact = bytes[TAXEL_IDENTITY_OFFSET_MAP_VERSION] > TAXEL_REGISTER_MAP_VERSION_MIN &&
+                             board->taxel_count <= TAXEL_COMPACT_TAXELS_MAX &&
+                             taxel_hub_compact_max(board) <= taxel_hub_read_max(hub);
         hub->settings_read_slot = hub->job.slot;
         hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
         return;

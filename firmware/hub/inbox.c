@@ -90,6 +90,9 @@ static bool header_is_right(const uint8_t *header)
     if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
         return length == TAXEL_HOST_HELLO_SIZE;
     }
+    if (header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
+        return length && length <= TAXEL_ACKNOWLEDGE_MAX * TAXEL_ACKNOWLEDGEMENT_SIZE && length % TAXEL_ACKNOWLEDGEMENT_SIZE == 0;
+    }
     return header[0] == TAXEL_FRAME_TYPE_COMMAND && length >= TAXEL_COMMAND_HEADER_SIZE &&
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
@@ -123,30 +126,47 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
     return body.left == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
-TAXEL_OWN_FRAME static void copy_payload(struct taxel_inbox *inbox, uint8_t size, size_t length)
+/* The payload of the frame at the tail, which is whole. Acknowledgements are taken byte by byte: the inbox's payload may be that
+ * of a command which is still worked off. */
+TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
+    struct taxel_inbox *inbox = &hub->inbox;
     struct body body = body_at_tail(inbox, size);
+    const size_t length = taxel_get_u16(header + 3);
+    uint8_t last[TAXEL_ACKNOWLEDGEMENT_SIZE];
     (void)open_block(&body);
     for (size_t i = 0; i < TAXEL_FRAME_HEADER_SIZE; i++) {
         (void)next_byte(&body);
     }
-    for (size_t i = 0; i < length; i++) {
-        inbox->payload[i] = (uint8_t)next_byte(&body);
+    for (size_t i = 0, n = 0; i < length; i++) {
+        const uint8_t byte = (uint8_t)next_byte(&body);
+        if (header[0] != TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
+            inbox->payload[i] = byte;
+            continue;
+        }
+        last[n++] = byte;
+        if (n == sizeof last) {
+            n = 0;
+            taxel_hub_take_acknowledgement(hub, last[0], taxel_get_u16(last + TAXEL_ACKNOWLEDGEMENT_OFFSET_REFERENCE));
+        }
     }
+    inbox->tail = (uint8_t)(inbox->tail + size);
 }
 
-/* The frame at the tail, which is whole. */
-static void take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
+/* The frame at the tail, which is whole; false if it is a command that has to wait. */
+static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
-    struct taxel_inbox *inbox = &hub->inbox;
-    const size_t length = taxel_get_u16(header + 3);
-    copy_payload(inbox, size, length);
-    inbox->tail = (uint8_t)(inbox->tail + size);
+    const bool is_acknowledge = header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE;
+    if (!is_acknowledge && (hub->command.active || !taxel_hub_has_room_for_reply(hub))) {
+        return false;
+    }
+    take_payload(hub, size, header);
     if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
         taxel_hub_take_hello(hub);
-    } else {
-        taxel_hub_take_command(hub, length);
+    } else if (!is_acknowledge) {
+        taxel_hub_take_command(hub, taxel_get_u16(header + 3));
     }
+    return true;
 }
 
 /* Bytes of the chunk at the tail. A chunk without a delimiter yet is searched where no unfinished frame can begin any more. */
@@ -183,16 +203,15 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
     if (hub->command.active) {
         taxel_hub_end_finished_command(hub);
     }
-    while (!hub->command.active && taxel_hub_has_room_for_reply(hub)) {
+    for (;;) {
         uint8_t header[TAXEL_FRAME_HEADER_SIZE];
         const uint8_t size = searchable(inbox);
         const uint8_t used = size ? find_frame(inbox, size, header) : 0;
-        if (used) {
-            take_frame(hub, used, header);
-        } else if (size || inbox->searched != inbox->head) {
-            skip(inbox); /* a byte that begins no frame, or a delimiter */
-        } else {
+        if (used ? !take_frame(hub, used, header) : !size && inbox->searched == inbox->head) {
             break;
+        }
+        if (!used) {
+            skip(inbox); /* a byte that begins no frame, or a delimiter */
         }
     }
     if (room_in(inbox) >= TAXEL_HUB_RELEASE_ROOM) {

@@ -62,12 +62,21 @@ uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address);
 /* schedule.c */
 void taxel_hub_start_next_job(struct taxel_hub *hub);
 void taxel_hub_start_streaming(struct taxel_hub *hub);
+void taxel_hub_want_compact(struct taxel_hub *hub, bool compact);
+/* The longest compact snapshot that a board may have. */
+static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
+{
+    return (TAXEL_COMPACT_OVERHEAD_MIN + 2u * (size_t)board->taxel_count + TAXEL_COMPACT_LENGTH_STEP - 1u) &
+           ~(size_t)(TAXEL_COMPACT_LENGTH_STEP - 1u);
+}
 void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command);
 
 /* outcome.c */
 void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result);
 /* What the last transfer has read is to become a frame of that type. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
+/* The same for what a poll has read. */
+void taxel_hub_keep_snapshot(struct taxel_hub *hub);
 /* Judge the snapshot that is not framed yet, and forward it. */
 void taxel_hub_take_snapshot(struct taxel_hub *hub);
 /* What is not framed yet, if it is right: into a frame, or wait. */
@@ -110,6 +119,7 @@ void taxel_hub_read_inbox(struct taxel_hub *hub);
 /* command.c */
 void taxel_hub_take_hello(struct taxel_hub *hub);
 void taxel_hub_take_command(struct taxel_hub *hub, size_t size);
+void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference);
 void taxel_hub_end_finished_command(struct taxel_hub *hub);
 void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version);
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size);

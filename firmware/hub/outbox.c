@@ -57,6 +57,7 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     case TAXEL_FRAME_TYPE_HUB_HELLO:
         return 0;
     case TAXEL_FRAME_TYPE_TAXELS:
+    case TAXEL_FRAME_TYPE_COMPACT_TAXELS:
     case TAXEL_FRAME_TYPE_BOARD_INFO:
         return TAXEL_HUB_REPLY_RESERVE + report_reserve(hub);
     case TAXEL_FRAME_TYPE_HUB_STATUS:

@@ -92,6 +92,9 @@ static bool retry(struct taxel_hub_slot *board)
 
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
+    if (size < TAXEL_COMPACT_OVERHEAD_CODED) {
+        return false; /* the shortest of either kind */
+    }
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, size - 4u);
     return crc == taxel_get_u32(bytes + size - 4u);
 }
@@ -104,7 +107,7 @@ static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t sta
     const bool went_back = board_elapsed >= HALF_CLOCK_RANGE && elapsed < HALF_CLOCK_RANGE;
     const uint32_t ahead = board_elapsed - elapsed;
     const uint32_t difference = ahead < HALF_CLOCK_RANGE ? ahead : 0u - ahead;
-    return board->has_sequence && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
+    return board->has_clock && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
 }
 
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
@@ -116,6 +119,32 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->slot = hub->job.slot;
     unframed->buffer = hub->job.buffer;
     unframed->type = type;
+}
+
+void taxel_hub_keep_snapshot(struct taxel_hub *hub)
+{
+    const struct taxel_job *job = &hub->job;
+    if (!job->is_compact) {
+        taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
+        return;
+    }
+    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->buffer)[-1]);
+    taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
+}
+
+/* The board's clock of a snapshot. A coded one has 24 bits of it: the others follow from what the hub's clock says. */
+static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed, const uint8_t *bytes,
+                             bool is_coded)
+{
+    if (unframed->type == TAXEL_FRAME_TYPE_TAXELS) {
+        return taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
+    }
+    if (!is_coded) {
+        return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
+    }
+    const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
+    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW) << 8; /* and a byte that is not its */
+    return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
 static bool try_forward(struct taxel_hub *hub, const struct taxel_hub_slot *board)
@@ -184,15 +213,18 @@ static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board
         }
         return false;
     }
-    const uint16_t sequence = taxel_get_u16(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_SEQUENCE);
-    const uint32_t timestamp_us = taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
+    const uint16_t sequence = taxel_get_u16(bytes); /* both kinds begin so */
+    const bool is_coded = unframed->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS &&
+                          !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] & TAXEL_COMPACT_WIDTH_MASK);
+    const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_coded);
     succeed(hub, board);
-    if (board_was_restarted(board, unframed->started_us, timestamp_us)) {
+    if (!is_coded && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* one that was has no reference */
         board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
         board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may answer now */
         board->has_sequence = false;
         taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_RESTARTED);
     }
+    board->has_clock = board->has_clock || !is_coded;
     if (board->has_sequence && sequence == board->last_sequence) {
         board->repeated++;
         return false;
@@ -206,7 +238,11 @@ static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board
 
 void taxel_hub_take_snapshot(struct taxel_hub *hub)
 {
-    if (snapshot_is_news(hub, taxel_hub_slot_at(hub, hub->unframed.slot))) {
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, hub->unframed.slot);
+    if (hub->unframed.size == 0) { /* a compact snapshot of length 0 */
+        succeed(hub, board);
+        board->repeated++;
+    } else if (snapshot_is_news(hub, board)) {
         taxel_hub_forward(hub);
     } else {
         hub->unframed.size = 0;
@@ -328,6 +364,15 @@ static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *boa
     }
 }
 
+/* One that was lost is not repeated: the host says it again. */
+static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
+{
+    board->pointer_is_snapshot = result == TAXEL_I2C_OK;
+    if (result != TAXEL_I2C_OK && result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
+        (void)taxel_hub_free_bus(hub);
+    }
+}
+
 static uint8_t reply_status_of(int8_t result)
 {
     switch (result) {
@@ -377,6 +422,9 @@ void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result)
         break;
     case TAXEL_JOB_CHECK_SETTINGS:
         taxel_hub_finish_check_settings(hub, board, result);
+        break;
+    case TAXEL_JOB_ACKNOWLEDGE:
+        finish_acknowledge(hub, board, result);
         break;
     case TAXEL_JOB_CLOCK:
         finish_clock(hub, board, result);

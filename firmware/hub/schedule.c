@@ -25,14 +25,19 @@ static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
                                  (taxel_hub_config_of(hub)->scl_hz / 1000u);
 }
 
-/* Begin the transfer that hub->job describes so far: write_size, pointer; buffer is a free one. */
+static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    return hub->compact && board->has_compact;
+}
+
+/* Begin the transfer that hub->job describes so far: write_size, write_bytes; buffer is a free one. */
 static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     struct taxel_job *job = &hub->job;
     struct taxel_i2c_transfer transfer = {
         .address = address,
-        .write_bytes = &job->pointer,
+        .write_bytes = job->write_bytes,
         .write_size = job->write_size,
         .read_bytes = taxel_hub_bytes(hub, job->buffer),
         .read_size = read_size,
@@ -44,6 +49,11 @@ static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t ad
         transfer.write_bytes = transfer.read_bytes;
     } else if (kind == TAXEL_JOB_READ_SETTINGS) {
         transfer.read_bytes += TAXEL_IDENTITY_SIZE;
+    }
+    job->is_compact = kind == TAXEL_JOB_POLL && job->is_compact;
+    if (job->is_compact) {
+        transfer.read_bytes--;
+        transfer.counted = true;
     }
     const uint32_t patience = timeout_us(hub, transfer.write_size + read_size);
     hub->cycle.launched = true;
@@ -63,11 +73,11 @@ static void launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
     hub->job.write_size = 1;
-    hub->job.pointer = pointer;
-    if (pointer == TAXEL_REGISTER_SNAPSHOT && board->pointer_is_snapshot) {
+    hub->job.write_bytes[0] = pointer;
+    if (kind == TAXEL_JOB_POLL && board->pointer_is_snapshot) {
         hub->job.write_size = 0;
     }
-    board->pointer_is_snapshot = pointer == TAXEL_REGISTER_SNAPSHOT;
+    board->pointer_is_snapshot = kind == TAXEL_JOB_POLL;
     launch(hub, kind, slot, board->address, size);
 }
 
@@ -79,8 +89,33 @@ static void launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint
 
 static void launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
-    const size_t size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)slot_at(hub, slot)->taxel_count;
-    launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT, size);
+    const struct taxel_hub_slot *board = slot_at(hub, slot);
+    hub->job.is_compact = polls_compact(hub, board);
+    if (hub->job.is_compact) {
+        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_COMPACT, 1u + taxel_hub_compact_max(board));
+    } else {
+        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT,
+                    TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count);
+    }
+}
+
+/* What the host has to say to the board; false if it has nothing to say. */
+static bool launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    uint8_t *bytes = hub->job.write_bytes;
+    if (!polls_compact(hub, board) || !(board->acknowledge || board->forget)) {
+        return false;
+    }
+    bytes[0] = TAXEL_REGISTER_COMPACT;
+    bytes[1] = 0;
+    if (board->acknowledge) {
+        taxel_put_u16(bytes + 1, board->reference);
+    }
+    hub->job.write_size = board->acknowledge ? 3u : 2u;
+    board->acknowledge = board->forget = false;
+    launch(hub, TAXEL_JOB_ACKNOWLEDGE, slot, board->address, 0);
+    return true;
 }
 
 static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
@@ -158,6 +193,9 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
         }
         if (launch_upkeep(hub, slot)) {
             return LAUNCH_STARTED; /* and then this board's poll */
+        }
+        if (board->state == TAXEL_BOARD_STATE_STREAMING && launch_acknowledge(hub, slot)) {
+            return LAUNCH_STARTED;
         }
         cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
@@ -269,6 +307,14 @@ static void launch_from_cycle(struct taxel_hub *hub)
         }
         }
     }
+}
+
+void taxel_hub_want_compact(struct taxel_hub *hub, bool compact)
+{
+    for (uint8_t i = 0; hub->compact != compact && i < hub->slot_count; i++) {
+        slot_at(hub, i)->pointer_is_snapshot = false;
+    }
+    hub->compact = compact;
 }
 
 void taxel_hub_start_streaming(struct taxel_hub *hub)

@@ -147,6 +147,10 @@ static void take_byte(void)
         return;
     }
     *transfer->read_bytes++ = byte;
+    if (transfer->counted) {
+        transfer->counted = false;
+        transfer->read_size = 1u + taxel_i2c_counted_rest(transfer, byte);
+    }
     transfer->read_size--;
     if (transfer->read_size) {
         SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK;
