@@ -25,7 +25,7 @@ struct taxel_compact_interval {
 };
 
 /* compact_model.c */
-taxel_compact_state taxel_compact_begin(uint16_t count);
+taxel_compact_state taxel_compact_begin(uint16_t count, uint8_t form);
 uint16_t taxel_compact_centre(taxel_compact_state state);
 uint8_t taxel_compact_raw_bits(taxel_compact_state state);
 uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol);

@@ -28,9 +28,11 @@ static uint32_t distance(taxel_compact_state state, uint32_t difference)
     return (difference * multipliers[(level >> 3) & 7u]) >> (level >> 6);
 }
 
-taxel_compact_state taxel_compact_begin(uint16_t count)
+taxel_compact_state taxel_compact_begin(uint16_t count, uint8_t form)
 {
-    return ((uint32_t)count << (TAXEL_COMPACT_FRACTION_BITS + TAXEL_COMPACT_LEVEL_BITS)) | TAXEL_COMPACT_LEVEL_START;
+    const uint32_t start = (form & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
+    return ((uint32_t)count << (TAXEL_COMPACT_FRACTION_BITS + TAXEL_COMPACT_LEVEL_BITS)) |
+           (TAXEL_COMPACT_LEVEL_START + TAXEL_COMPACT_LEVEL_START_STEP * start);
 }
 
 uint16_t taxel_compact_centre(taxel_compact_state state)

@@ -4,7 +4,6 @@
 
 #define PATIENCE 4u /* snapshots that an answer may take to reach the board */
 #define CRC_SIZE 4u
-#define KNOWN_FORM (TAXEL_COMPACT_WIDTH_MASK | TAXEL_COMPACT_CANDIDATE)
 #define WIDTH_MAX 16u
 #define TIME_LOW_MASK 0xFFFFFFu
 
@@ -12,6 +11,12 @@ static void say(struct taxel_compact_receiver *receiver, enum taxel_compact_answ
 {
     receiver->answer = (uint8_t)answer;
     receiver->wait = PATIENCE;
+}
+
+static bool form_exists(uint8_t form)
+{
+    const bool begins = form & TAXEL_COMPACT_CANDIDATE && form & TAXEL_COMPACT_WIDTH_MASK;
+    return (form & TAXEL_COMPACT_WIDTH_MASK) <= WIDTH_MAX && (begins || !(form & TAXEL_COMPACT_START_MASK));
 }
 
 /* This snapshot shows no effect of what was said, if it was: perhaps it was lost. */
@@ -40,8 +45,7 @@ static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *r
     struct taxel_compact_packed head;
     taxel_compact_packed_unpack(&head, bytes);
     const uint8_t width = head.form & TAXEL_COMPACT_WIDTH_MASK;
-    if (width > WIDTH_MAX ||
-        size < TAXEL_COMPACT_PACKED_SIZE + taxel_compact_packed_size(width, taxels) + CRC_SIZE) {
+    if (size < TAXEL_COMPACT_PACKED_SIZE + taxel_compact_packed_size(width, taxels) + CRC_SIZE) {
         return TAXEL_COMPACT_DAMAGED;
     }
     snapshot->timestamp_us = head.timestamp_us;
@@ -52,7 +56,7 @@ static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *r
         candidate->taxels = taxels;
         candidate->updates = 1;
         for (size_t i = 0; i < taxels; i++) {
-            candidate->states[i] = taxel_compact_begin(snapshot->counts[i]);
+            candidate->states[i] = taxel_compact_begin(snapshot->counts[i], head.form);
         }
     }
     return TAXEL_COMPACT_OK;
@@ -105,7 +109,7 @@ enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *r
     const uint32_t crc = taxel_get_u32(bytes + size - CRC_SIZE);
     struct taxel_compact_header head;
     taxel_compact_header_unpack(&head, bytes);
-    if (crc != taxel_crc32(taxel_crc32(0, &address, 1), bytes, size - CRC_SIZE) || head.form & ~KNOWN_FORM) {
+    if (crc != taxel_crc32(taxel_crc32(0, &address, 1), bytes, size - CRC_SIZE) || !form_exists(head.form)) {
         return TAXEL_COMPACT_DAMAGED;
     }
     snapshot->sequence = head.sequence;

@@ -229,9 +229,18 @@ static void remember(struct taxel_sensor *sensor, const uint8_t *counts, bool co
         if (coded) {
             memory->residuals[i] = taxel_compact_residual(memory->states[i], count);
         } else {
-            memory->states[i] = taxel_compact_begin(count);
+            memory->states[i] = taxel_compact_begin(count, sensor->compact.start);
         }
     }
+}
+
+/* Coding against it takes more than packing. If it had not learned long, it began from too small a scale. */
+static void forget_reference(struct taxel_compact *compact)
+{
+    const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;
+    const unsigned next = compact->start + (1u << TAXEL_COMPACT_START_SHIFT);
+    compact->start = (uint8_t)(is_young ? next & TAXEL_COMPACT_START_MASK : 0u);
+    compact->has_reference = false;
 }
 
 static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
@@ -248,12 +257,14 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     if (!coded) {
         pack(sensor, &snapshot, counts, width, compact->work + 1);
         size = packed_size;
-        is_candidate = is_candidate || compact->has_reference; /* the reference has nothing to say any more */
-        compact->has_reference = false;
+        if (compact->has_reference) {
+            forget_reference(compact);
+            is_candidate = true;
+        }
     }
     if (is_candidate) {
         compact->candidate.waits = false; /* an acknowledgement of the one before comes too late from here on */
-        compact->work[1u + TAXEL_COMPACT_HEADER_OFFSET_FORM] |= TAXEL_COMPACT_CANDIDATE;
+        compact->work[1u + TAXEL_COMPACT_HEADER_OFFSET_FORM] |= TAXEL_COMPACT_CANDIDATE | (coded ? 0u : compact->start);
     }
     uint16_t name = seal(sensor, compact->work, size);
     if (is_candidate && (name == compact->candidate.name || (coded && name == compact->reference_name))) {

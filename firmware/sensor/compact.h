@@ -46,6 +46,7 @@ struct taxel_compact {
     bool has_reference;
     bool busy; /* the last counts took clearly more than usual */
     uint8_t updates;
+    uint8_t start; /* scale to begin from, bits of `form` */
     uint16_t reference_name;
     uint16_t usual_size; /* of coded counts, in sixteenths of a byte */
     uint32_t reference_us;

@@ -16,6 +16,8 @@ from taxel_protocol.limits import (
     COMPACT_LENGTH_STEP,
     COMPACT_OVERHEAD_CODED,
     COMPACT_OVERHEAD_MIN,
+    COMPACT_START_MASK,
+    COMPACT_START_SHIFT,
     COMPACT_WIDTH_MASK,
 )
 from taxel_protocol.registers import CompactCoded, CompactPacked
@@ -108,9 +110,10 @@ class Reference:
     taxels: tuple[Taxel, ...]
 
 
-def begin(name: int, timestamp_us: int, counts: Sequence[int]) -> Reference:
-    """The reference that a packed candidate makes."""
-    return Reference(name, timestamp_us, 1, tuple(Taxel(64 * count, t.COMPACT_LEVEL_START) for count in counts))
+def begin(name: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> Reference:
+    """The reference that a packed candidate makes; `start`: bits 5 and 6 of its form."""
+    level = t.COMPACT_LEVEL_START + start * t.COMPACT_LEVEL_START_STEP
+    return Reference(name, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
 
 
 def go_on(reference: Reference, name: int, timestamp_us: int, counts: Sequence[int]) -> Reference:
@@ -245,10 +248,13 @@ def _sealed(address: int, body: bytes) -> bytes:
     return body + crc32(body, crc32(bytes([address]))).to_bytes(4, "little")
 
 
-def encode_packed(address: int, sequence: int, timestamp_us: int, counts: Sequence[int], candidate: bool) -> bytes:
+def encode_packed(
+    address: int, sequence: int, timestamp_us: int, counts: Sequence[int], candidate: bool, start: int = 0
+) -> bytes:
     """A compact snapshot that needs no reference."""
     width = max(max(counts).bit_length(), 1)
-    head = {"sequence": sequence, "form": width | (COMPACT_CANDIDATE if candidate else 0), "timestamp_us": timestamp_us}
+    form = width | start << COMPACT_START_SHIFT | (COMPACT_CANDIDATE if candidate else 0)
+    head = {"sequence": sequence, "form": form, "timestamp_us": timestamp_us}
     return _sealed(address, pack(CompactPacked, head, pack_counts(counts, width)))
 
 
@@ -294,7 +300,8 @@ def decode(address: int, taxel_count: int, data: bytes, references: Sequence[Ref
     name = int.from_bytes(data[-4:-2], "little")
     form = data[2]
     width = form & COMPACT_WIDTH_MASK
-    if form & ~(COMPACT_WIDTH_MASK | COMPACT_CANDIDATE) or width > 16:
+    start = (form & COMPACT_START_MASK) >> COMPACT_START_SHIFT
+    if width > 16 or (start and not (width and form & COMPACT_CANDIDATE)):
         raise CompactError(f"form 0x{form:02X} does not exist")
     if width:
         head, rest = unpack(CompactPacked, data[:-4])
@@ -304,7 +311,9 @@ def decode(address: int, taxel_count: int, data: bytes, references: Sequence[Ref
         number = int.from_bytes(rest[:size], "little")
         counts = [number >> (width * i) & ((1 << width) - 1) for i in range(taxel_count)]
         time = head["timestamp_us"]
-        return Decoded(head["sequence"], time, counts, begin(name, time, counts) if form & COMPACT_CANDIDATE else None)
+        return Decoded(
+            head["sequence"], time, counts, begin(name, time, counts, start) if form & COMPACT_CANDIDATE else None
+        )
     head, rest = unpack(CompactCoded, data[:-4])
     known = [r for r in references if r.name == head["reference"] and len(r.taxels) == taxel_count]
     if not known:

@@ -13,6 +13,9 @@ COMPACT_LEVEL_MAX = (1 << COMPACT_LEVEL_BITS) - 1
 COMPACT_LEVEL_START = 384
 """Level of a taxel that nothing is known of: 4 counts."""
 
+COMPACT_LEVEL_START_STEP = 128
+"""Levels between the four scales to begin from: 4, 16, 64, 256 counts."""
+
 COMPACT_TOTAL_BITS = 16
 """Probabilities are multiples of 2^-16."""
 

@@ -54,6 +54,11 @@ COMPACT_LENGTH_STEP = 4
 COMPACT_WIDTH_MASK = 0x1F
 """Bits of a compact snapshot's `form` that say how many bits a packed count has; 0: coded against a reference."""
 
+COMPACT_START_MASK = 0x60
+"""Bits of `form` of a packed candidate: from which scale its reference begins."""
+
+COMPACT_START_SHIFT = 5
+
 COMPACT_CANDIDATE = 0x80
 """Bit of `form`: acknowledged, this snapshot makes the next reference."""
 
