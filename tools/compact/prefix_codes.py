@@ -2,8 +2,8 @@
 
 python tools/compact/prefix_codes.py
 
-Rice: the best parameter, zigzag residual to the rounded mean. Huffman: the best code for that scale, residual to the rounded mean, so
-that its tables do not depend on the mean's fraction. Both without their tables' and their classes' own losses.
+Rice: the best parameter, zigzag residual to the rounded mean. Huffman: the best code for that scale, residual to the
+rounded mean, so that its tables do not depend on the mean's fraction. Both without their classes' own losses.
 """
 
 import heapq
