@@ -9,6 +9,7 @@
 #define LONGEST_ENCODED (LONGEST + 1u)  /* without delimiters */
 #define CRC_OF_WHOLE_BODY 0x2144DF1Cu   /* of any bytes and their own CRC-32 behind them */
 #define NO_BYTE (-1)
+#define WAIT (-1)
 
 /* Interrupt and main loop both come here, the one to hold and the other to let go: so far apart that neither sees the other's. */
 static void hold(struct taxel_hub *hub, bool wanted)
@@ -169,8 +170,9 @@ static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *heade
     return true;
 }
 
-/* Bytes of the chunk at the tail. A chunk without a delimiter yet is searched where no unfinished frame can begin any more. */
-static uint8_t searchable(struct taxel_inbox *inbox)
+/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter yet is searched where no unfinished
+ * frame can begin any more. The head is looked at once: bytes come meanwhile. */
+static int chunk_at_tail(struct taxel_inbox *inbox)
 {
     const uint8_t head = inbox->head;
     atomic_signal_fence(memory_order_acquire);
@@ -178,7 +180,7 @@ static uint8_t searchable(struct taxel_inbox *inbox)
         inbox->searched = (uint8_t)(inbox->searched + 1u);
     }
     const uint8_t size = (uint8_t)(inbox->searched - inbox->tail);
-    return inbox->searched != head || size > LONGEST_ENCODED ? size : 0;
+    return inbox->searched != head || size > LONGEST_ENCODED ? size : WAIT;
 }
 
 static void skip(struct taxel_inbox *inbox)
@@ -205,9 +207,9 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
     }
     for (;;) {
         uint8_t header[TAXEL_FRAME_HEADER_SIZE];
-        const uint8_t size = searchable(inbox);
-        const uint8_t used = size ? find_frame(inbox, size, header) : 0;
-        if (used ? !take_frame(hub, used, header) : !size && inbox->searched == inbox->head) {
+        const int size = chunk_at_tail(inbox);
+        const uint8_t used = size > 0 ? find_frame(inbox, (uint8_t)size, header) : 0;
+        if (size == WAIT || (used && !take_frame(hub, used, header))) {
             break;
         }
         if (!used) {
