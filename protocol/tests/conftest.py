@@ -233,6 +233,14 @@ def library_path() -> Path:
 
 
 @pytest.fixture(scope="session")
+def codec_library_path() -> str:
+    try:
+        return str(library_path())
+    except FileNotFoundError as missing:
+        pytest.fail(str(missing))
+
+
+@pytest.fixture(scope="session")
 def codec() -> Codec:
     try:
         return Codec(library_path())

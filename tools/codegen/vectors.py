@@ -3,7 +3,8 @@
 python tools/codegen/vectors.py            write them
 python tools/codegen/vectors.py --check    exit status 1 if a file on disk is stale
 
-This module makes frames.json and registers.json, and then runs `damaged_streams.py` and `field_tables.py`.
+This module makes frames.json and registers.json, and then runs `damaged_streams.py`, `field_tables.py` and
+`compact_vectors.py`.
 Everything is made of fixed numbers and a seeded generator: the same definitions give the same files.
 """
 
@@ -284,7 +285,7 @@ def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str
 
 
 def main() -> int:
-    """Write or check the files, then those of the two generators that build on them."""
+    """Write or check the files, then those of the other generators."""
     texts = {
         "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
         "registers.json": json_text("registers", "I2C registers: fields and bytes", all_registers()),
@@ -297,7 +298,7 @@ def main() -> int:
         elif not path.exists() or path.read_text() != text:
             print(f"{name} is stale: run `make generate`", file=sys.stderr)
             return 1
-    others = (HERE / "damaged_streams.py", HERE / "field_tables.py")
+    others = (HERE / "damaged_streams.py", HERE / "field_tables.py", HERE / "compact_vectors.py")
     return max(subprocess.run([sys.executable, str(other), *sys.argv[1:]]).returncode for other in others)
 
 
