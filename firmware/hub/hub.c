@@ -113,7 +113,7 @@ TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
-    if (hub->job.kind != TAXEL_JOB_NONE) { /* this pass may have used up the call that launch() asked for */
+    if (hub->job.kind != TAXEL_JOB_NONE) { /* each pass uses up the calls that were asked for before */
         const uint32_t later = taxel_hub_now(hub);
         taxel_hub_wake_in(hub, taxel_hub_has_come(later, hub->job.deadline_us) ? 0 : hub->job.deadline_us - later);
     }

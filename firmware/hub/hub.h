@@ -202,6 +202,7 @@ struct taxel_hub {
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
     bool uart_is_stalled; /* nobody reads: what finds no room is dropped */
     bool streaming;
+    bool retry_wanted; /* by one of the boards */
     bool compact; /* the host wants compact snapshots of the boards that have them */
     bool restart_wanted;
     bool bootloader_wanted;

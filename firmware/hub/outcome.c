@@ -78,7 +78,7 @@ static uint8_t fault_of(int8_t result, uint8_t bus_fault)
     return result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION;
 }
 
-static bool retry(struct taxel_hub_slot *board)
+static bool retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->attempts >= RETRIES) {
         return false;
@@ -86,6 +86,7 @@ static bool retry(struct taxel_hub_slot *board)
     board->attempts = (board->attempts + 1u) & 3u;
     board->retries++;
     board->retry = true;
+    hub->retry_wanted = true;
     board->pointer_is_snapshot = false;
     return true;
 }
@@ -207,7 +208,7 @@ static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board
     const struct taxel_unframed *unframed = &hub->unframed;
     const uint8_t *bytes = taxel_hub_bytes(hub, unframed->buffer);
     if (!snapshot_is_whole(board, bytes, unframed->size)) {
-        if (!retry(board)) {
+        if (!retry(hub, board)) {
             board->crc_errors++;
             taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_CRC);
         }
@@ -255,7 +256,7 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
     switch (result) {
     case TAXEL_I2C_NACK_ADDRESS:
     case TAXEL_I2C_NACK_DATA:
-        if (!retry(board)) {
+        if (!retry(hub, board)) {
             board->nacks++;
             taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         }
@@ -269,7 +270,7 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
         break;
     }
     const uint8_t bus_fault = taxel_hub_free_bus(hub);
-    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(board)) {
+    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(hub, board)) {
         board->bus_errors++;
         taxel_hub_fail(hub, board, fault_of(result, bus_fault));
     }

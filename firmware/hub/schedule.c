@@ -21,8 +21,9 @@ static bool buffer_is_free(const struct taxel_hub *hub, uint8_t buffer)
 
 static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
 {
-    return TIMEOUT_BASE_US + (uint32_t)(2u * CLOCKS_PER_BYTE * 1000u * (ADDRESS_BYTES + bytes)) /
-                                 (taxel_hub_config_of(hub)->scl_hz / 1000u);
+    const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
+    const uint32_t byte_us = (2u * CLOCKS_PER_BYTE * 1000000u + scl_hz - 1u) / scl_hz;
+    return TIMEOUT_BASE_US + byte_us * (uint32_t)(ADDRESS_BYTES + bytes);
 }
 
 static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
@@ -55,7 +56,6 @@ static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t ad
         transfer.read_bytes--;
         transfer.counted = true;
     }
-    const uint32_t patience = timeout_us(hub, transfer.write_size + read_size);
     hub->cycle.launched = true;
     job->kind = kind;
     job->slot = slot;
@@ -64,8 +64,7 @@ static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t ad
     job->read_size = (uint16_t)read_size;
     hub->job_done = false;
     job->started_us = taxel_hub_now(hub);
-    job->deadline_us = job->started_us + patience;
-    taxel_hub_wake_in(hub, patience);
+    job->deadline_us = job->started_us + timeout_us(hub, transfer.write_size + read_size);
     hal->i2c_start(hal->context, &transfer);
 }
 
@@ -165,13 +164,14 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
 
 static bool launch_retry(struct taxel_hub *hub)
 {
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
+    for (uint8_t i = 0; hub->retry_wanted && i < hub->slot_count; i++) {
         if (slot_at(hub, i)->retry) {
             slot_at(hub, i)->retry = false;
             launch_poll(hub, i);
             return true;
         }
     }
+    hub->retry_wanted = false;
     return false;
 }
 
