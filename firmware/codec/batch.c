@@ -28,16 +28,19 @@ static uint16_t missing_between(uint16_t cycles, uint16_t scans)
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* What does not come from the snapshot, and whether a cycle is missing before it. */
-static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header)
+/* What does not come from the snapshot, and whether a cycle is missing before it. A board may be polled while it codes: it has
+ * nothing to say then, and a newer scan in the next cycle, so that one scan (`unshown`) passed over says nothing. */
+static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
+                    uint16_t unshown)
 {
     const uint8_t address = header->address;
     row->address = address;
     row->cycle = header->cycle;
     row->hub_time_us = header->hub_time_us;
     if (batch->has_cycle[address]) {
+        const uint16_t scans = (uint16_t)(row->board_sequence - batch->last_scan[address]);
         row->missing_before = missing_between((uint16_t)(header->cycle - batch->last_cycle[address]),
-                                              (uint16_t)(row->board_sequence - batch->last_scan[address]));
+                                              scans > unshown ? (uint16_t)(scans - unshown) : 0);
         batch->totals.missing[address] += row->missing_before;
     }
     batch->has_cycle[address] = true;
@@ -72,7 +75,7 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
         batch->totals.damaged[header.address]++;
         break;
     }
-    account(batch, row, &header);
+    account(batch, row, &header, 1);
 }
 
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
@@ -98,7 +101,7 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     } else {
         batch->totals.received[header.address]++;
     }
-    account(batch, row, &header);
+    account(batch, row, &header, 0);
 }
 
 /* A hub that has started greets of itself: tag 0, and its first frame. */

@@ -144,7 +144,8 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     totals->received[address] += !is_damaged;
     if (memory[address].known) {
         const uint16_t cycles = (uint16_t)(cycle - memory[address].cycle), scans = (uint16_t)(scan - memory[address].scan);
-        const uint16_t steps = cycles < scans ? cycles : scans;
+        const uint16_t shown = frame->type == 0x03 && scans ? (uint16_t)(scans - 1) : scans;
+        const uint16_t steps = cycles < shown ? cycles : shown;
         frame->missing_before = steps ? (uint16_t)(steps - 1) : 0;
         totals->missing[address] += frame->missing_before;
     }

@@ -59,7 +59,7 @@ def predictor_bits(counts: Counts, mean_gain: float, scale_gain: float, jump: fl
         scale = np.where(size >= jump, scale, scale * np.exp(max(scale_gain, 1 / (t + 1)) * step))
         scale = np.clip(scale, 1 / 16, 4096.0)
         mean = mean + gain * residual
-    return total / ((len(counts) - WARM_UP) * counts.shape[1])
+    return float(total / ((len(counts) - WARM_UP) * counts.shape[1]))
 
 
 def recording_entropy(counts: Counts) -> float:
