@@ -15,11 +15,12 @@ FULL_HAND ?= 10
 SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
+EXECUTED := i2c commands stream fault_cases uart_faults hub_bootloader
 SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python fuzz fuzz-short lint bench firmware size generate format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench firmware size generate format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -41,7 +42,7 @@ demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small c
 blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
-test: lint test-c fuzz-short test-python  ## everything that must pass: style, types, layers, C and Python tests
+test: lint test-c fuzz-short test-python test-executed  ## everything that must pass: style, types, layers, C and Python tests
 
 test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
 	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
@@ -51,13 +52,18 @@ test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitiz
 test-python: $(STAMP)  ## Python tests
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile
 
+test-executed: $(STAMP)  ## UART, I2C, command, fault and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
+	@command -v arm-none-eabi-gcc > /dev/null || \
+		{ echo "executed images are not tested: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'"; exit 0; }; \
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig cortex-m0 $(EXECUTED:%=hil_tests/test_hil_%.py)
+
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
 
 fuzz-short: $(STAMP)
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds 3 --if-possible
 
-hil: $(STAMP)  ## hardware in the loop on RIG (virtual, or the file of a bench)
+hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
 soak: $(STAMP)  ## HOURS of virtual time with random faults (24): every missing frame must be explained

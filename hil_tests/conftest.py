@@ -21,6 +21,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "needs(ability, ...): what a rig must be able to do for this test")
     config.addinivalue_line("markers", "world(...): how a virtual rig is put together for this test")
+    config.addinivalue_line("markers", "faulty_image: it writes a program on which an executed processor faults")
 
 
 @pytest.fixture(scope="session")

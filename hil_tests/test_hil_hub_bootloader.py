@@ -103,6 +103,7 @@ def test_the_hub_runs_what_it_was_given_and_its_boards_stream(rig: Rig, skin: Sk
     assert version_of(rig) == NEW_VERSION  # it had confirmed itself
 
 
+@pytest.mark.faulty_image
 def test_a_hub_image_that_hangs_gives_way_to_the_old_one(rig: Rig, skin: Skin) -> None:
     old = version_of(rig)
     with Skin(rig.uart.link(), rig.hand) as fresh:

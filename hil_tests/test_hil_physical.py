@@ -17,7 +17,8 @@ from taxel.hand.world import world_text
 from taxel.link.virtual import VirtualWorld
 
 REPOSITORY = Path(__file__).parent.parent
-CAN_URL = "can:udp:239.74.163.2:43998"
+CAN_URL = f"can:udp:239.74.163.2:{40000 + os.getpid() % 20000}"
+"""One suite's own: two on one machine must not hear each other's joints."""
 SUITES = ("test_hil_boards.py", "test_hil_i2c.py", "test_hil_stream.py", "test_hil_can.py", "test_hil_fault_cases.py")
 
 

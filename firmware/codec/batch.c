@@ -78,6 +78,14 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
     account(batch, row, &header, 1);
 }
 
+/* restrict: without it every count is read, written and checked against the next by itself. */
+static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict bytes, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        counts[i] = taxel_get_u16(bytes + 2u * i);
+    }
+}
+
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     struct taxel_batch_output *output = batch->output;
@@ -91,9 +99,8 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     row->board_time_us = snapshot.timestamp_us;
     row->offset = (uint32_t)output->count_count;
     row->size = header.taxel_count;
-    for (size_t i = 0; i < header.taxel_count; i++) {
-        output->counts[output->count_count++] = taxel_get_u16(bytes + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * i);
-    }
+    unpack_counts(output->counts + output->count_count, bytes + TAXEL_SNAPSHOT_HEADER_SIZE, header.taxel_count);
+    output->count_count += header.taxel_count;
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &header.address, 1), bytes, snapshot_size - 4u);
     if (crc != taxel_get_u32(bytes + snapshot_size - 4u)) {
         row->flags |= TAXEL_BATCH_BOARD_CRC_BAD;

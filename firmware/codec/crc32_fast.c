@@ -1,16 +1,19 @@
 #include "codec/crc32.h"
 
 #include <pthread.h>
-#include <string.h>
 
-#define SLICES 16
+#include "codec/crc32_ways.h"
+
+#define SLICES 16u
 
 /* Slicing (Kounavis and Berry, 2005), sixteen bytes a step: tables[k][b] is byte b followed by k zero bytes. */
 static uint32_t tables[SLICES][256];
 static pthread_once_t tables_once = PTHREAD_ONCE_INIT;
+static bool has_clmul;
 
 static void fill_tables(void)
 {
+    has_clmul = taxel_crc32_has_clmul();
     for (uint32_t b = 0; b < 256; b++) {
         uint32_t crc = b;
         for (int bit = 0; bit < 8; bit++) {
@@ -19,7 +22,7 @@ static void fill_tables(void)
         tables[0][b] = crc;
     }
     for (uint32_t b = 0; b < 256; b++) {
-        for (int k = 1; k < SLICES; k++) {
+        for (unsigned k = 1; k < SLICES; k++) {
             tables[k][b] = (tables[k - 1][b] >> 8) ^ tables[0][tables[k - 1][b] & 0xFFu];
         }
     }
@@ -30,17 +33,17 @@ static uint32_t little_endian_u32(const uint8_t *bytes)
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
 }
 
-uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
+uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     pthread_once(&tables_once, fill_tables);
     crc = ~crc;
     while (size >= SLICES) {
         const uint32_t first = little_endian_u32(bytes) ^ crc;
         crc = 0;
-        for (int i = 0; i < 4; i++) {
+        for (unsigned i = 0; i < 4; i++) {
             crc ^= tables[15 - i][(first >> (8 * i)) & 0xFFu];
         }
-        for (int i = 4; i < SLICES; i++) {
+        for (unsigned i = 4; i < SLICES; i++) {
             crc ^= tables[15 - i][bytes[i]];
         }
         bytes += SLICES;
@@ -50,4 +53,11 @@ uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
         crc = (crc >> 8) ^ tables[0][(crc ^ *bytes++) & 0xFFu];
     }
     return ~crc;
+}
+
+uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
+{
+    pthread_once(&tables_once, fill_tables);
+    return has_clmul && size >= TAXEL_CRC32_CLMUL_MIN ? taxel_crc32_clmul(crc, bytes, size)
+                                                      : taxel_crc32_sliced(crc, bytes, size);
 }

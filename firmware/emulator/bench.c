@@ -224,7 +224,7 @@ int taxel_bench_processor(struct taxel_bench *bench, uint8_t address, struct tax
         .resets = psoc->resets,
         .cycles = cpu->cycle,
         .slept = cpu->slept,
-        .faults = cpu->faults - psoc->faults_before,
+        .faults = cpu->faults,
         .fault_kind = cpu->fault.kind,
         .fault_pc = cpu->fault.pc,
         .fault_address = cpu->fault.address,

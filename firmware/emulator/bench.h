@@ -60,7 +60,7 @@ uint64_t taxel_bench_torn(const struct taxel_bench *bench, uint8_t address);
 /* 0: an application runs, 1: the bootloader, 2: an image that does not answer; -1: no such board. */
 int taxel_bench_runs(const struct taxel_bench *bench, uint8_t address);
 
-/* An executed processor (psoc4200/): since its last reset, but for the resets and the accounts, which begin at the first power-up. */
+/* An executed processor (psoc4200/), since the first power-up. */
 struct taxel_bench_processor {
     uint64_t resets;
     uint64_t cycles, slept;

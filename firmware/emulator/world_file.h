@@ -58,7 +58,7 @@ struct world_description {
     bool flow_control; /* the hub's RTS is wired to the adapter */
     double hub_clock_ppm;
     double hub_clock_start_us;
-    double hub_byte_us; /* how long a native hub holds SCL after each byte */
+    double hub_byte_us; /* how long a native hub holds SCL after each byte; 0 unless told */
     uint8_t *hub_image; /* as of a board */
     double noise_counts;
     bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, as on silicon */

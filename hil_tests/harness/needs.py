@@ -23,9 +23,12 @@ def needs_of(item: pytest.Item | pytest.FixtureRequest) -> set[str]:
 
 
 def build_of(request: pytest.FixtureRequest, hand: Hand) -> dict[str, Any]:
-    """What the `world` mark of a test asks for; text in it may speak of a board as {0}, {1} ... in the hand's order."""
+    """What the marks `world` and `faulty_image` of a test ask for; text in them may speak of a board as {0}, {1} ...
+    in the hand's order.
+    """
     mark = request.node.get_closest_marker("world")
     wanted = dict(mark.kwargs) if mark else {}
+    wanted["may_fault"] = request.node.get_closest_marker("faulty_image") is not None
     addresses = [f"0x{board.address:02X}" for board in hand.boards]
     for name in ("faults", "effects", "lines"):
         wanted[name] = [line.format(*addresses) for line in wanted.get(name, ())]

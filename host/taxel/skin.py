@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from taxel.emulated import open_emulator
 from taxel.errors import TaxelError
-from taxel.hand import Hand, load_hand
+from taxel.hand import Hand, load_hand, packaged_hands
+from taxel.hand.description import hand_of_text
 from taxel.link import Link, LinkError, clock_of, open_link
+from taxel.link.url import recorded_path
 from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
+from taxel.stream.cycles import CycleSorter
 
 FrameForm = Literal["plain", "compact"]
 
-CYCLES_IN_FLIGHT = 2
-"""Poll cycles that may be incomplete at one time: a scan is handed out when a frame of the next cycle but one
-arrives.
-"""
+DEFAULT_HAND = "allegro"
 
 DISCOVERY_TIMEOUT_S = 1.0
 """How long `open` waits for boards that the hub has not found yet: they may still be starting."""
@@ -59,7 +59,7 @@ class Skin:
         self._compact = frames == "compact"
         self._stream = self.hub.stream
         self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
-        self._pending: dict[int, list[TaxelFrame]] = {}
+        self._sorter = CycleSorter(len(hand.boards))
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         try:
             if not link.is_recorded:
@@ -129,6 +129,11 @@ class Skin:
         """Bytes that were part of no frame."""
         return self._stream.bytes_discarded
 
+    @property
+    def bytes_waiting(self) -> int:
+        """Bytes that have arrived and that nobody has polled yet: growing if the reader is too slow."""
+        return self._stream.bytes_waiting
+
     def is_synchronised(self, address: int) -> bool:
         """Whether that board's times come from its own clock (see `taxel.stream.ClockMap`)."""
         return self._stream.clock.is_synchronised(address)
@@ -173,26 +178,21 @@ class Skin:
 
     def scans(self) -> Iterator[SkinFrame]:
         """The whole skin, cycle by cycle; a board whose frame is missing is not valid in that cycle."""
-        pending = self._pending  # kept between calls: a cycle half read by one is finished by the next
         for frame in self:
-            pending.setdefault(frame.cycle, []).append(frame)
-            complete = len(pending[frame.cycle]) == len(self.hand.boards)
-            while pending and (complete or len(pending) > CYCLES_IN_FLIGHT):
-                cycle = next(iter(pending))
-                yield self._assemble(cycle, pending.pop(cycle))
-                complete = complete and cycle != frame.cycle
-        while pending:
-            cycle = next(iter(pending))
-            yield self._assemble(cycle, pending.pop(cycle))
+            self._sorter.add(frame)  # kept between calls: a cycle half read by one is finished by the next
+            while (frames := self._sorter.pop()) is not None:
+                yield self._assemble(frames)
+        while (frames := self._sorter.pop(is_end=True)) is not None:
+            yield self._assemble(frames)
 
-    def _assemble(self, cycle: int, frames: list[TaxelFrame]) -> SkinFrame:
+    def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self.hand.n_taxels, dtype=bool)
         for frame in frames:
             where = self._slices[frame.address]
             counts[where] = frame.raw_counts
             valid[where] = True
-        return SkinFrame(cycle, min(frame.time_s for frame in frames), counts, valid)
+        return SkinFrame(frames[0].cycle, min(frame.time_s for frame in frames), counts, valid)
 
     def take_baseline(
         self, samples: int = BASELINE_SAMPLES, progress: Callable[[float], None] | None = None
@@ -250,19 +250,52 @@ def _split_frames(url: str, frames: FrameForm | None) -> tuple[str, FrameForm]:
 
 def open_skin(
     url: str,
-    hand: Hand | str | os.PathLike[str] = "allegro",
+    hand: Hand | str | os.PathLike[str] | None = None,
     rate_hz: float | None = None,
     frames: FrameForm | None = None,
 ) -> Skin:
     """Open the skin at `url` and start it.
 
-    `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, or any pyserial
-    URL. `hand`: a packaged description's name, a file, or a `Hand`. `rate_hz`: at most so many scans a second; None:
-    all that the bus gives. `frames`: "plain" (16-bit counts) or "compact" (the same counts in fewer bytes, from boards
-    and a hub that have them; also `frames=compact` in the URL): what comes out is the same. Raises `TaxelError` in one
-    line: port missing, no hub, another protocol version, a board that the hand does not have.
+    `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, `file:skin.mcap`, or
+    any pyserial URL. `hand`: a packaged description's name, a file, or a `Hand`; None: the one that a recording
+    carries, else "allegro". `rate_hz`: at most so many scans a second; None: all that the bus gives. `frames`: "plain"
+    (16-bit counts) or "compact" (the same counts in fewer bytes, from boards and a hub that have them; also
+    `frames=compact` in the URL): what comes out is the same. Raises `TaxelError` with one line: port missing, no hub,
+    another protocol version, a board that the hand does not have.
     """
     url, form = _split_frames(url, frames)
-    description = hand if isinstance(hand, Hand) else load_hand(hand)
-    link = open_emulator(url, description) if url.startswith("emulator:") else open_link(url)
+    link, description = open_source(url, hand)
     return Skin(link, description, rate_hz, form)
+
+
+def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
+    """The link that `url` names, and the hand at its end; arguments and errors as those of `open_skin`."""
+    if url.startswith("emulator:"):
+        description = _given(hand or DEFAULT_HAND)
+        return open_emulator(url, description), description
+    path = recorded_path(url)
+    if path is None:
+        description = _given(hand or DEFAULT_HAND)
+        return open_link(url), description
+    from taxel.ros.mcap_link import is_mcap, open_mcap  # MCAP and its compression take a tenth of a second to import
+
+    link = open_mcap(path) if is_mcap(path) else open_link(url)
+    try:
+        return link, recorded_hand(link) if hand is None else _given(hand)
+    except BaseException:
+        link.close()
+        raise
+
+
+def recorded_hand(link: Link) -> Hand:
+    """The hand that a recording carries, or the packaged one that it names, else the default one."""
+    head = getattr(link, "header", {})
+    text = head.get("hand_description")
+    if isinstance(text, str):
+        return hand_of_text(text.encode(), f"{link.name} (its hand)")
+    name = head.get("hand")
+    return load_hand(name if isinstance(name, str) and name in packaged_hands() else DEFAULT_HAND)
+
+
+def _given(hand: Hand | str | os.PathLike[str]) -> Hand:
+    return hand if isinstance(hand, Hand) else load_hand(hand)

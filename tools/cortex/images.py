@@ -29,9 +29,16 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "firmware": (
         *(f"codec/{name}.c" for name in ("crc32_small", "whitening_small", "encoder", "deframer")),
         *(f"sensor/{name}.c" for name in ("sensor", "scan", "slave")),
-    )
+    ),
+    "bootloader": (
+        "codec/crc32_small.c",
+        *(f"bootloader/{name}.c" for name in ("bootloader", "choose", "config_rows", "confirm", "image")),
+        *(f"bootloader/{name}.c" for name in ("metadata", "packet", "record")),
+    ),
+    "ticks": ("boards/psoc4200/ticks.c",),
 }
 """What a program has of the firmware."""
+DEFINED: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_IN_SLOT",)}
 
 
 class ToolMissingError(Exception):
@@ -70,7 +77,14 @@ def build_image(name: str, optimisation: str = "-Os") -> Image:
     elf = Path(_folder().name) / f"{name}{optimisation}.elf"
     sources = [PROGRAMS / "image.c", PROGRAMS / f"{name}.c", *(FIRMWARE / source for source in SOURCES.get(name, ()))]
     options = ["-mcpu=cortex-m0", "-mthumb", optimisation, "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-nostartfiles"]
-    options += [f"-I{FIRMWARE}", "--specs=nosys.specs", f"-T{PROGRAMS / 'image.ld'}", "-o", str(elf)]
+    options += [
+        *DEFINED.get(name, ()),
+        f"-I{FIRMWARE}",
+        "--specs=nosys.specs",
+        f"-T{PROGRAMS / 'image.ld'}",
+        "-o",
+        str(elf),
+    ]
     _run([COMPILER, *options, *map(str, sources)])
     _run([OBJCOPY, "-O", "binary", str(elf), str(elf.with_suffix(".bin"))])
     return Image(name, elf.with_suffix(".bin").read_bytes(), elf)
@@ -80,7 +94,8 @@ def _run(command: list[str]) -> None:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = result.stderr.strip().splitlines()
-        raise ImageError(f"{command[0]} has failed: {lines[0] if lines else 'it does not say why'}")
+        why = next((line for line in lines if "error: " in line), lines[0] if lines else "it does not say why")
+        raise ImageError(f"{command[0]} has failed: {why}")
 
 
 def _text_at(memory: bytes) -> str:
@@ -150,12 +165,15 @@ def run_unicorn(image: Image) -> Run:
     return Run(UnicornRun(image).run(), 0)
 
 
-def run_qemu(image: Image) -> Run:
-    """On QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`."""
+def run_qemu(image: Image, *, counted: bool = False) -> Run:
+    """On QEMU's micro:bit, a Cortex-M0. `counted`: time goes with the instructions, so that every run is the same.
+    Raises `ToolMissingError`, `ImageError`.
+    """
     if not shutil.which(QEMU):
         raise ToolMissingError(f"{QEMU} is missing: apt-get install qemu-system-arm")
     command = [QEMU, "-M", "microbit", "-display", "none", "-serial", "none", "-monitor", "none"]
     command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image.elf)]
+    command += ["-icount", "shift=6,sleep=off"] if counted else []  # 64 ns: about a clock of its 16 MHz
     try:
         result = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S, stdin=subprocess.DEVNULL)
     except subprocess.TimeoutExpired:

@@ -2,8 +2,8 @@
 
 python tools/firmware/calibrate_costs.py [--check] [--images DIR]
 
-Boards with the images of `make firmware` run in the emulator; every handler's cycles are counted there. Writes costs.h;
-with --check it only says whether that file is stale.
+Boards with the images of `make firmware` run in the emulator; every handler's cycles are counted there. Writes costs.h,
+and docs/firmware-cycles.md with the same figures; with --check it only says whether one of them is stale.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from __future__ import annotations
 import argparse
 import struct
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, image_line, lone_board
+from costs_page import costs_of, costs_page
+from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, scanning
+from firmware_cycles import measure
 from hub_costs import measure_hub
 
 from taxel.errors import TaxelError
-from taxel.hand import Hand, load_hand
+from taxel.hand import load_hand
 from taxel.hand.description import Board
-from taxel.hand.world import WorldSettings
 from taxel.link.virtual import HandlerCost, VirtualWorld
 from taxel_protocol import SNAPSHOT_OVERHEAD
 from taxel_protocol.limits import REGISTER_SNAPSHOT
 
 ROOT: Final = Path(__file__).parents[2]
 COSTS: Final = ROOT / "firmware" / "emulator" / "costs.h"
+PAGE: Final = ROOT / "docs" / "firmware-cycles.md"
 SMALL, LARGE = 0x2C, 0x20
 """Boards of the allegro hand: the conversions of both together have every case."""
 CYCLES_PER_US: Final = 48
@@ -59,16 +59,6 @@ def exact(value: float, what: str) -> int:
     if abs(value - round(value)) > 0.2:
         raise ValueError(f"{what}: expected whole cycles, found {value:.3f}")
     return round(value)
-
-
-@contextmanager
-def scanning(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
-    """A world in which that board scans, and nobody asks it anything."""
-    text = lone_board(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + image_line(board.address)
-    with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
-        world.inject("hub_unplug")
-        world.run(0.35)
-        yield world
 
 
 def crossings_of(board: Board) -> list[int]:
@@ -240,21 +230,22 @@ def header(board: Costs, hub: Costs) -> str:
 def main() -> int:
     """Measure, and write or compare; an error is one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="only say whether costs.h is stale")
+    parser.add_argument("--check", action="store_true", help="only say whether costs.h or its page is stale")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")
     options = parser.parse_args()
     try:
-        text = header(measure_board(options.images / BOARD_IMAGE), measure_hub(options.images / HUB_IMAGE))
+        costs = measure_board(options.images / BOARD_IMAGE), measure_hub(options.images / HUB_IMAGE)
+        texts = {COSTS: header(*costs), PAGE: costs_page(costs_of(header(*costs)), measure(options.images))}
     except (TaxelError, OSError, ValueError) as error:
         print(f"calibrate_costs: {error}", file=sys.stderr)
         return 1
-    if text == COSTS.read_text():
-        return 0
-    if options.check:
-        print(f"{COSTS.relative_to(ROOT)} is stale: run python tools/firmware/calibrate_costs.py", file=sys.stderr)
-        return 1
-    COSTS.write_text(text)
-    return 0
+    stale = [path for path, text in texts.items() if not path.exists() or path.read_text() != text]
+    for path in stale:
+        if options.check:
+            print(f"{path.relative_to(ROOT)} is stale: run python tools/firmware/calibrate_costs.py", file=sys.stderr)
+        else:
+            path.write_text(texts[path])
+    return 1 if stale and options.check else 0
 
 
 if __name__ == "__main__":

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from taxel.hand import Hand
+from taxel.hand.description import Board
 from taxel.hand.world import WorldSettings, world_text
+from taxel.link.virtual import VirtualWorld
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice, image
 from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import HEADER_SIZE, parse_image
@@ -32,6 +36,16 @@ def lone_board(hand: Hand, address: int, settings: WorldSettings | None = None) 
     lines = world_text(hand, settings).splitlines()
     kept = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
     return "\n".join(kept) + "\n"
+
+
+@contextmanager
+def scanning(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
+    """A world in which that board scans, and nobody asks it anything."""
+    text = lone_board(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + image_line(board.address)
+    with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
+        world.inject("hub_unplug")
+        world.run(0.35)
+        yield world
 
 
 def firmware_with(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:

@@ -1,9 +1,10 @@
-"""Flash, RAM and worst-case stack of the images in a build folder against their budgets.
+"""Flash, RAM, worst-case stack and cycles of the images in a build folder against their budgets.
 
 python tools/firmware/firmware_size.py --build DIR [--json FILE] [--page FILE] [--compare FILE]
 
 Prints the table, writes it as JSON and as a page, says what changed since another JSON, and fails where a budget is
-exceeded. Budgets: flash from the layout, RAM and stack from the image's own linker script.
+exceeded. Budgets: flash from the layout, RAM and stack from the image's own linker script, cycles from what they are
+spent in (`firmware_cycles.py`).
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ import argparse
 import json
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from firmware_cycles import FirmwareCycles
+from firmware_cycles import measure as measure_cycles
 from firmware_elf import LinkedImage, read_linked_image
 from firmware_stack import CallGraph, StackUse, disassemble, noted_frames, read_call_table
 
@@ -34,7 +37,10 @@ Written by `make size` from the linked images of the CY8C4245AXI-483, in bytes. 
 on: vectors, the words that survive a reset, variables. Stack is the worst case: the deepest chain of calls from the
 reset handler, and the interrupts that can cut into it with their exception frames
 (`tools/firmware/firmware_stack.py`). What the supervisory ROM takes of the stack during a flash call is not known; what
-is reserved beyond the worst case is there for it. `make size` fails when flash, stack or RAM exceeds its budget.
+is reserved beyond the worst case is there for it. Cycles are those in which the processor is awake, counted in executed
+images: of a board of the largest kind for a scan and a poll, of the time that a scan takes; of the hub for a poll and a
+frame, of the time from frame to frame while it streams 17 boards (all kinds: [firmware-cycles.md](firmware-cycles.md)).
+`make size` fails when flash, stack, RAM or cycles exceed their budget.
 {compiler}
 
 All of them keep to 3 KiB of the part's 4 KiB.
@@ -44,8 +50,6 @@ All of them keep to 3 KiB of the part's 4 KiB.
 Deepest chains:
 
 {chains}
-
-Cycles per scan, poll and packet are not measured yet.
 """
 
 
@@ -60,20 +64,28 @@ class Size:
     stack_reserve: int
     ram_budget: int
     chain: tuple[str, ...]
+    cycles: dict[str, int] | None = None
+    """By what they are spent for, and the budget of them all as `of`; None: nothing was counted."""
 
     @property
     def ram(self) -> int:
         """Static, and the worst case of the stack."""
         return self.static_ram + self.stack
 
+    @property
+    def spent(self) -> int:
+        """Cycles of all that was counted."""
+        return sum(count for name, count in (self.cycles or {}).items() if name != "of")
+
     def excess(self) -> str:
         """What is over its budget, or nothing."""
         found = [
-            f"{name} {used} of {budget}"
-            for name, used, budget in (
-                ("flash", self.flash, self.flash_budget),
-                ("stack", self.stack, self.stack_reserve),
-                ("RAM", self.ram, self.ram_budget),
+            f"{name} {used} of {budget} {unit}"
+            for name, used, budget, unit in (
+                ("flash", self.flash, self.flash_budget, "bytes"),
+                ("stack", self.stack, self.stack_reserve, "bytes"),
+                ("RAM", self.ram, self.ram_budget, "bytes"),
+                ("awake", self.spent, (self.cycles or {}).get("of", 0), "cycles"),
             )
             if used > budget
         ]
@@ -115,12 +127,30 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     return sizes
 
 
+def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
+    """The same with what was counted in the images of slot A; those of slot B are the same program."""
+    palm, hub = counted.boards[-1], counted.hub
+    cycles = {
+        "board": {"scan": palm.scan, "poll": palm.poll, "of": palm.budget},
+        "hub": {"poll": hub.poll, "frame": hub.frame, "of": hub.budget},
+    }
+    return {name: replace(size, cycles=cycles.get(name[:-2])) for name, size in sizes.items()}
+
+
+def _cycles_cell(cycles: dict[str, int] | None) -> str:
+    if cycles is None:
+        return ""
+    parts = [f"{name} {count:,}" for name, count in cycles.items() if name != "of"]
+    return f"{' + '.join(parts)} of {cycles['of']:,}"
+
+
 def table_lines(sizes: dict[str, Size]) -> list[str]:
     """The table in Markdown."""
     lines = [f"| {' | '.join(COLUMNS)} |", f"|---{'|---:' * (len(COLUMNS) - 1)}|"]
     for name, size in sizes.items():
         numbers = (size.flash, size.flash_budget, size.static_ram, size.stack, size.stack_reserve, size.ram)
-        lines.append(f"| {name} | {' | '.join(f'{number:,}' for number in (*numbers, size.ram_budget))} | |")
+        cells = " | ".join(f"{number:,}" for number in (*numbers, size.ram_budget))
+        lines.append(f"| {name} | {cells} | {_cycles_cell(size.cycles)} |")
     return lines
 
 
@@ -131,11 +161,8 @@ def page(sizes: dict[str, Size], compiler: str) -> str:
 
 
 def as_json(sizes: dict[str, Size], compiler: str) -> str:
-    """The same for a later comparison. `cycles` are filled in by whoever executes the images."""
-    document = {
-        "compiler": compiler,
-        "images": {name: asdict(size) | {"cycles": None} for name, size in sizes.items()},
-    }
+    """The same for a later comparison."""
+    document = {"compiler": compiler, "images": {name: asdict(size) for name, size in sizes.items()}}
     return json.dumps(document, indent=1) + "\n"
 
 
@@ -154,6 +181,8 @@ def changes(sizes: dict[str, Size], before: Path) -> list[str]:
                 for key in ("flash", "static_ram", "stack")
                 if now[key] != then[key]
             ]
+            spent = {name: count - (then["cycles"] or {}).get(name, 0) for name, count in (size.cycles or {}).items()}
+            parts += [f"cycles of a {name} {change:+d}" for name, change in spent.items() if change and name != "of"]
             lines += [f"{name}: {', '.join(parts)}"] if parts else []
     except (ValueError, KeyError, TypeError, AttributeError):
         raise FirmwareFileError(
@@ -181,7 +210,8 @@ def main() -> int:
     parser.add_argument("--objdump", default="arm-none-eabi-objdump")
     options = parser.parse_args()
     try:
-        sizes = measure_all(options.build, options.objdump, options.calls)
+        counted = measure_cycles(options.build / "images")
+        sizes = with_cycles(measure_all(options.build, options.objdump, options.calls), counted)
         compiler = compiler_of(options.objdump)
         compared = changes(sizes, options.compare) if options.compare else []
         print("\n".join([*table_lines(sizes), *compared]))
@@ -194,7 +224,7 @@ def main() -> int:
         return 1
     over = {name: size.excess() for name, size in sizes.items() if size.excess()}
     for name, excess in over.items():
-        print(f"firmware_size: {name}: over budget: {excess} bytes", file=sys.stderr)
+        print(f"firmware_size: {name}: over budget: {excess}", file=sys.stderr)
     return 1 if over else 0
 
 

@@ -22,6 +22,9 @@ BOARD: Final = 0x20
 PROBE_US: Final = 11 * 2.5
 """An address that nobody acknowledges: start, nine clocks, stop."""
 PROBES: Final = 10
+BYTE_US: Final = 9 * 2.5
+BYTES, BYTE_SAMPLES = 200, 40_000
+"""Of its 252; one interrupt each."""
 FRAMING: Final = ("put_body", "emit", "taxel_crc32", "taxel_encoder_put", "taxel_encoder_begin", "taxel_encoder_end")
 SAMPLE_S, SAMPLES = 2.03e-6, 60_000
 
@@ -38,6 +41,19 @@ def pass_cycles(world: VirtualWorld) -> int:
             probes = now
     densest = min(end - begin for begin, end in zip(times, times[PROBES:], strict=False))
     return round((densest * 1e6 / PROBES - PROBE_US) * CYCLES_PER_US)
+
+
+def byte_cycles(world: VirtualWorld) -> int:
+    """How long SCL is held after a byte of a snapshot: what the bus's bytes take beyond their nine clocks."""
+    times: list[float] = []
+    interrupts = world.handler_costs(0)["SCB0"].count
+    for _ in range(BYTE_SAMPLES):
+        world.run(2e-6)
+        now = world.handler_costs(0)["SCB0"].count
+        times += [world.now_s] * (now - interrupts)
+        interrupts = now
+    densest = min(end - begin for begin, end in zip(times, times[BYTES:], strict=False))
+    return round((densest * 1e6 / BYTES - BYTE_US) * CYCLES_PER_US)
 
 
 def streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
@@ -76,4 +92,5 @@ def measure_hub(image: Path) -> Costs:
             while world.now_s < end:
                 skin.poll(0.01)
             found = streaming(world, skin, image.parents[1] / "hub-a.elf")
-    return {"master_done": done, "hub_pass": gap - done} | found
+            held = byte_cycles(world)
+    return {"master_done": done, "master_byte": held, "hub_pass": gap - done} | found

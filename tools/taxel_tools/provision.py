@@ -23,6 +23,7 @@ from taxel_tools.steps import Pause, Steps, Transfer
 from taxel_tools.wires import BoardWire
 
 ALL: Final = 64
+SLOTS: Final = (0, 1)
 RESTART_S: Final = 0.15
 """From a restart until the bootloader listens at its address."""
 ENTER_ATTEMPTS: Final = 3
@@ -236,9 +237,24 @@ def apply(wire: BoardWire, changes: Sequence[Change]) -> None:
         run(wire, session.write_configuration(unique_id, change.configuration))
         if run(wire, session.configuration()) != change.configuration:
             raise BoardError(session.address, f"board {unique_id.hex()} does not keep its configuration; exchange it")
+        run(wire, _renew_tries(session))
         run(wire, session.exit())
     for address in {change.candidate.address for change in changes}:
         run(wire, BootSession(address, wire.now_s).search(0, bytes(8)))  # whoever is left there listens again
+
+
+def _renew_tries(session: BootSession) -> Steps[None]:
+    """Let the image of a board that has confirmed none be tried anew.
+
+    Without a configuration it could not confirm itself, and every power-up has cost one of its tries.
+    """
+    info = yield from session.info()
+    if info.confirmed in SLOTS:
+        return
+    for slot in (*(one for one in SLOTS if one == info.pending), *SLOTS):
+        if (yield from session.metadata(slot)) is not None:
+            yield from session.set_active(slot)
+            return
 
 
 def release(wire: BoardWire, candidates: Sequence[Candidate]) -> None:

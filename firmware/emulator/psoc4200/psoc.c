@@ -256,7 +256,11 @@ vtime psoc_next(const struct psoc *psoc)
     }
     const uint64_t tick = cortex_m0_wakes_at(&psoc->cpu), block = next_of_blocks(psoc);
     const uint64_t next = tick < block ? tick : block;
-    return next == PSOC_NEVER ? VTIME_NEVER : psoc_time(psoc, next);
+    if (next == PSOC_NEVER) {
+        return VTIME_NEVER;
+    }
+    /* The timer may have come during the last instruction of a run, which is over. */
+    return psoc_time(psoc, next > psoc->cpu.cycle ? next : psoc->cpu.cycle);
 }
 
 bool psoc_runs_application(const struct psoc *psoc)

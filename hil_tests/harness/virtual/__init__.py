@@ -22,16 +22,16 @@ def open_virtual(
     description: RigDescription, build: Mapping[str, Any], stack: ExitStack, *, counts: bool
 ) -> dict[str, Any]:
     """Drivers of a world put together as `build` says: fields of `WorldSettings`, `lines` of a world file, `only`
-    (places of the boards that are there).
+    (places of the boards that are there), `may_fault` (a processor may fault).
     """
-    settings = {name: value for name, value in build.items() if name not in {"lines", "only", "scan"}}
+    settings = {name: value for name, value in build.items() if name not in {"lines", "only", "scan", "may_fault"}}
     scan = {"scan": ScanSettings(**build["scan"])} if "scan" in build else {}
     text = world_text(description.hand, WorldSettings(**{**description.world, **settings, **scan}))
     text = _only(text, build.get("only")) + "".join(f"{line}\n" for line in build.get("lines", ()))
     port = description.devices["uart"].options.get("port", "pty")
     lines, files = _executed(description, text)
     world = stack.enter_context(VirtualWorld(text + lines, port, counts=counts, files=files))
-    stack.callback(_check_processors, world, executed_of(description, text))
+    stack.callback(_check_processors, world, executed_of(description, text), bool(build.get("may_fault")))
     can_bus = VirtualCanBus(stack)
     return {
         "clock": VirtualClock(world),
@@ -61,11 +61,14 @@ def executed_of(description: RigDescription, text: str) -> list[int]:
     return [address for address in description.executed if not address or f"board 0x{address:02X} " in text]
 
 
-def _check_processors(world: VirtualWorld, executed: list[int]) -> None:
-    """No processor has asked for what nobody has modelled."""
+def _check_processors(world: VirtualWorld, executed: list[int], may_fault: bool) -> None:
+    """No processor has asked for what nobody has modelled, and none has faulted."""
     for address in executed:
         processor = world.processor(address)
         assert not processor.is_broken, f"the processor of 0x{address:02X} stands still at 0x{processor.pc:04X}"
+        assert may_fault or not processor.faults, (
+            f"the processor of 0x{address:02X} has faulted {processor.faults} times"
+        )
 
 
 def _only(text: str, places: Any) -> str:

@@ -23,7 +23,7 @@ def missing_tool() -> str | None:
 
 
 def _found(name: str) -> str | None:
-    return shutil.which(name) or shutil.which(name, path=str(Path(sys.executable).parent))
+    return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)  # the Makefile's first
 
 
 @cache

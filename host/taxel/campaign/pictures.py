@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.cloud.accumulate import accumulate
-from taxel.cloud.contacts import taxel_points, used_taxels
+from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
 
@@ -21,15 +21,22 @@ VIEW = (18.0, -60.0)
 
 TICK_MM = 20.0
 
+MOST_OBJECTS = 8
+"""Columns that a picture has room for; a generated shard has an object a grasp."""
+
 _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
 
 def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
-    """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6."""
+    """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6.
+
+    Of more than `MOST_OBJECTS`, the first so many.
+    """
     plt = _pyplot()
     datasets = [GraspDataset(path) for path in paths]
     try:
-        names = [name for name in datasets[0].objects if any(grasp.object == name for grasp in datasets[0])]
+        names = list(dict.fromkeys(grasp.object for grasp in datasets[0]))
+        names = [name for name in datasets[0].objects if name in names][:MOST_OBJECTS]
         figure = plt.figure(figsize=(4.2 * len(names), 4.3 * len(datasets) + 0.4), layout="constrained")
         for row, data in enumerate(datasets):
             for column, name in enumerate(names):
@@ -58,7 +65,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
     for column, path in enumerate(paths):
         with GraspDataset(path) as data:
             grasp = data[grasp_id]
-            active, known = grasp.active()
+            active, known = grasp.active(baseline_frames=max(baseline_frames(grasp), 1))
             points, used = 1e3 * taxel_points(data, grasp), used_taxels(data)
             axis = figure.add_subplot(1, len(paths), column + 1, projection="3d")
             _draw_object(axis, data, grasp.object, np.eye(4))

@@ -7,14 +7,18 @@ from typing import NoReturn
 import typer
 
 from taxel.cli.cloud import cloud_app
+from taxel.cli.convert import convert
 from taxel.cli.demo import demo
 from taxel.cli.emulate import emulate
 from taxel.cli.feel import feel
 from taxel.cli.gap import gap_app
+from taxel.cli.generate import generate
 from taxel.cli.grasp import grasp
 from taxel.cli.import_data import import_app
+from taxel.cli.monitor import monitor
 from taxel.cli.record import record
 from taxel.cli.replay import replay
+from taxel.cli.ros import ros
 from taxel.cli.show import show
 from taxel.cli.thesis import thesis
 from taxel.errors import TaxelError
@@ -27,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, emulate, feel, grasp, record, replay, show, thesis):
+for command in (convert, demo, emulate, feel, generate, grasp, monitor, record, replay, ros, show, thesis):
     app.command()(command)
 app.add_typer(cloud_app, name="cloud")
 app.add_typer(gap_app, name="gap")

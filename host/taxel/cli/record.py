@@ -7,25 +7,28 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from taxel.cli.joints import HELP, joint_angles
 from taxel.cli.summary import StreamSummary
 from taxel.recorder import open_recorded
 
 
 def record(
     url: Annotated[str, typer.Argument(help="serial:///dev/ttyUSB0, emulator: ...")],
-    out: Annotated[Path, typer.Option(help="The capture to write.")],
+    out: Annotated[Path, typer.Option(help="The file to write: x.mcap, or any other name for a capture.")],
     seconds: Annotated[float, typer.Option(help="Seconds of frames; 0: until Ctrl-C.")] = 0.0,
-    hand: Annotated[str, typer.Option(help="Packaged hand or description file.")] = "allegro",
+    hand: Annotated[str | None, typer.Option(help="Packaged hand or description file; none: allegro.")] = None,
+    joints: Annotated[str, typer.Option(help=HELP)] = "",
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Write everything that the hub sends to a capture, with arrival times.
+    """Write everything that the hub sends to a file, with arrival times.
 
-    What has arrived is on disk at once: a vanished port or a killed program costs nothing that was there.
+    A capture has the bytes alone, each on disk at once. A name that ends in .mcap makes an MCAP file with the bytes and
+    the skin's ROS 2 topics; a killed program costs less than a second of it.
 
-    Example: taxel record "emulator:?speed=max" --seconds 2 --out capture.bin
+    Example: taxel record "emulator:?speed=max" --seconds 2 --out skin.mcap
     """
     console = Console(stderr=True)
-    with open_recorded(url, out, hand, overwrite) as skin:
+    with open_recorded(url, out, hand, overwrite, joint_angles(joints)) as skin:
         summary = StreamSummary(skin)
         columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +169,21 @@ def since_phase_began(time_s: Array, phase: NDArray[np.uint8]) -> Array:
     return since
 
 
-def require_hold(grasp: Grasp, path: str) -> None:
+class Phases(Protocol):
+    """A grasp, as far as the hand was told what to do."""
+
+    @property
+    def id(self) -> str:
+        """Its name in a file."""
+        ...
+
+    @property
+    def phase(self) -> NDArray[np.uint8]:
+        """u8[T]."""
+        ...
+
+
+def require_hold(grasp: Phases, path: str) -> None:
     """Raises GapInputError for a grasp without frames of hold: nothing of it could be compared."""
     if not (grasp.phase == Phase.HOLD).any():
         where = f"{path}: /grasps/{grasp.id}/phase"

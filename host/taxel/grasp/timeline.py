@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +64,11 @@ class Timeline:
 
     def begin(self, phase: int) -> float:
         """When a phase begins, seconds after the start of the grasp."""
-        return sum(self.durations_s[: Phase(phase)])
+        return self._begins[phase]
+
+    @cached_property
+    def _begins(self) -> tuple[float, ...]:
+        return tuple(sum(self.durations_s[:phase]) for phase in Phase)  # a controller asks in every step
 
     def end(self, phase: int) -> float:
         """When a phase ends, seconds."""
@@ -77,7 +82,7 @@ class Timeline:
 
     def share_at(self, phase: int, t: float) -> float:
         """How much of a phase is over at time t, 0..1; 1 for a phase that lasts no time once it has begun."""
-        passed, lasts = t - self.begin(phase), self.durations_s[Phase(phase)]
+        passed, lasts = t - self.begin(phase), self.durations_s[phase]
         if passed < 0:
             return 0.0
         return min(passed / lasts, 1.0) if lasts > 0 else 1.0

@@ -275,6 +275,28 @@ def load_hand(name_or_path: str | os.PathLike[str]) -> Hand:
     return _build(parse_hand(read_description(name_or_path, "hand", packaged_hands()), file))
 
 
+def hand_of_text(data: bytes, file: str) -> Hand:
+    """The hand that the bytes of a description file describe. `file`: its name, for errors.
+
+    Raises HandDescriptionError for a mistake in it.
+    """
+    return _build(parse_hand(data, shown_path(file)))
+
+
+def description_text(hand: Hand | str | os.PathLike[str]) -> str | None:
+    """The text of a hand's description file: of a packaged name, a path, or a `Hand` that equals the packaged one.
+
+    None for any other `Hand`: it does not know its file. Raises HandDescriptionError as `load_hand` does.
+    """
+    if isinstance(hand, Hand):
+        if hand.name not in packaged_hands() or load_hand(hand.name) != hand:
+            return None
+        hand = hand.name
+    if hand in packaged_hands():
+        return _descriptions().joinpath(f"{hand}{_SUFFIX}").read_text()
+    return read_description(hand, "hand", packaged_hands()).decode(errors="replace")
+
+
 def _build(document: HandDocument) -> Hand:
     """The Hand that a checked document describes."""
     geometry = document.get("geometry", {})

@@ -44,7 +44,7 @@ def share_of_force(hand: Hand, press: Press) -> NDArray[np.float64]:
     add to 1; if the probe misses every taxel, all are 0.
     """
     board = hand.board_named(press.board)
-    distance = hand.pitch_m * np.hypot(board.kind.tx - press.tx, board.kind.rx - press.rx)
+    distance = hand.pitch_m * np.hypot(board.kind.tx - float(press.tx), board.kind.rx - float(press.rx))
     inside = 1.0 - (distance / (0.5 * press.diameter_m)) ** 2
     pressure = np.sqrt(np.maximum(inside, 0.0))
     share = np.zeros(hand.n_taxels)

@@ -24,8 +24,8 @@ class CaptureWriter:
     """Write a capture; each record is handed to the operating system at once, so that a killed program loses nothing
     before it.
 
-    `header` is any JSON object (hand, baud, note). Raises `CaptureError` if the file exists and `overwrite` is False,
-    or cannot be written.
+    `header` is any JSON object (hand, baud, note); "clock": "hub" in it says that arrival times mean nothing. Raises
+    `CaptureError` if the file exists and `overwrite` is False, or cannot be written.
     """
 
     def __init__(
@@ -64,6 +64,9 @@ class CaptureWriter:
                 str(self.path), f"cannot be written ({error.strerror}); what came before is kept"
             ) from error
 
+    def tick(self) -> None:
+        """Nothing waits: each record is written at once."""
+
     def close(self) -> None:
         """Close the file."""
         self._file.close()
@@ -99,6 +102,7 @@ class CaptureLink:
         except CaptureError:
             self._file.close()
             raise
+        self.has_arrivals = self.header.get("clock") != "hub"
         baud = self.header.get("baud", 1e6)
         self.baud = float(baud) if isinstance(baud, int | float) and 1e3 <= baud <= 1e9 else 1e6
 

@@ -16,11 +16,9 @@ def open_link(url: str) -> Link:
     other scheme goes to pyserial (`socket://`, `rfc2217://`, `loop://` ...). Raises `LinkError` with one line that
     says what to do.
     """
-    if url.startswith("file:"):
-        path = url.removeprefix("file:")
-        if not path or "\0" in path:
-            raise LinkError(url, "names no file; expected file:capture.bin")
-        return CaptureLink(path.removeprefix("//") if path.startswith("///") else path)
+    path = recorded_path(url)
+    if path is not None:
+        return CaptureLink(path)
     if url.startswith("serial:"):
         parts = split_url(url)
         options = _options(url, parts.query, {"baud", "rtscts", "low_latency"})
@@ -36,6 +34,16 @@ def open_link(url: str) -> Link:
     if url.startswith("/dev/") or "://" in url:
         return SerialLink(url)
     raise LinkError(url, "is not a URL that can be opened; expected serial:///dev/..., emulator:, file:capture.bin")
+
+
+def recorded_path(url: str) -> str | None:
+    """The file that a `file:` URL names; None for another URL. Raises `LinkError` if it names none."""
+    if not url.startswith("file:"):
+        return None
+    path = url.removeprefix("file:")
+    if not path or "\0" in path:
+        raise LinkError(url, "names no file; expected file:capture.bin")
+    return path.removeprefix("//") if path.startswith("///") else path
 
 
 def split_url(url: str) -> SplitResult:

@@ -131,6 +131,21 @@ class GraspDatasetWriter:
         """Ids of the grasps that the file has, in order of time."""
         return tuple(self._ids)
 
+    def add_object(self, name: str, mesh: ObjectMesh) -> None:
+        """Add an object for the grasps that follow. A kill while this runs, unlike `add`, may cost the file: name the
+        objects in `create` wherever they are known. Raises DatasetError for a name that is there, or a bad mesh.
+        """
+        place = self._place.key("objects")
+        here = place.key(check_name(name, place))
+        if name in self._objects:
+            here.fail("a new name", "one that is there", "leave it out, or choose another name")
+        table = checked_mesh(vars(mesh), here)
+        with writing_errors(here):
+            group = create_group(self._file["objects"], name)
+            for key in MESH:
+                write_array(group, key, getattr(table, key))
+        self._objects |= {name}
+
     def add(self, grasp: GraspRecord, grasp_id: str | None = None) -> str:
         """Check and write one grasp; returns its id once the file holds it.
 

@@ -17,7 +17,7 @@ from taxel.hand.transforms import FloatArray, to_quaternion
 from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, board_wrenches, read_contacts
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import STEP_S, Scene
-from taxel.sim.soft_contact import LayerContact, LayerLaw
+from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
 
 RATE_HZ: Final = 20.0
@@ -77,6 +77,8 @@ def simulate_grasp(
     seed: int | None = None,
     object_pose: FloatArray | None = None,
     law: LayerLaw | None = None,
+    soft_step_s: float = SOFT_STEP_S,
+    settle_s: float = SETTLE_S,
 ) -> GraspMotion:
     """Run one grasp. The same arguments give the same bytes.
 
@@ -93,6 +95,8 @@ def simulate_grasp(
         seed: draws where the held joints truly stop (`START_SPREAD_RAD`); None: exactly where planned.
         object_pose: nominal pose in the world, f64[4, 4]; None: `standing_pose()`.
         law: of a soft layer that bears between hand and object; None: rigid boards meet it.
+        soft_step_s: seconds of a step with a soft layer; twice the usual one is as good as the layer's own figures.
+        settle_s: seconds before closing.
 
     Raises:
         ValueError: another number of joints, another object, or a rate above one sample a step.
@@ -101,9 +105,10 @@ def simulate_grasp(
     nominal = standing_pose() if object_pose is None else object_pose
     true = nominal if object_offset is None else nominal @ object_offset
     soft = None if law is None else NativeContact(scene.hand, scene.item.shape, law)
-    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal, soft)
+    push = None if soft is None else SoftPush(scene, soft, soft_step_s)
+    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal, push)
     run.place(true)
-    return run.record(timeline, rate_hz)
+    return run.record(timeline, rate_hz, settle_s)
 
 
 def _check(scene: Scene, approach: Approach, rate_hz: float) -> None:
@@ -126,15 +131,13 @@ def _spread(approach: Approach, seed: int | None) -> Approach:
 class _Run:
     """The state of one grasp."""
 
-    def __init__(
-        self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: LayerContact | None
-    ) -> None:
+    def __init__(self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: SoftPush | None) -> None:
         self.scene = scene
         self.controller = controller
         self.nominal = nominal
         self.data = mujoco.MjData(scene.model)
-        self._soft = None if soft is None else SoftPush(scene, soft)
-        self._step_s = STEP_S if soft is None else SOFT_STEP_S
+        self._soft = soft
+        self._step_s = STEP_S if soft is None else soft.step_s
         self._recent: list[FloatArray] = []
         self._withdrawn = -1.0  # no place yet
 
@@ -157,11 +160,11 @@ class _Run:
             self.data.mocap_pos[index] = pose[:3, 3]  # it withdraws without turning
             self._withdrawn = withdrawn
 
-    def record(self, timeline: Timeline, rate_hz: float) -> GraspMotion:
+    def record(self, timeline: Timeline, rate_hz: float, settle_s: float) -> GraspMotion:
         """Step from rest to the end of release, and take the samples."""
         times = timeline.sample_times(rate_hz)
         begin, end = timeline.begin(Phase.CLOSING), timeline.begin(Phase.RECOVERY)
-        for _ in range(round(SETTLE_S / self._step_s)):
+        for _ in range(round(settle_s / self._step_s)):
             self._step(0.0)
         states: list[_State] = []
         done, now = 0, self._state()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 from xml.sax.saxutils import quoteattr
 
@@ -116,9 +116,7 @@ def build_scene(hand: Hand, item: GraspObject, wrist: str, friction: float = 0.0
         HandGeometryError: the hand's description gives no positions or no robot.
         UnknownLinkError: the robot has no such wrist, or a board sits on a link above it.
     """
-    if hand.robot is None:
-        raise HandGeometryError(hand.name)
-    robot = load_robot(hand.robot)
+    robot = _robot_of(hand)
     robot.link_index(wrist)
     joints = tuple(_below(robot, wrist))
     links = (wrist, *(joint.child for joint in joints))
@@ -139,7 +137,6 @@ def scene_xml(
     hand: Hand, robot: Robot, item: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
 ) -> str:
     """The scene as MJCF text; see `build_scene`."""
-    joints = list(_below(robot, wrist))
     slide, dimensions = friction, 3 if friction > 0 else 1
     met = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{slide!r} 0 0"'
@@ -156,15 +153,28 @@ def scene_xml(
   frictionloss="{JOINT_FRICTION_NM}"/></default>
 </default>
 <asset>
-{"".join(_mesh(_board(board), _board_hull(hand, board)) for board in hand.boards)}{_object_mesh(item)}</asset>
+{_board_meshes(hand)}{_object_mesh(item)}</asset>
 <worldbody>
 <light pos="0 0 2"/>
 <geom name="table" type="box" size="{_row(TABLE_HALF_M)}" pos="0 0 {-TABLE_HALF_M[2]}"
   contype="0" conaffinity="0" rgba="0.8 0.75 0.7 1"/>
-{_object_body(item)}{_link_body(hand, robot, wrist, joints)}</worldbody>
+{_object_body(item)}{_hand_body(hand, robot, wrist)}</worldbody>
 <contact>
-{"".join(_excludes(wrist, joints))}</contact>
+{"".join(_excludes(wrist, list(_below(robot, wrist))))}</contact>
 </mujoco>"""
+
+
+@lru_cache(maxsize=4)
+def _robot_of(hand: Hand) -> Robot:
+    """Read once for a hand: many objects may be put before it."""
+    if hand.robot is None:
+        raise HandGeometryError(hand.name)
+    return load_robot(hand.robot)
+
+
+@lru_cache(maxsize=4)
+def _board_meshes(hand: Hand) -> str:
+    return "".join(_mesh(_board(board), _board_hull(hand, board)) for board in hand.boards)
 
 
 def _link(name: str) -> str:
@@ -227,6 +237,11 @@ def _object_body(item: GraspObject) -> str:
 <geom name="object" {geom} mass="{OBJECT_MASS_KG}" contype="{_OBJECT_BIT}" conaffinity="{_HAND_BIT}"
   rgba="0.9 0.7 0.3 0.5"/></body></body>
 """
+
+
+@lru_cache(maxsize=4)
+def _hand_body(hand: Hand, robot: Robot, wrist: str) -> str:
+    return _link_body(hand, robot, wrist, list(_below(robot, wrist)))
 
 
 def _link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], joint: Joint | None = None) -> str:

@@ -24,14 +24,14 @@ STICKING_RAD_S: Final = 0.003
 
 
 class SoftPush:
-    """Moves a scene whose hand and object meet through `soft` only."""
+    """Moves a scene whose hand and object meet through `soft` only, by `step_s` seconds at a time."""
 
-    def __init__(self, scene: Scene, soft: LayerContact) -> None:
-        self._soft = soft
+    def __init__(self, scene: Scene, soft: LayerContact, step_s: float = SOFT_STEP_S) -> None:
+        self._soft, self.step_s = soft, step_s
         self._model = model = copy.copy(scene.model)
         # The layer bears, not the solids; friction and the joints' ranges are in the step itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
-        model.opt.timestep = SOFT_STEP_S
+        model.opt.timestep = step_s
         self._damping = model.dof_damping.copy()
         model.dof_damping[:] = 0.0  # it is in the implicit part: MuJoCo's passive forces are the springs' alone
         self._item = model.body("object").id
@@ -46,8 +46,8 @@ class SoftPush:
         self._inertia = np.zeros((model.nv, model.nv))
 
     def step(self, data: mujoco.MjData) -> None:
-        """Move on by `SOFT_STEP_S` under `data.qfrc_applied`; only qpos and qvel are those of the new moment."""
-        model, h, inertia = self._model, SOFT_STEP_S, self._inertia
+        """Move on by `step_s` under `data.qfrc_applied`; only qpos and qvel are those of the new moment."""
+        model, h, inertia = self._model, self.step_s, self._inertia
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         poses = self._sensor_poses(data)

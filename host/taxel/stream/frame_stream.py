@@ -19,6 +19,16 @@ RECORDED_BYTES_AT_ONCE = 1 << 17
 """A recording is decoded in pieces of this size: large enough for speed, small enough for constant memory."""
 
 
+def has_arrivals(link: Link) -> bool:
+    """Whether the times at which the link's bytes arrive tell when they were sent.
+
+    Not those of an emulator that runs as fast as it is read, nor of a recording of one, which says so.
+    """
+    if link.is_recorded:
+        return bool(getattr(link, "has_arrivals", True))
+    return link.is_real_time or isinstance(link, SteppedLink)
+
+
 class FrameStream:
     """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
 
@@ -37,7 +47,7 @@ class FrameStream:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
         self._is_stepped = isinstance(link, SteppedLink)
-        self.clock = ClockMap(link.baud, link.is_real_time or link.is_recorded or self._is_stepped)
+        self.clock = ClockMap(link.baud, has_arrivals(link))
         self.bytes_received = 0
         self._on_message = on_message
         self._on_answers = on_answers
@@ -57,6 +67,11 @@ class FrameStream:
     def bytes_discarded(self) -> int:
         """Bytes that were part of no frame, or that a slow reader let the ring buffer lose."""
         return self._decoder.discarded_bytes + (self._ring.overrun_bytes if self._ring else 0)
+
+    @property
+    def bytes_waiting(self) -> int:
+        """Bytes that have arrived and that nobody has polled yet; 0 for what is only read when it is asked for."""
+        return len(self._ring) if self._ring else 0
 
     def begin_anew(self) -> None:
         """The hub is about to be asked to stream: what it did before is no measure of what is missing."""

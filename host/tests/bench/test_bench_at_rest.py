@@ -84,6 +84,12 @@ def test_joined_lines_are_named_where_they_share_four_crossings_or_more(axis):
     assert tried >= 5
 
 
+def test_crossings_that_only_one_of_two_joined_lines_has_are_not_missing():
+    kind, rng = KINDS["medial_front"], np.random.default_rng(0)
+    hardware = with_joined_lines(kind, capacitances(kind, rng), Axis.TX, 0, share=0.5625)
+    assert found(kind, hardware, rng) == [("short", "TX 0 and TX 1")]
+
+
 def test_joined_lines_at_the_converters_stop_are_named():
     kind, rng = KINDS["palm"], np.random.default_rng(1)
     hardware = with_joined_lines(kind, capacitances(kind, rng), Axis.TX, 4, share=1.0)

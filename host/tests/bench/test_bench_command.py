@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sqlite3
 import sys
 import xml.etree.ElementTree as ET
 from contextlib import contextmanager
@@ -14,10 +15,12 @@ from rich.console import Console
 
 from host.tests.bench.conftest import ADDRESS, url_of
 from host.tests.command_line import exit_status
+from taxel.errors import TaxelError
 from taxel_tools import cli_bench
 from taxel_tools.bench import running
 from taxel_tools.bench.keeping import check_place, keep
 from taxel_tools.bench.phases import presses
+from taxel_tools.testing import history as history_module
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.record import Outcome, TestRecord
 
@@ -265,6 +268,20 @@ def test_a_place_for_reports_is_checked_before_the_test(tmp_path):
     (tmp_path / "other.sqlite").write_text("no database at all, but long enough to be taken for one" * 20)
     with pytest.raises(HistoryError, match=r"other\.sqlite: expected a history of tests"):
         check_place(tmp_path / "out", tmp_path / "other.sqlite")
+
+
+def test_a_history_that_another_station_holds_costs_no_report(tmp_path, monkeypatch):
+    monkeypatch.setattr(history_module, "PATIENCE_S", 0.05)
+    file = tmp_path / "history.sqlite"
+    check_place(tmp_path / "out", file)
+    record = TestRecord("A-1", "", "", "p", "1", "", {}, "", "2026-01-02T03:04:05.678Z", Outcome.SKIP, [], 0.0)
+    other = sqlite3.connect(file, isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    folder = tmp_path / "out" / "A-1-20260102T030405"
+    with pytest.raises(TaxelError, match=rf"cannot be used: database is locked;.* kept in {folder}"):
+        keep(record, tmp_path / "out", file)
+    other.close()
+    assert {one.name for one in folder.iterdir()} == {"report.html", "result.json", "junit.xml"}
 
 
 def test_a_serial_number_cannot_lead_out_of_the_folder(tmp_path):

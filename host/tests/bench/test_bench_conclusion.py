@@ -52,6 +52,7 @@ def test_a_missing_crossing_is_not_called_a_dead_taxel_as_well():
 def test_a_taxel_that_stands_still_is_dead_whatever_its_count_is():
     faults = [fault("missing crossing", "taxel 5"), fault("dead taxel", "taxel 5")]
     assert named(faults, []) == [("dead taxel", "taxel 5")]
+    assert named(faults, None) == [("dead taxel", "taxel 5")]
 
 
 def test_low_gain_explains_an_odd_level_at_rest():

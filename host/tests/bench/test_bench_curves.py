@@ -33,6 +33,20 @@ def test_a_slope_is_recovered_and_a_taxel_that_goes_its_own_way_found(slope):
     assert drift.change[-1] - drift.change[0] == pytest.approx(slope * 12.5 / 60.0, abs=4.0)
 
 
+def test_slow_noise_makes_a_slope_less_sure_than_the_same_steps_in_any_order():
+    rng = np.random.default_rng(3)
+    steps = np.zeros(26)
+    for at in range(1, 26):
+        steps[at] = 0.9 * steps[at - 1] + rng.normal(0.0, 6.0)
+    time = np.arange(0.0, 13.0, 1.0 / 60.0)
+
+    def error(values):
+        counts = 2400.0 + values[(time / 0.5).astype(int)]
+        return drift_of(np.tile(counts[:, None], (1, 5)).round().astype(np.uint16), time).error
+
+    assert error(steps) > 1.3 * np.median([error(rng.permutation(steps)) for _ in range(9)])
+
+
 def test_drift_needs_two_seconds():
     with pytest.raises(ValueError, match=r"expected at least 2 s of frames, found 1\.5 s"):
         drift_of(np.zeros((10, 4), np.uint16), np.linspace(0.0, 1.6, 10))

@@ -35,9 +35,9 @@ def image_of(cortex) -> Callable:
 
 @pytest.fixture(scope="session")
 def in_qemu(cortex) -> Callable:
-    def run(image):
+    def run(image, **how):
         try:
-            return cortex.images.run_qemu(image)
+            return cortex.images.run_qemu(image, **how)
         except cortex.images.ToolMissingError as missing:
             pytest.skip(str(missing))
 

@@ -11,11 +11,30 @@ def test_compiled_programs_come_to_the_same_results(cortex, image_of, in_unicorn
     assert ours.text == in_unicorn(image).text
 
 
-@pytest.mark.parametrize("name", ["library", "firmware", "faults", "priorities", "stacks"])
+@pytest.mark.parametrize("name", ["library", "firmware", "faults", "priorities", "stacks", "bootloader"])
 def test_programs_say_what_they_say_in_qemu(cortex, image_of, in_qemu, name):
     image = image_of(name)
     ours = cortex.images.run_here(image)
     assert ours.text == in_qemu(image).text
+
+
+def test_the_ports_clock_keeps_its_time_in_qemu(cortex, image_of, in_qemu):
+    """Its figures are counts of what went wrong, and of ticks, so that instructions may last longer here than there."""
+    image = image_of("ticks")
+    found = in_qemu(image, counted=True)
+    assert found.text == cortex.images.run_here(image).text
+    said = {line.rsplit(" ", 1)[0].strip(): int(line.rsplit(" ", 1)[1], 16) for line in found.text.splitlines()}
+    wrong = ("delays too short or long", "waits that did not end with a tick", "late", "time lost in a long wrap")
+    assert [said[name] for name in wrong] == [0, 0, 0, 0]
+    assert (said["ticks while masked"], said["pending"], said["kept"]) == (0, 1, 1)
+    assert found.text.count("backwards 00000000\n  jumps 00000000") == 2
+
+
+def test_the_bootloader_chooses_as_it_says(cortex, image_of):
+    """An image on trial is started three times, then the confirmed one."""
+    text = cortex.images.run_here(image_of("bootloader")).text
+    trials = [part.split("later ")[1][:8] for part in text.split("on trial\n")[1:]]
+    assert [int(slot, 16) for slot in trials] == [1, 1, 1, 0]
 
 
 def test_the_firmware_finds_its_frames_and_scans_its_board(cortex, image_of):

@@ -135,12 +135,17 @@ def test_a_build_says_when_an_image_does_not_fit(built, tools, tmp_path):
     sizes = tools.firmware_size.measure_all(built, "arm-none-eabi-objdump", tools.firmware_size.PORT / "calls.toml")
     size = sizes["hub-a"]
     tight = dataclasses.replace(size, flash_budget=size.flash - 1, ram_budget=size.ram - 1)
-    assert tight.excess() == f"flash {size.flash} of {size.flash - 1}, RAM {size.ram} of {size.ram - 1}"
+    assert tight.excess() == f"flash {size.flash} of {size.flash - 1} bytes, RAM {size.ram} of {size.ram - 1} bytes"
+    busy = dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})
+    assert busy.excess() == "awake 110 of 100 cycles"
     before = tmp_path / "before.json"
     before.write_text(tools.firmware_size.as_json(sizes, "Compiler: any."))
     assert tools.firmware_size.changes(sizes, before) == ["no image changed its size"]
     grown = sizes | {"hub-a": dataclasses.replace(size, flash=size.flash + 4)}
     assert tools.firmware_size.changes(grown, before) == ["hub-a: flash +4"]
+    assert tools.firmware_size.changes({"hub-a": busy}, before) == [
+        "hub-a: cycles of a poll +30, cycles of a frame +80"
+    ]
     before.write_text("{}")
     with pytest.raises(ValueError, match="expected JSON of an earlier run"):
         tools.firmware_size.changes(sizes, before)

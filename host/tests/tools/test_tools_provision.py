@@ -51,6 +51,33 @@ def test_one_blank_board_gets_everything_and_keeps_it_through_an_update(worlds, 
     assert configuration["idac_codes"] == bytes([16, 17]).ljust(16, b"\0")
 
 
+def test_an_image_whose_tries_went_by_while_the_board_was_blank_is_tried_again(worlds, open_wire, make_firmware):
+    world = worlds("blank 0x50", boards=2)
+    wire = open_wire(world)
+    image = make_firmware().images[0]
+    session = BootSession(BLANK, wire.now_s)
+
+    def steps():
+        yield from session.enter_here()
+        first, _ = yield from session.free_rows()
+        for place, row in enumerate(image.rows()):
+            yield from session.write_row(first + place, row)
+        assert (yield from session.verify_application())
+        yield from session.exit()
+
+    run(wire, steps())
+    for _ in range(4):
+        world.inject("unplug", 0x50)
+        wire.collect(0.05)
+        world.inject("plug", 0x50)
+        wire.collect(0.3)
+    candidates = find(wire)
+    assert run(wire, session.info()).tries[0] == 0
+    apply(wire, changes_of(candidates, [Entry(None, 0x30, 9)], wire.scan()))
+    wire.collect(1.0)
+    assert boards_of(wire)[0x30].runs == "application"
+
+
 @pytest.mark.parametrize("count", [2, 4])
 def test_blank_boards_are_told_apart(worlds, open_wire, count):
     world = worlds(*(f"blank 0x{0x50 + place:02X}" for place in range(count)))

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from taxel.errors import TaxelError
-from taxel_tools.testing.history import History
+from taxel_tools.testing.errors import HistoryError
+from taxel_tools.testing.history import Change, History, Summary
 from taxel_tools.testing.junit import write_junit
 from taxel_tools.testing.page import write_page
 from taxel_tools.testing.record import TestRecord
@@ -31,17 +32,25 @@ def check_place(out: Path, history_file: Path) -> None:
 def keep(record: TestRecord, out: Path, history_file: Path) -> Path:
     """Write report.html, result.json, junit.xml into a new folder under `out`, and add the test to the history.
 
-    Returns the folder. Raises `TaxelError`.
+    Returns the folder. Raises `TaxelError`; if only the history could not take the test, the folder is there and whole.
     """
     stamp = record.started_utc.replace(":", "").replace("-", "").split(".")[0]
     name = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in record.serial_number) or "board"
     folder = _new_folder(out, f"{name}-{stamp}")
     write_json(record, folder / "result.json")
     write_junit(record, folder / "junit.xml")
-    with History(history_file) as history:
-        changes, earlier = history.compare(record), history.earlier(record.serial_number)
-        history.add(record)
+    changes: list[Change] = []
+    earlier: list[Summary] = []
+    refused = None
+    try:
+        with History(history_file) as history:
+            changes, earlier = history.compare(record), history.earlier(record.serial_number)
+            history.add(record)
+    except HistoryError as error:
+        refused = error
     write_page(record, folder / "report.html", changes, earlier)
+    if refused:
+        raise TaxelError(f"{refused}; the report itself is kept in {folder}")
     return folder
 
 

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.adding.draws import Chance, drifts, lost, noise, repeated
-from taxel.gap.adding.frames import moving
+from taxel.gap.adding.frames import SimulatedGrasp, moving
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import block_names
 from taxel.gap.report.reading import ReportedEffect
 from taxel.gap.state import State
-from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import LARGEST_COUNT
 
@@ -22,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def with_effects(
-    state: State, grasp: Grasp, effects: Sequence[ReportedEffect], chance: Chance
+    state: State, grasp: SimulatedGrasp, effects: Sequence[ReportedEffect], chance: Chance
 ) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
     """A grasp's raw_counts u16[T, n] and valid bool[T, s] with effects, which stand in the order in which they act.
 
@@ -30,12 +29,12 @@ def with_effects(
     where the grasp's forces are too large for numbers.
     """
     pair, raw, valid = state.pair, grasp.raw_counts, grasp.valid
-    change = np.zeros((grasp.n_frames, pair.n))
+    change = np.zeros((len(grasp.phase), pair.n))
     change[moving(grasp)] = drop_change(state, effects, chance)
     still = np.zeros(pair.n, bool)
     for one in effects:
         if one.name == "noise":
-            change -= noise(noise_of(one, pair), pair.groups, grasp.n_frames, chance)
+            change -= noise(noise_of(one, pair), pair.groups, len(grasp.phase), chance)
         if any(one.missing.values()):
             missing = np.array([one.missing.get(int(address), 0.0) for address in pair.sensors.address])
             valid = lost(grasp, valid, missing, chance)
@@ -52,7 +51,7 @@ def with_effects(
     return raw, valid
 
 
-def _at_rest(grasp: Grasp) -> Array:
+def _at_rest(grasp: SimulatedGrasp) -> Array:
     rest = grasp.phase == Phase.BASELINE
     return np.asarray(np.rint(np.median(grasp.raw_counts[rest | ~rest.any()], axis=0)))
 

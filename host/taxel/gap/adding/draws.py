@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.reading import LEAST_BASELINE, Groups
-from taxel.recording.grasp import Grasp
+from taxel.gap.reading import LEAST_BASELINE, Groups, Phases
 from taxel.recording.grasp_format import Phase
 
 Array = NDArray[np.float64]
@@ -82,7 +81,7 @@ def drifts(values: Array, late: float, lasts: float, chance: Chance) -> Array:
     return np.stack([values[0] * lasts + values[1] * drawn / late, np.zeros(values.shape[1])])
 
 
-def lost(grasp: Grasp, valid: NDArray[np.bool_], missing: Array, chance: Chance) -> NDArray[np.bool_]:
+def lost(grasp: Phases, valid: NDArray[np.bool_], missing: Array, chance: Chance) -> NDArray[np.bool_]:
     """Frames that still arrive, bool[T, s]. valid: those that did. missing: f64[s], share of all that are lost besides.
 
     A board that is not silent throughout keeps the baseline frames without which nothing of it could be measured.

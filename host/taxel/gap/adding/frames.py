@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +15,51 @@ from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
 from taxel.gap.features import Layout
 from taxel.gap.pair import Pair, grouped
-from taxel.gap.reading import Recording, require_hold
+from taxel.gap.reading import Phases, Recording, require_hold
 from taxel.gap.state import Signal, State
-from taxel.recording.grasp import Grasp
-from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
+from taxel.recording.grasp_sensor_model import SensorModel
+from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 Array = NDArray[np.float64]
+
+
+class SimulatedGrasp(Phases, Protocol):
+    """One grasp of a simulation, read from a file or in memory; fields as those of `taxel.recording.grasp.Grasp`."""
+
+    @property
+    def object(self) -> str: ...  # noqa: D102
+    @property
+    def approach(self) -> str: ...  # noqa: D102
+    @property
+    def timestamp(self) -> Array: ...  # noqa: D102
+    @property
+    def raw_counts(self) -> NDArray[np.uint16]: ...  # noqa: D102
+    @property
+    def valid(self) -> NDArray[np.bool_]: ...  # noqa: D102
+    @property
+    def sensor_pose(self) -> Array: ...  # noqa: D102
+    @property
+    def object_pose(self) -> Array: ...  # noqa: D102
+    @property
+    def contact_force(self) -> Array | None: ...  # noqa: D102
+    @property
+    def separation(self) -> Array | None: ...  # noqa: D102
+
+
+class Simulation(Protocol):
+    """What the grasps of a simulation have in common; fields as those of `GraspDataset`."""
+
+    @property
+    def path(self) -> Path: ...  # noqa: D102
+    @property
+    def taxels(self) -> TaxelTable: ...  # noqa: D102
+    @property
+    def sensors(self) -> SensorTable: ...  # noqa: D102
+    @property
+    def objects(self) -> Mapping[str, ObjectMesh]: ...  # noqa: D102
+    @property
+    def sensor_model(self) -> SensorModel | None: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +80,18 @@ class FrameClock(Clock):
         return 0.5 * (self.begin + self.end)
 
 
-def moving(grasp: Grasp) -> NDArray[np.intp]:
+def moving(grasp: Phases) -> NDArray[np.intp]:
     """The frames that effects act on, from closing on: a drop is counted from the baseline, which has none."""
     return np.flatnonzero(grasp.phase != Phase.BASELINE)
 
 
 class FrameStates:
-    """The states of a simulation's grasps. data: with source "sim", open."""
+    """The states of a simulation's grasps. data: with source "sim"; a file must be open."""
 
-    def __init__(self, data: GraspDataset) -> None:
+    def __init__(self, data: Simulation) -> None:
         self._data, self._groups = data, grouped(data.taxels, data.sensors)
 
-    def of(self, grasp: Grasp) -> State:
+    def of(self, grasp: SimulatedGrasp) -> State:
         """The state of a grasp's `moving` frames; what only features need is empty.
 
         Raises GapInputError for a grasp without hold, and for one whose time stands still.
@@ -68,7 +108,7 @@ class FrameStates:
         layout, pair = Layout.of(clock), self._pair(grasp, clock)
         return State(pair, layout, clock, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))
 
-    def _pair(self, grasp: Grasp, clock: Clock) -> Pair:
+    def _pair(self, grasp: SimulatedGrasp, clock: Clock) -> Pair:
         data = self._data
         empty: dict[str, Any] = dict.fromkeys(Recording.__dataclass_fields__, np.zeros(0))
         still = min(int((grasp.phase == Phase.BASELINE).sum()), BASELINE_FRAMES)

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter, groups_of
 from taxel.gap.pair import Pair
+from taxel.gap.reading import Groups
 from taxel.gap.state import Signal, State
+from taxel.recording.grasp_tables import TaxelTable
 
 OWN_PRIOR = 1.0
 """Expected size of what a taxel's own drop loses, over the fractions that it passes on."""
@@ -69,12 +71,16 @@ class BoardLines:
     passed: Array
 
 
-@lru_cache(maxsize=8)
 def lines_of(pair: Pair) -> tuple[BoardLines, ...]:
     """Of every board."""
+    return _lines_of(pair.groups, pair.taxels)
+
+
+@lru_cache(maxsize=8)
+def _lines_of(groups: Groups, table: TaxelTable) -> tuple[BoardLines, ...]:
     made = []
-    for taxels in groups_of(pair.groups.sensor):
-        tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (pair.taxels.tx, pair.taxels.rx))
+    for taxels in groups_of(groups.sensor):
+        tx, rx = (np.asarray(line[taxels], dtype=np.intp) for line in (table.tx, table.rx))
         apart = [np.abs(line[:, None] - line) for line in (tx, rx)]
         same = [gap == 0 for gap in apart]
         means = []

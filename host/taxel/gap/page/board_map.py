@@ -11,20 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taxel.gap.page.report import Report
-
-PALM_SIDE = (
-    ("fingertip_pinkie", "fingertip_middle", "fingertip_index"),
-    ("medial_front_pinkie", "medial_front_middle", "medial_front_index"),
-    ("proximal_front_pinkie", "proximal_front_middle", "proximal_front_index"),
-    ("", "palm", "fingertip_thumb"),
-)
-BACK = (
-    ("medial_back_index", "medial_back_middle", "medial_back_pinkie"),
-    ("proximal_back_index", "proximal_back_middle", "proximal_back_pinkie"),
-    ("", "back_of_hand", ""),
-)
-FINGERS = ("pinkie", "middle", "index")
-SIDES = (("palm side", PALM_SIDE, FINGERS), ("back of the hand", BACK, FINGERS[::-1]))
+from taxel.hand.sides import SIDES, short_name
 
 LABEL = 3.1  # above each board: its name, and the marks of its RX lines
 HEADING = 2.6  # above each column: its finger
@@ -33,7 +20,6 @@ GAP_X = 2.4
 GAP_Y = 0.6
 EDGE = 1.0
 ROW_WIDTH = 46.0
-_PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
 LETTER = 0.8  # mean width of a letter of a board's label
 LONGEST_NAME = 18
 
@@ -163,11 +149,3 @@ def _rows(boards: Sequence[Board]) -> View:
         widest = max(widest, left - GAP_X)
     height = top + max(item.board.rows for item in row) + EDGE
     return View("", widest + EDGE, height, tuple(placed))
-
-
-def short_name(name: str) -> str:
-    """The words over a board of the default hand; its finger stands over the column, but for the thumb."""
-    if name == "fingertip_thumb":
-        return "thumb tip"
-    part = name.rpartition("_")[0]
-    return "tip" if part == "fingertip" else part.partition("_")[0] if part in _PARTS else name.replace("_", " ")

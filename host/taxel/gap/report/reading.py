@@ -17,7 +17,7 @@ from taxel.gap.catalogue import CATALOGUE, DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
-from taxel.gap.page.fields import REMEDY, Value
+from taxel.gap.page.fields import REMEDY, Interval, Value
 from taxel.gap.page.report import Report
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.verdict import UNKNOWN
@@ -38,7 +38,9 @@ class ReportedEffect:
     """An effect of a verdict with the values f64[P, G] of `parameters` in `blocks`, whose names are as in the report.
 
     effect: its form in the catalogue. until_s, shift_s: see `taxel.gap.report.model`. missing: share of lost frames by
-    address of a board. stuck: indices of taxels whose count stands still. content: the report's words for all of this.
+    address of a board. stuck: indices of taxels whose count stands still. intervals: of 95 %, by the label that the
+    report gives a parameter, such as "spread_mm" or "seconds@32"; none below three sessions. content: the report's
+    words for all of this.
     """
 
     name: str
@@ -52,6 +54,7 @@ class ReportedEffect:
     content: Mapping[str, Any]
     missing: Mapping[int, float] = field(default_factory=dict)
     stuck: tuple[int, ...] = ()
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +123,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
             raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", shown(name), REMEDY)
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
-        effects.append(_effect(name, entries[name].field("model"), len(sensor)))
+        effects.append(_effect(name, entries[name], len(sensor)))
     return ReportedGap(
         path,
         digest,
@@ -134,7 +137,8 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     )
 
 
-def _effect(name: str, model: Value, taxels: int) -> ReportedEffect:
+def _effect(name: str, entry: Value, taxels: int) -> ReportedEffect:
+    model = entry.field("model")
     form, scope = model.text("form"), model.text("scope")
     blocks = _blocks(model, scope, taxels)
     missing: dict[int, float] = {}
@@ -162,7 +166,14 @@ def _effect(name: str, model: Value, taxels: int) -> ReportedEffect:
         {**model.table(), "name": name},
         missing,
         stuck,
+        _intervals(entry.maybe("parameters")),
     )
+
+
+def _intervals(parameters: Value | None) -> dict[str, Interval]:
+    entries = parameters.entries() if parameters else ()
+    found = {label: one.maybe_interval("ci95") for label, one in entries}
+    return {label: bounds for label, bounds in found.items() if bounds is not None}
 
 
 def _form(name: str, form: str, scope: str, model: Value) -> Effect:

@@ -33,9 +33,9 @@ class Fault(NamedTuple):
 
 
 class Processor(NamedTuple):
-    """An executed board's processor, or the hub's: what has happened since its last reset.
+    """An executed board's processor, or the hub's: what has happened since its first power-up.
 
-    `resets`: since the first power-up. `cycles`, `slept`: in all, those asleep among them. `stack`: bytes, the most
+    `cycles`, `slept`: in all, those asleep among them. `stack`: bytes, the most
     there ever were. `fault`: the latest; None: there was none. `is_broken`: it stands still, because its program asked
     for something that nobody has modelled.
     """

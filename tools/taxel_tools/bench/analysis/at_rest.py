@@ -178,7 +178,7 @@ def _chance_of_sameness(rest: AtRest, pair: list[NDArray[np.float64]]) -> tuple[
     if len(alone):
         if (np.abs(alone - level / 2.0) > SPREADS * rest.spread).any():
             return 1.0, level
-        if (np.abs(alone - 1.0) > SPREADS * rest.spread).all():
+        if abs(float(np.mean(alone)) - 1.0) > SPREADS * rest.spread / np.sqrt(len(alone)):
             chance *= CHANCE
     return chance, level
 

@@ -47,8 +47,9 @@ def conclude(kind: BoardKind, at_rest: list[Fault], pressed: list[Fault] | None)
     What one group of faults explains, later ones do not name again; places of one group may overlap.
     """
     if pressed is None:
-        return sorted(at_rest, key=lambda fault: -fault.severity)
-    at_rest = [fault for fault in at_rest if fault.name != "short" or not _is_refuted(kind, fault, pressed)]
+        pressed = []
+    else:
+        at_rest = [fault for fault in at_rest if fault.name != "short" or not _is_refuted(kind, fault, pressed)]
     kept: list[Fault] = []
     explained = np.zeros(kind.taxel_count, dtype=bool)
     groups = (

@@ -1,0 +1,61 @@
+/* Every way to compute the CRC-32 gives what the definition gives: all sizes and places, from any state. */
+#include "codec/crc32.h"
+
+#include "check.h"
+#include "codec/crc32_ways.h"
+#include "emulator/random.h"
+
+#define SIZE_MAX_TRIED 700u
+#define PLACES 17u
+
+static uint8_t bytes[SIZE_MAX_TRIED + PLACES];
+
+static uint32_t by_definition(uint32_t crc, const uint8_t *data, size_t size)
+{
+    crc = ~crc;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= data[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc >> 1) ^ ((crc & 1u) ? 0xEDB88320u : 0u);
+        }
+    }
+    return ~crc;
+}
+
+static void every_size_at_every_place(void)
+{
+    struct random_source random;
+    random_init(&random, 1, 0);
+    for (size_t i = 0; i < sizeof bytes; i++) {
+        bytes[i] = (uint8_t)random_u64(&random);
+    }
+    for (size_t size = 0; size <= SIZE_MAX_TRIED; size++) {
+        const uint8_t *const data = bytes + size % PLACES;
+        const uint32_t state = (uint32_t)random_u64(&random), expected = by_definition(state, data, size);
+        CHECK_EQUAL(taxel_crc32(state, data, size), expected);
+        CHECK_EQUAL(taxel_crc32_sliced(state, data, size), expected);
+        if (taxel_crc32_has_clmul() && size >= TAXEL_CRC32_CLMUL_MIN) {
+            CHECK_EQUAL(taxel_crc32_clmul(state, data, size), expected);
+        }
+    }
+}
+
+static void a_crc_goes_on_where_it_stopped(void)
+{
+    for (size_t cut = 0; cut <= 200; cut++) {
+        CHECK_EQUAL(taxel_crc32(taxel_crc32(0, bytes, cut), bytes + cut, 200 - cut), by_definition(0, bytes, 200));
+    }
+}
+
+static void the_check_value_of_the_standard(void)
+{
+    CHECK_EQUAL(taxel_crc32(0, (const uint8_t *)"123456789", 9), 0xCBF43926u);
+}
+
+int main(void)
+{
+    RUN(every_size_at_every_place);
+    RUN(a_crc_goes_on_where_it_stopped);
+    RUN(the_check_value_of_the_standard);
+    return check_summary();
+}

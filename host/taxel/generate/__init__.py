@@ -1,0 +1,1 @@
+"""Synthetic grasps at scale: drawn from a recipe, simulated on many processes, written as shards with an index."""

@@ -1,0 +1,25 @@
+"""Which board of the default hand stands where when the hand is unrolled, seen from outside, fingertips on top."""
+
+PALM_SIDE = (
+    ("fingertip_pinkie", "fingertip_middle", "fingertip_index"),
+    ("medial_front_pinkie", "medial_front_middle", "medial_front_index"),
+    ("proximal_front_pinkie", "proximal_front_middle", "proximal_front_index"),
+    ("", "palm", "fingertip_thumb"),
+)
+BACK = (
+    ("medial_back_index", "medial_back_middle", "medial_back_pinkie"),
+    ("proximal_back_index", "proximal_back_middle", "proximal_back_pinkie"),
+    ("", "back_of_hand", ""),
+)
+FINGERS = ("pinkie", "middle", "index")
+SIDES = (("palm side", PALM_SIDE, FINGERS), ("back of the hand", BACK, FINGERS[::-1]))
+
+_PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
+
+
+def short_name(name: str) -> str:
+    """The words over a board of the default hand; its finger stands over the column, but for the thumb."""
+    if name == "fingertip_thumb":
+        return "thumb tip"
+    part = name.rpartition("_")[0]
+    return "tip" if part == "fingertip" else part.partition("_")[0] if part in _PARTS else name.replace("_", " ")

@@ -1,0 +1,50 @@
+"""The last half minute of every taxel, for time series."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.monitor.reading import SkinReading
+
+
+class History:
+    """Keeps the drops of the last `length` readings: f32[length, n], the oldest is overwritten."""
+
+    def __init__(self, n_taxels: int, length: int = 300) -> None:
+        self._times = np.full(length, np.nan)
+        self._drops = np.full((length, n_taxels), np.nan, dtype=np.float32)
+        self._next = 0
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, reading: SkinReading) -> None:
+        """Keep a reading; one without a newer frame is left out."""
+        newest = self._times[self._next - 1]
+        if not np.isfinite(reading.time_s) or newest == reading.time_s:
+            return
+        if reading.time_s < newest:
+            self._count = 0  # the clock of the stream has begun anew
+        self._times[self._next] = reading.time_s
+        self._drops[self._next] = reading.drop
+        self._next = (self._next + 1) % len(self._times)
+        self._count = min(self._count + 1, len(self._times))
+
+    def _rows(self) -> NDArray[np.intp]:
+        return (self._next - self._count + np.arange(self._count)) % len(self._times)
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Seconds before the newest reading, f64[t], never positive, the newest last."""
+        times = self._times[self._rows()]
+        return times - times[-1] if times.size else times
+
+    def taxels(self, index: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Drops of some taxels [k], f32[t, k], counts; NaN where nothing was known."""
+        return np.asarray(self._drops[np.ix_(self._rows(), index)])
+
+    def most_active(self, count: int) -> NDArray[np.intp]:
+        """The taxels with the largest drop of all kept readings, the largest first; those never known come last."""
+        kept = self._drops[self._rows()]
+        largest = np.nan_to_num(kept, nan=-np.inf).max(axis=0, initial=-np.inf)
+        return np.argsort(-largest, kind="stable")[:count]

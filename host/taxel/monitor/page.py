@@ -1,0 +1,85 @@
+"""The words and tables of the browser's page, as HTML."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from taxel.monitor.colours import QUIET_STEPS, STEPS, TABLE
+from taxel.monitor.header import Part, errors, figures, load
+from taxel.monitor.reading import BoardReading, SkinReading
+
+_HEADINGS = (
+    ("board", "over a name: its address"),
+    ("Hz", "frames a second"),
+    ("active", "active taxels"),
+    ("drop", "largest drop below the baseline, counts"),
+    ("lost", "frames that are missing"),
+    ("bad", "frames with a wrong CRC of their own"),
+    ("bus", "polls that failed on the bus"),
+)
+_BAD = "color:#c0392b;font-weight:600"
+_MUTED = "opacity:0.65"
+_CELL = "padding:0.05em 0.3em;text-align:right;white-space:nowrap"
+_NAME = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
+
+
+def status_html(reading: SkinReading, title: str) -> str:
+    """Rates, errors, load and advice."""
+    rows = [_parts(figures(reading)), _parts(errors(reading)), f'<span style="{_MUTED}">{_parts(load(reading))}</span>']
+    advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
+    body = "".join(f"<div>{row}</div>" for row in rows)
+    return f'<div style="padding:0.2em 1em;font-size:0.85em"><b>{escape(title)}</b>{body}{advice}</div>'
+
+
+def _parts(parts: list[Part]) -> str:
+    return " &middot; ".join(f'<span style="{_BAD}">{text}</span>' if is_bad else text for text, is_bad in parts)
+
+
+def legend_html(threshold: float, top: float) -> str:
+    """The scale of colours."""
+    return (
+        f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED}">drop below the baseline, counts</div>'
+        '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
+        f'<span style="flex:1;height:0.9em;background:{_gradient(0, QUIET_STEPS - 1)}"></span>{threshold:g}'
+        f'<span style="flex:3;height:0.9em;background:{_gradient(QUIET_STEPS, STEPS - 1)}"></span>{top:g}'
+        f'<span style="width:0.9em;height:0.9em;background:{_rgb(STEPS)}"></span>no data</div>'
+    )
+
+
+def _gradient(first: int, last: int) -> str:
+    stops = [first + (last - first) * i // 6 for i in range(7)]
+    return f"linear-gradient(to right,{','.join(_rgb(step) for step in stops)})"
+
+
+def _rgb(step: int) -> str:
+    red, green, blue = TABLE[step].tolist()
+    return f"rgb({red},{green},{blue})"
+
+
+def table_html(reading: SkinReading) -> str:
+    """One row a board."""
+    head = "".join(
+        f'<th style="{_NAME if name == "board" else _CELL}" title="{words}">{name}</th>' for name, words in _HEADINGS
+    )
+    rows = "".join(_row(board) for board in reading.boards)
+    return (
+        '<div style="padding:0.2em 0.6em;overflow-x:auto"><table style="font-size:0.72em;border-collapse:collapse;'
+        f'font-variant-numeric:tabular-nums"><tr>{head}</tr>{rows}</table></div>'
+    )
+
+
+def _row(board: BoardReading) -> str:
+    style = _BAD if not board.is_well else "font-weight:600" if board.active else ""
+    active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
+    cells = [
+        f"{board.rate_hz:.1f}" if board.is_well else escape(board.state),
+        active,
+        "-" if math.isnan(board.largest_drop) else f"{board.largest_drop:.0f}",
+        str(board.missing),
+        str(board.damaged),
+        "-" if board.bus_faults is None else str(board.bus_faults),
+    ]
+    name = escape(board.board.name.replace("_", " "))
+    middle = "".join(f'<td style="{_CELL}">{cell}</td>' for cell in cells)
+    return f'<tr style="{style}"><td style="{_NAME}" title="0x{board.board.address:02X}">{name}</td>{middle}</tr>'

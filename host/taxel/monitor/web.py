@@ -1,0 +1,262 @@
+"""The skin in a browser: the hand in 3-D, time series and a table, through viser."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import TaxelError
+from taxel.monitor.colours import TABLE, UNKNOWN, Scale, steps_of
+from taxel.monitor.history import History
+from taxel.monitor.model import SkinMonitor
+from taxel.monitor.page import legend_html, status_html, table_html
+from taxel.monitor.reading import SkinReading
+from taxel.monitor.scene import HandScene, scene_of
+
+if TYPE_CHECKING:
+    import viser
+
+HOST = "127.0.0.1"
+LINES = 5
+"""Time series at a time."""
+
+SHOWN_S = 30.0
+"""Seconds of the time series."""
+
+LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+"""Of the time series: Okabe and Ito's, told apart by colour-blind people."""
+
+PANEL_EVERY = 3
+"""The panel is renewed at every third drawing: nobody reads faster."""
+
+MOST_ACTIVE = "the most active taxels"
+BOARDS = "the most active boards"
+PALM, BACK = "palm side", "back"
+LINK_COLOUR = (205, 207, 212)
+
+
+class WebError(TaxelError):
+    """The page cannot be shown."""
+
+
+class WebView:
+    """Serves the page on 127.0.0.1 until it is closed. A context manager and a `taxel.monitor.View`.
+
+    `port`: 0 for any that is free. Raises `WebError` if viser is not installed or the port cannot be had,
+    `HandGeometryError` if the hand's description does not say where its taxels are.
+    """
+
+    def __init__(self, monitor: SkinMonitor, title: str, port: int = 8080) -> None:
+        self._monitor = monitor
+        self._title = title
+        self._scene = scene_of(monitor.hand)
+        self._scale = Scale(monitor.threshold)
+        self._history = History(monitor.hand.n_taxels)
+        self._drawings = 0
+        self._server = _serve(port)
+        self._draw_hand()
+        self._make_panel()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self._server.get_port()}/"
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether a browser shows the page."""
+        return bool(self._server.get_clients())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the page."""
+        with contextlib.redirect_stdout(io.StringIO()):  # it takes leave, too
+            self._server.stop()
+
+    def _draw_hand(self) -> None:
+        server, hand = self._server, self._scene
+        server.scene.set_up_direction(tuple(hand.up))
+        server.scene.world_axes.visible = False
+        _draw_links(server, hand)
+        self._steps = np.full(len(hand.position), UNKNOWN)
+        self._taxels = server.scene.add_point_cloud(
+            "/taxels", hand.position, TABLE[self._steps], point_size=0.5 * hand.size_m,
+            point_shape="square", point_shading="flat", precision="float32",
+        )  # fmt: skip
+        self._names = [
+            server.scene.add_label(f"/names/{board.name}", board.name.replace("_", " "), position=place, visible=False)
+            for board, place in zip(self._monitor.hand.boards, hand.board_position, strict=True)
+        ]
+        eye = self._eye(PALM)
+        server.initial_camera.position = eye
+        server.initial_camera.look_at = tuple(hand.centre)
+        server.initial_camera.up = tuple(hand.up)
+
+    def _eye(self, side: str) -> tuple[float, float, float]:
+        sign = 1.0 if side == PALM else -1.0
+        sideways = np.cross(self._scene.up, self._scene.outwards)
+        direction = sign * (self._scene.outwards + 0.35 * sideways) + 0.15 * self._scene.up
+        x, y, z = self._scene.centre + 1.75 * self._scene.radius * direction / np.linalg.norm(direction)
+        return float(x), float(y), float(z)
+
+    def _make_panel(self) -> None:
+        gui = self._server.gui
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        self._status = gui.add_html("")
+        self._legend = gui.add_html("")
+        side = gui.add_button_group("view", (PALM, BACK))
+        names = gui.add_checkbox("board names", initial_value=False)
+        again = gui.add_button("Take the baseline again", hint="Nothing may touch the skin meanwhile.")
+        options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
+        self._choice = gui.add_dropdown("drop over time of", options, initial_value=BOARDS)
+        self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
+        self._plot = gui.add_uplot(
+            (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _lines(self._plotted),
+            scales=_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "drop, counts"}),
+            legend={"live": False}, height=200, padding=(10, 24, 0, 0),
+        )  # fmt: skip
+        self._table = gui.add_html("")
+
+        @side.on_click
+        def _(event: Any) -> None:
+            if event.client is not None:
+                with event.client.atomic():
+                    event.client.camera.up_direction = tuple(self._scene.up)
+                    event.client.camera.position = self._eye(side.value)
+                    event.client.camera.look_at = tuple(self._scene.centre)
+
+        @names.on_update
+        def _(event: Any) -> None:
+            for label in self._names:
+                label.visible = names.value
+
+        @again.on_click
+        def _(event: Any) -> None:
+            self._monitor.begin_baseline()
+
+    def draw(self, reading: SkinReading) -> None:
+        """Show a reading to whoever looks."""
+        self._history.add(reading)
+        self._drawings += 1
+        if not self.is_seen and not reading.is_ended:
+            return
+        top = self._scale.update(reading.largest_drop, reading.watched_s)
+        with self._server.atomic():
+            steps = steps_of(reading.drop, self._scale.threshold, top)
+            if not np.array_equal(steps, self._steps):  # a browser draws the whole hand for each change
+                self._taxels.colors, self._steps = TABLE[steps], steps
+            if self._drawings % PANEL_EVERY == 0 or reading.is_ended:
+                self._status.content = status_html(reading, self._title)
+                self._legend.content = legend_html(self._scale.threshold, top)
+                self._table.content = table_html(reading)
+                self._draw_series(top)
+
+    def _draw_series(self, top: float) -> None:
+        times = self._history.times_s
+        if len(times) < 2:
+            return
+        names, values = self._series()
+        if names != self._plotted:
+            self._plot.series, self._plotted = _lines(names), names
+        if top != self._plotted_top:
+            self._plot.scales, self._plotted_top = _scales(top), top
+        self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
+
+    def _series(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+        """Names and drops f32[t, k] of what is chosen."""
+        hand, chosen = self._monitor.hand, self._choice.value
+        if chosen == BOARDS:
+            every = np.arange(hand.n_taxels)
+            drops = self._history.taxels(every)
+            boards = np.stack([_largest(part) for part in hand.split(drops).values()], axis=1)
+            order = np.argsort(-np.nan_to_num(boards, nan=-np.inf).max(axis=0, initial=-np.inf), kind="stable")[:LINES]
+            return tuple(hand.boards[i].name.replace("_", " ") for i in order), boards[:, order]
+        index = self._history.most_active(hand.n_taxels)
+        if chosen != MOST_ACTIVE:
+            index = index[hand.sensor[index] == hand.board_named(chosen).address]
+        # In the hand's order, so that two taxels that take turns in leading do not exchange colours.
+        index = np.sort(index[:LINES])
+        names = tuple(
+            f"{hand.boards[hand.board_index[i]].name.replace('_', ' ')} TX {hand.tx[i]} RX {hand.rx[i]}" for i in index
+        )
+        return names, self._history.taxels(index)
+
+    def is_done(self, reading: SkinReading) -> bool:
+        """Never: the page ends with the program."""
+        return False
+
+
+def _largest(drops: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The largest of each row [t, k] that is known; NaN where none is."""
+    largest = np.nan_to_num(drops, nan=-np.inf).max(axis=1, initial=-np.inf)
+    return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
+
+
+def _lines(names: tuple[str, ...]) -> tuple[Any, ...]:
+    """How uPlot draws time and each named series."""
+    lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, LINE_COLOURS, strict=False)]
+    return ({"label": "time"}, *lines)
+
+
+def _scales(top: float) -> dict[str, Any]:
+    return {"x": {"time": False, "range": (-SHOWN_S, 0.0)}, "y": {"range": (-0.05 * top, top)}}
+
+
+def _serve(port: int) -> viser.ViserServer:
+    try:
+        import viser
+    except ImportError:
+        raise WebError("--web needs viser, which is not installed: pip install 'taxel[web]'") from None
+    # A browser may open a connection ahead of its need and drop it; that is worth no traceback.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # it greets; we say where the page is ourselves
+            server = viser.ViserServer(host=HOST, port=port, label="taxel", verbose=False)
+    except OSError as error:
+        raise WebError(
+            f"port {port} of {HOST} cannot be had ({error.strerror or error}); choose another --port"
+        ) from None
+    # A page could ask for a public address of itself, through a relay of viser's. Nobody has asked for that here.
+    server.request_share_url = _no_sharing  # type: ignore[method-assign]
+    return server
+
+
+def _no_sharing(verbose: bool = True) -> None:
+    return None
+
+
+def _draw_links(server: viser.ViserServer, hand: HandScene) -> None:
+    from taxel.hand.transforms import to_quaternion
+
+    for number, (shape, pose) in enumerate(hand.links):
+        name, wxyz = f"/links/{number}", to_quaternion(pose)
+        if shape.type == "box":
+            x, y, z = (2.0 * half for half in shape.size)
+            server.scene.add_box(
+                name, LINK_COLOUR, (x, y, z), wxyz=wxyz, position=pose[:3, 3], cast_shadow=False, receive_shadow=False
+            )
+            continue
+        radius, half = shape.size
+        server.scene.add_cylinder(
+            f"{name}/middle", radius, 2.0 * half, LINK_COLOUR, wxyz=wxyz, position=pose[:3, 3],
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+        for end, side in enumerate((-1.0, 1.0)):
+            server.scene.add_icosphere(
+                f"{name}/end{end}", radius, LINK_COLOUR, position=pose[:3, 3] + side * half * pose[:3, 2],
+                cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip

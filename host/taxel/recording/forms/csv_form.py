@@ -1,0 +1,122 @@
+"""A recording as a folder of CSV: a file for each board, a row for each frame, and the active taxels in space.
+
+The thesis's message has a board's address, a timestamp and its raw counts (3.2, Figure 3.10), one topic a board; its
+simulator wrote active taxels as 3-D coordinates (4.2, Figure 4.6). `NAME.csv` is the first, `active.csv` the second.
+"""
+
+from __future__ import annotations
+
+import csv
+import heapq
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from taxel.hand import Hand
+from taxel.link import CaptureError
+from taxel.recording.forms.frame_table import HEADER_MAX, checked_frame, fail, header_text, parse_header
+from taxel.ros.contacts import POINT
+from taxel.ros.topics import SkinTopics
+from taxel.stream import TaxelFrame
+from taxel.stream.encoder import FramesLink
+
+HEADER_FILE = "recording.json"
+ACTIVE_FILE = "active.csv"
+COLUMNS = ("frame", "address", "time_s", "sequence", "cycle", "board_time_us", "hub_time_us")
+ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active")
+"""Those that `taxel import active` reads."""
+
+_LINE_MAX = 1 << 16
+
+
+class CsvSink:
+    """Writes a folder of CSV. `topics` give the contact cloud; None: no `active.csv`.
+
+    The folder stands under another name until it is whole.
+    """
+
+    def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any], topics: SkinTopics | None) -> None:
+        self._path = path
+        self._part = path.with_name(f".{path.name}.part")
+        shutil.rmtree(self._part, ignore_errors=True)
+        self._part.mkdir()
+        (self._part / HEADER_FILE).write_text(header_text(header))
+        self._names = {board.address: board.name for board in hand.boards}
+        self._files: dict[int, TextIO] = {}
+        self._frames = 0
+        self._topics = topics
+        self._active = self._open(ACTIVE_FILE, ACTIVE_COLUMNS) if topics is not None and topics.tree.is_known else None
+
+    def _open(self, name: str, columns: tuple[str, ...]) -> TextIO:
+        file = (self._part / name).open("w", newline="")
+        file.write(",".join(columns) + "\n")
+        return file
+
+    def take(self, frame: TaxelFrame) -> None:
+        """Append a row to the board's file."""
+        file = self._files.get(frame.address)
+        if file is None:
+            taxels = tuple(f"taxel_{index}" for index in range(len(frame.raw_counts)))
+            file = self._files[frame.address] = self._open(f"{self._names[frame.address]}.csv", COLUMNS + taxels)
+        numbers = (frame.sequence, frame.cycle, frame.board_time_us, frame.hub_time_us, *frame.raw_counts.tolist())
+        file.write(f"{self._frames},{frame.address},{frame.time_s!r}," + ",".join(map(str, numbers)) + "\n")
+        self._frames += 1
+        if self._active is not None and self._topics is not None:
+            for message in self._topics.take(frame):
+                if message.topic == "/taxel/contact_cloud":
+                    self._write_active(self._active, frame.time_s, message.message["data"])
+
+    @staticmethod
+    def _write_active(file: TextIO, time_s: float, data: bytes) -> None:
+        for point in np.frombuffer(data, POINT):
+            file.write(f"1,unknown,recording,{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
+
+    def close(self, is_whole: bool) -> None:
+        """Give the folder its name; only another recording's folder is replaced."""
+        for file in (*self._files.values(), *([self._active] if self._active else [])):
+            file.close()
+        if not is_whole:
+            shutil.rmtree(self._part, ignore_errors=True)
+            return
+        if self._path.exists():
+            if not (self._path / HEADER_FILE).is_file():
+                raise CaptureError(os.fspath(self._path), "is no folder of a recording, so it is not overwritten")
+            shutil.rmtree(self._path)
+        self._part.rename(self._path)
+
+
+def open_csv(path: Path) -> FramesLink:
+    """The recording in a folder of CSV. Raises RecordingFormError for the first mistake, when it is come to."""
+    header_file = path / HEADER_FILE
+    if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
+        fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder that it made")
+    header = parse_header(header_file.read_text(errors="replace"), header_file)
+    files = sorted(file for file in path.glob("*.csv") if file.name != ACTIVE_FILE)
+    rows = heapq.merge(*(_rows(file) for file in files), key=lambda row: row[0])
+    link = FramesLink(os.fspath(path), (frame for _, frame in rows))
+    link.header = header
+    return link
+
+
+def _rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
+    with path.open(newline="") as file:
+        lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
+        heading = tuple(next(lines, ()))
+        if heading[: len(COLUMNS)] != COLUMNS:
+            fail(path, "line 1", ",".join(COLUMNS), ",".join(heading)[:80], "keep the columns as they were written")
+        for number, line in enumerate(lines, 2):
+            if len(line) != len(heading):
+                fail(path, f"line {number}", f"{len(heading)} columns", len(line), "is the file whole?")
+            try:
+                values: dict[str, float] = {name: int(text) for name, text in zip(COLUMNS, line, strict=False)
+                                            if name != "time_s"}  # fmt: skip
+                values["time_s"] = float(line[2])
+                counts = list(map(int, line[len(COLUMNS) :]))
+                frame = checked_frame(values, counts, path, f"line {number}")
+            except (ValueError, OverflowError) as error:
+                fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
+            yield int(values["frame"]), frame

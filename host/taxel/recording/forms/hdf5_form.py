@@ -1,0 +1,258 @@
+"""A recording as one grasp of a grasp dataset: a row for each poll cycle, written and read a block at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.grasp.objects import thesis_objects
+from taxel.grasp.timeline import Phase
+from taxel.hand import Hand
+from taxel.hand.errors import shown
+from taxel.hand.kinematics import kinematics_of
+from taxel.recording.forms.frame_table import fail
+from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import BASELINE_FRAMES, REAL
+from taxel.recording.grasp_hdf5 import open_hdf5
+from taxel.recording.grasp_storage import (
+    LIBVER,
+    create_group,
+    link_grasp,
+    put_in_place,
+    write_array,
+    write_attributes,
+    writing_errors,
+)
+from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
+from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.stream import TaxelFrame
+from taxel.stream.cycles import CycleSorter
+from taxel.stream.encoder import FramesLink
+
+BLOCK = 256
+"""Rows that are in memory at one time."""
+
+UNKNOWN = "unknown"
+"""Name of the object when none was told: the format wants one, so this one is a triangle of a micrometre."""
+
+_WRAP_US = 1 << 32
+_TYPES = {
+    "timestamp": "f8", "phase": "u1", "raw_counts": "u2", "valid": "?", "sensor_time": "f8", "joint_position": "f8",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GraspOptions:
+    """What a dataset says of a grasp and a recording does not. `object`: one of the thesis's, or "unknown".
+    `baseline_frames`: so many of the first rows are phase 0 (nothing touched the skin), the others hold.
+    """
+
+    object: str = UNKNOWN
+    approach: str = "recording"
+    session: int = 0
+    baseline_frames: int = BASELINE_FRAMES
+
+
+class Hdf5Sink:
+    """Writes a dataset with one grasp. `joint_position`: radians [j]; None: all 0.
+
+    Raises DatasetError for an unknown object, HandGeometryError for a hand that is described without places.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        hand: Hand,
+        generator: str,
+        options: GraspOptions,
+        joint_position: NDArray[np.float64] | None,
+        overwrite: bool,
+    ) -> None:
+        self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
+        self._place = Place(str(path))
+        self._part = path.with_name(f".{path.name}.part")
+        kinematics = kinematics_of(hand)
+        self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
+        self._pose = kinematics.sensor_poses(self._joints)
+        objects = _objects(options.object, self._place)
+        GraspDatasetWriter.create(
+            self._part,
+            source=REAL,
+            hand=hand.name,
+            taxels=TaxelTable(
+                hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, np.full(hand.n_taxels, hand.size_m)
+            ),
+            sensors=SensorTable(
+                np.array([board.address for board in hand.boards], np.uint8),
+                tuple(board.name for board in hand.boards),
+                tuple(board.kind.name for board in hand.boards),
+                np.ones(len(hand.boards)),  # measured at the end
+            ),
+            objects=objects,
+            generator=generator,
+            overwrite=True,
+        ).close()
+        self._file = open_hdf5(self._part, "r+", LIBVER)
+        self._group = create_group(self._file, None)
+        self._columns = {board.address: column for column, board in enumerate(hand.boards)}
+        self._sorter = CycleSorter(len(hand.boards))
+        self._rows: list[dict[str, Any]] = []
+        self._count = 0
+        self._frames = np.zeros(len(hand.boards))
+        self._span = [0.0, 0.0]
+        self._counts = np.zeros(hand.n_taxels, np.uint16)
+        self._clock = np.zeros(len(hand.boards))
+        self._last_us: dict[int, int] = {}
+
+    def take(self, frame: TaxelFrame) -> None:
+        """Add a frame to the row of its cycle."""
+        self._sorter.add(frame)
+        self._take_cycles(is_end=False)
+
+    def _take_cycles(self, is_end: bool) -> None:
+        while (frames := self._sorter.pop(is_end)) is not None:
+            self._add_row(frames)
+
+    def _add_row(self, frames: list[TaxelFrame]) -> None:
+        valid = np.zeros(len(self._columns), dtype=bool)
+        for frame in frames:
+            column = self._columns[frame.address]
+            valid[column] = True
+            self._counts[self._hand.slice_of(frame.address)] = frame.raw_counts
+            self._clock[column] += self._step_us(frame) * 1e-6
+        time_s = max(min(frame.time_s for frame in frames), self._span[1] if self._count else 0.0)
+        self._span = [time_s if not self._count else self._span[0], time_s]
+        phase = Phase.BASELINE if self._count < self._options.baseline_frames else Phase.HOLD
+        self._frames += valid
+        self._rows.append(
+            {
+                "timestamp": time_s,
+                "phase": int(phase),
+                "raw_counts": self._counts.copy(),
+                "valid": valid,
+                "sensor_time": self._clock.copy(),
+                "joint_position": self._joints,
+            }
+        )
+        self._count += 1
+        if len(self._rows) >= BLOCK:
+            self._append()
+
+    def _step_us(self, frame: TaxelFrame) -> int:
+        """How far the board's clock has gone since its last frame; its first reading is where it begins."""
+        last = self._last_us.get(frame.address)
+        self._last_us[frame.address] = frame.board_time_us
+        if last is None:
+            return frame.board_time_us
+        return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+
+    def _append(self) -> None:
+        with writing_errors(self._place):
+            for name, dtype in _TYPES.items():
+                block = np.stack([row[name] for row in self._rows]).astype(dtype)
+                if name not in self._group:
+                    self._group.create_dataset(
+                        name,
+                        data=block,
+                        maxshape=(None, *block.shape[1:]),
+                        chunks=(BLOCK, *block.shape[1:]),
+                        compression="gzip",
+                        compression_opts=1,
+                        shuffle=True,
+                        track_times=False,
+                    )
+                else:
+                    data = self._group[name]
+                    data.resize(len(data) + len(block), axis=0)
+                    data[-len(block) :] = block
+        self._rows.clear()
+
+    def close(self, is_whole: bool) -> None:
+        """Link the grasp, and give the file its name once the reader takes it."""
+        try:
+            if is_whole:
+                self._finish()
+            self._file.close()
+            if is_whole:
+                GraspDataset(self._part).close()
+                put_in_place(self._part, self._path, self._overwrite, self._place)
+        finally:
+            self._file.close()
+            self._part.unlink(missing_ok=True)
+
+    def _finish(self) -> None:
+        self._take_cycles(is_end=True)
+        if not self._count:
+            self._place.fail("at least one frame", "none", "there is nothing to convert")
+        if self._rows:
+            self._append()
+        with writing_errors(self._place):
+            write_array(self._group, "sensor_pose", self._pose)
+            write_array(self._group, "object_pose", np.eye(4))
+            options = self._options
+            names = {"object": options.object, "approach": options.approach}
+            write_attributes(self._group, {**names, "iteration": 0, "session": options.session})
+            span_s = self._span[1] - self._span[0]
+            rates = (self._frames - 1) / span_s if span_s > 0 else self._frames
+            self._file["sensors/rate_hz"][...] = np.maximum(rates, 1e-6)  # a board that was silent has no rate of 0
+            link_grasp(self._file, self._group, "0001")
+
+
+def _objects(name: str, place: Place) -> dict[str, ObjectMesh]:
+    if name == UNKNOWN:
+        vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
+        return {UNKNOWN: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
+    known = thesis_objects()
+    if name not in known:
+        place.key("objects").fail(f"one of {', '.join([*known, UNKNOWN])}", shown(name), "correct --object")
+    vertices, faces = known[name].shape.mesh()
+    return {name: ObjectMesh(vertices, faces.astype(np.int32))}
+
+
+def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
+    """One grasp of a dataset; `grasp`: its id, which may be None where there is only one.
+
+    Raises DatasetError for a damaged dataset or an unknown grasp.
+    """
+    with GraspDataset(path) as data:
+        if grasp is None and len(data) != 1:
+            fail(path, "/grasps", "one grasp", f"{len(data)}", "say which with --grasp ID")
+        chosen = data[data.ids[0] if grasp is None else grasp]
+        link = FramesLink(os.fspath(path), _frames(path, chosen.id, data.sensors.address, _parts(data)))
+        link.header = {"hand": data.hand}
+        return link
+
+
+def _parts(data: GraspDataset) -> list[NDArray[np.intp]]:
+    """Where the taxels of each sensor stand on the taxel axis."""
+    return [np.flatnonzero(data.taxels.sensor == address) for address in data.sensors.address]
+
+
+def _frames(
+    path: Path, grasp: str, addresses: NDArray[np.uint8], parts: list[NDArray[np.intp]]
+) -> Iterator[TaxelFrame]:
+    with open_hdf5(path, "r") as file:
+        group: Mapping[str, Any] = file["grasps"][grasp]
+        for start in range(0, len(group["timestamp"]), BLOCK):
+            rows = slice(start, start + BLOCK)
+            times, valid, counts = (group[name][rows] for name in ("timestamp", "valid", "raw_counts"))
+            if not np.isfinite(times).all() or (times < 0.0).any():
+                fail(path, f"/grasps/{grasp}/timestamp", "seconds, 0 or more", "others", "correct it")
+            has_clock = "sensor_time" in group
+            clock = group["sensor_time"][rows] if has_clock else np.repeat(times[:, None], len(addresses), axis=1)
+            ticks = np.nan_to_num(np.round(clock * 1e6)).astype(np.int64) % _WRAP_US
+            for row, time_s in enumerate(times.tolist()):
+                number = (start + row) % 65_536
+                hub_us = round(time_s * 1e6) % _WRAP_US
+                for column in np.flatnonzero(valid[row]).tolist():
+                    yield TaxelFrame(
+                        int(addresses[column]), number, number, time_s, int(ticks[row, column]), hub_us,
+                        counts[row, parts[column]].astype(np.uint16),
+                    )  # fmt: skip

@@ -1,0 +1,137 @@
+"""Writing a recording as MCAP: the topics of the skin in ROS 2 form, and the hub's bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Final, Self
+
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from taxel.link import CaptureError
+from taxel.link.capture import EXISTS
+from taxel.ros.cdr import encode
+from taxel.ros.definitions import ros2_schema
+from taxel.ros.topics import TopicMessage
+from taxel.ros.tree import header
+
+BYTES_TOPIC: Final = "/taxel/hub_bytes"
+BYTES_TYPE: Final = "taxel_msgs/HubBytes"
+METADATA: Final = "taxel"
+"""Name of the metadata record that holds the recording's header, each value as JSON."""
+
+FLUSH_S: Final = 0.5
+"""A chunk is written at least so often, so that a kill costs less than a second."""
+
+CHUNK_BYTES: Final = 1 << 20
+LIBRARY: Final = "taxel"
+
+
+class McapFile:
+    """An MCAP file that grows; may be used from two threads.
+
+    `header`: any JSON values, which the file carries so that it alone is enough. Chunks are compressed (zstd) and given
+    to the operating system at least each `FLUSH_S` while `tick` or a write is called: a killed program leaves a file
+    without an index, which every reader that reads from front to back takes. Raises `CaptureError` if the file exists
+    and `overwrite` is False, or cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], head: Mapping[str, object], overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self.messages = 0
+        self._lock = threading.Lock()
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._flushed_s = time.monotonic()
+        self._is_dirty = False
+        try:
+            self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb")  # noqa: SIM115
+        except FileExistsError:
+            raise CaptureError(os.fspath(path), EXISTS) from None
+        except OSError as error:
+            raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror})") from error
+        self._writer = Writer(self._file, CHUNK_BYTES, CompressionType.ZSTD)
+        self._writer.start("ros2", LIBRARY)
+        self.add_metadata(METADATA, head)
+
+    def add_metadata(self, name: str, values: Mapping[str, object]) -> None:
+        """Add a metadata record, each value as JSON."""
+        with self._lock, self._errors():
+            self._writer.add_metadata(name, {key: json.dumps(value) for key, value in values.items()})
+            self._file.flush()
+
+    def publish(self, message: TopicMessage) -> None:
+        """Append a message to its topic."""
+        with self._lock, self._errors():
+            self._append(message.topic, message.type, message.time_ns, encode(message.type, message.message))
+            self._flush_if_due()
+
+    def write_bytes(self, data: bytes, arrival_ns: int, time_ns: int) -> None:
+        """Append bytes of the hub. `arrival_ns`: on the link's clock; `time_ns`: the same as Unix time."""
+        message = {"header": header(time_ns, ""), "arrival_ns": arrival_ns, "data": data}
+        with self._lock, self._errors():
+            self._append(BYTES_TOPIC, BYTES_TYPE, time_ns, encode(BYTES_TYPE, message))
+            self._flush_if_due()
+
+    def tick(self) -> None:
+        """Write the chunk under way if its time has come: for whoever waits for data."""
+        with self._lock, self._errors():
+            self._flush_if_due()
+
+    def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._new_channel(topic, type_name)
+        self._writer.add_message(channel, max(time_ns, 0), data, max(time_ns, 0))
+        self.messages += 1
+        self._is_dirty = True
+
+    def _new_channel(self, topic: str, type_name: str) -> int:
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            name = type_name.replace("/", "/msg/")
+            schema = self._writer.register_schema(name, SchemaEncoding.ROS2, ros2_schema(type_name).encode())
+            self._schemas[type_name] = schema
+        return self._writer.register_channel(topic, MessageEncoding.CDR, schema)
+
+    def _flush_if_due(self) -> None:
+        now_s = time.monotonic()
+        if self._is_dirty and now_s - self._flushed_s >= FLUSH_S:
+            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._flushed_s = now_s
+            self._is_dirty = False
+
+    def _errors(self) -> contextlib.AbstractContextManager[None]:
+        return _writing_errors(self.path)
+
+    def close(self) -> None:
+        """Write what is left and the index, and close the file. May be called twice."""
+        with self._lock, self._errors():
+            if not self._file.closed:
+                try:
+                    self._writer.finish()  # type: ignore[no-untyped-call]
+                finally:
+                    self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@contextlib.contextmanager
+def _writing_errors(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise CaptureError(str(path), f"cannot be written ({error.strerror}); what came before is kept") from error

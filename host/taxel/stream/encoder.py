@@ -1,0 +1,104 @@
+"""From taxel frames back to the hub's bytes, for recordings that kept the frames and not the bytes."""
+
+import ctypes
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+
+from taxel.link import Chunk, LinkError
+from taxel.stream.frames import TaxelFrame
+from taxel.stream.native import codec_library
+from taxel_protocol import FrameType
+from taxel_protocol.frames import HubStatus
+from taxel_protocol.layout import pack
+from taxel_protocol.limits import PAYLOAD_MAX
+
+STATUS_PERIOD_S = 1.0
+"""A hub tells its state about once a second; so does a made one, because its uptime unwraps the 32-bit times."""
+
+PAUSE_S = 60.0
+"""The reader decodes what it has at least once in so many recorded seconds: within the wrap of 32-bit microseconds."""
+
+_HEADERS = struct.Struct("<BBHIHI")
+_WIRE_MAX = 2 * PAYLOAD_MAX + 64
+
+
+def encode_on_wire(frame_type: FrameType, sequence: int, payload: bytes) -> bytes:
+    """One frame as it goes onto the wire, by the C encoder; equals `taxel_protocol.encode_frame`."""
+    out = ctypes.create_string_buffer(_WIRE_MAX)
+    encode = codec_library().taxel_batch_encode
+    encode.restype = ctypes.c_size_t
+    size = encode(
+        ctypes.c_uint8(frame_type), ctypes.c_uint16(sequence), payload, ctypes.c_uint16(len(payload)), out,
+        ctypes.c_size_t(_WIRE_MAX),
+    )  # fmt: skip
+    return out.raw[:size]
+
+
+def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
+    """A TAXELS frame on the wire. `sequence`: of the hub's frames; `hub_time_us`: instead of the frame's own."""
+    counts = frame.raw_counts.astype("<u2").tobytes()
+    headers = _HEADERS.pack(
+        frame.address, len(frame.raw_counts), frame.cycle, hub_time_us % (1 << 32), frame.sequence, frame.board_time_us
+    )
+    snapshot = headers[8:] + counts
+    crc = zlib.crc32(snapshot, zlib.crc32(headers[:1]))
+    return encode_on_wire(FrameType.TAXELS, sequence, headers[:8] + snapshot + crc.to_bytes(4, "little"))
+
+
+class FramesLink:
+    """Frames as if a hub sent them whose clock is the recording's: a frame's `time_s` is kept to the microsecond.
+
+    `frames` in the order in which they arrived. The bytes are not those that were sent: what a hub says beside taxel
+    frames, the frames' `hub_time_us` and the count of frames lost on the wire are not in `frames`.
+    """
+
+    is_real_time = False
+    is_recorded = True
+    holds_back = False
+    has_arrivals = False
+    baud = 1e6
+
+    def __init__(self, name: str, frames: Iterable[TaxelFrame]) -> None:
+        self.name = name
+        self.header: dict[str, object] = {}
+        self._frames = iter(frames)
+        self._sequence = 0
+        self._status_s = float("-inf")
+        self._pause_s: float | None = None
+        self._held: TaxelFrame | None = None
+
+    def read(self, timeout_s: float = 0.0) -> Chunk | None:
+        """The next frame. Raises EOFError after the last."""
+        frame, self._held = self._held or next(self._frames, None), None
+        if frame is None:
+            raise EOFError
+        if self._pause_s is None:
+            self._pause_s = frame.time_s + PAUSE_S
+        if frame.time_s >= self._pause_s:
+            self._held, self._pause_s = frame, None
+            return None
+        return Chunk(b"".join(self._bytes_of(frame)), max(0, round(frame.time_s * 1e9)))
+
+    def _bytes_of(self, frame: TaxelFrame) -> Iterator[bytes]:
+        time_us = max(0, round(frame.time_s * 1e6))
+        if frame.time_s >= self._status_s + STATUS_PERIOD_S:
+            self._status_s = frame.time_s
+            fields = dict.fromkeys((item.name for item in HubStatus.subcons), 0)
+            fields |= {"uptime_us": time_us, "streaming": 1, "frames_sent": self._sequence}
+            yield encode_on_wire(FrameType.HUB_STATUS, self._next(), pack(HubStatus, fields))
+        yield encode_taxels(frame, self._next(), time_us)
+
+    def _next(self) -> int:
+        self._sequence += 1
+        return (self._sequence - 1) % (1 << 16)
+
+    def write(self, data: bytes) -> None:
+        """Refused: nobody answers in a recording."""
+        raise LinkError(self.name, "is a recording; it takes no commands")
+
+    def close(self) -> None:
+        """Let go of whatever the frames come from."""
+        close = getattr(self._frames, "close", None)
+        if close is not None:
+            close()

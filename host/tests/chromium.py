@@ -1,0 +1,143 @@
+"""A page in headless Chromium, through the Chrome DevTools protocol: what its console says, and how it looks."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+START_S = 60.0
+ANSWER_S = 120.0
+
+
+def need_chromium() -> str:
+    """The program; skips the test, with one line, where there is none."""
+    found = next((path for name in PROGRAMS if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("no chromium: 'apt-get install chromium' opens the pages for this test")
+    pytest.importorskip("websockets", reason="no websockets: pip install 'taxel[test]' speaks to chromium")
+    return found
+
+
+class Page:
+    """A page at `url` (http:// or file://) in a browser of its own. A context manager.
+
+    `problems`: what the console complained about and exceptions that nobody caught, so far.
+    """
+
+    def __init__(self, url: str, width: int = 1400, height: int = 900) -> None:
+        program = need_chromium()
+        self.problems: list[str] = []
+        self._folder = tempfile.TemporaryDirectory(prefix="taxel-chromium-", ignore_cleanup_errors=True)
+        self._process = subprocess.Popen(
+            [program, "--headless", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
+             "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run",
+             "--disable-background-networking", "--disable-component-update", "--disable-sync",
+             "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
+             f"--window-size={width},{height}", f"--user-data-dir={self._folder.name}", "--remote-debugging-port=0",
+             "about:blank"],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        self._number = 0
+        try:
+            self._connect()
+            for domain in ("Runtime", "Log", "Page"):
+                self.ask(f"{domain}.enable")
+            size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+            self.ask("Emulation.setDeviceMetricsOverride", **size)
+            self.ask("Page.navigate", url=url)
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self) -> None:
+        import urllib.request
+
+        from websockets.sync.client import connect
+
+        assert self._process.stderr is not None
+        address = ""
+        for line in self._process.stderr:  # ends when the browser does
+            if "DevTools listening on " in line:
+                address = line.split("DevTools listening on ")[1].strip()
+                break
+        assert address, "chromium ended before it listened"
+        port = address.split("/")[2]
+        deadline = time.monotonic() + START_S
+        pages: list[dict[str, Any]] = []
+        while not pages and time.monotonic() < deadline:
+            with urllib.request.urlopen(f"http://{port}/json/list", timeout=START_S) as answer:
+                pages = [page for page in json.load(answer) if page["type"] == "page"]
+        self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=None, proxy=None)
+
+    def ask(self, method: str, **parameters: object) -> dict[str, Any]:
+        """Send a command of the protocol; its result."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv(timeout=ANSWER_S))
+            if message.get("id") == self._number:
+                assert "error" not in message, f"{method}: {message}"
+                return dict(message["result"])
+            self._note(message)
+
+    def _note(self, message: dict[str, Any]) -> None:
+        event, details = message.get("method"), message.get("params", {})
+        if event == "Runtime.exceptionThrown":
+            self.problems.append(json.dumps(details["exceptionDetails"])[:500])
+        elif event == "Runtime.consoleAPICalled" and details["type"] in {"error", "assert"}:
+            self.problems.append(json.dumps(details["args"])[:500])
+        elif event == "Log.entryAdded" and details["entry"]["level"] == "error":
+            self.problems.append(f"{details['entry']['text']} {details['entry'].get('url', '')}")
+
+    def value(self, expression: str) -> Any:
+        """What a JavaScript expression gives, as JSON knows it."""
+        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def text(self) -> str:
+        """All text that the page shows."""
+        return str(self.value("document.body ? document.body.innerText : ''"))
+
+    def picture(self) -> NDArray[np.uint8]:
+        """How the page looks, u8[height, width, 3]."""
+        import matplotlib.image
+
+        data = base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"])
+        self.png = data
+        pixels = matplotlib.image.imread(io.BytesIO(data), format="png")[..., :3]
+        return np.rint(255 * pixels).astype(np.uint8)
+
+    def close(self) -> None:
+        """End the browser."""
+        if hasattr(self, "_socket"):
+            self._socket.close()
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        assert self._process.stderr is not None
+        self._process.stderr.close()
+        self._folder.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,47 @@
+"""Shards on a Dask cluster: the same bytes as on one machine, and one line for what is missing."""
+
+from __future__ import annotations
+
+import sys
+from unittest import mock
+
+import pytest
+
+from taxel.generate.cluster import Cluster, check_releases
+from taxel.generate.errors import ClusterError
+from taxel.generate.run import generate
+
+distributed = pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    options = {"host": "127.0.0.1", "protocol": "tcp://", "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **options) as local:
+        assert local.scheduler_address.startswith("tcp://127.0.0.1:")
+        yield local
+
+
+def test_a_cluster_makes_the_same_bytes(whole, files_of, scheduler, tmp_path):
+    out = tmp_path / "cluster"
+    assert generate(whole.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
+    assert files_of(out) == files_of(whole.folder)
+
+
+def test_a_worker_with_another_release_is_refused():
+    check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}})
+    with pytest.raises(ClusterError, match=r"^--scheduler x: worker tcp://b has taxel 8 instead of 9; install"):
+        check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}, "tcp://b": {"taxel": "8"}})
+
+
+def test_no_scheduler_is_one_line(whole):
+    with pytest.raises(ClusterError, match=r"^--scheduler tcp://127.0.0.1:9: no Dask scheduler answers"):
+        list(Cluster("tcp://127.0.0.1:9", patience_s=0.3).made(whole.recipe, [0]))
+
+
+def test_without_dask_it_says_what_to_install(whole):
+    with (
+        mock.patch.dict(sys.modules, {"distributed": None}),
+        pytest.raises(ClusterError, match=r"^--scheduler: Dask is not installed; pip install 'taxel\[cluster\]'$"),
+    ):
+        list(Cluster("tcp://127.0.0.1:8786").made(whole.recipe, [0]))

@@ -1,0 +1,61 @@
+"""`taxel generate`: the example of its help, what it prints, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from host.tests.command_line import exit_status, refusal
+from taxel.cli.generate import generate
+
+REPORT = Path(__file__).parents[3] / "examples" / "shape_classifier" / "report.json"
+
+
+def example() -> list[str]:
+    """The words after `taxel` of the example in the command's help."""
+    found = re.search(r"Example: taxel (.*)", generate.__doc__ or "")
+    assert found
+    return found[1].split()
+
+
+def test_the_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("out/gap").mkdir(parents=True)
+    shutil.copy(REPORT, "out/gap/report.json")
+    words = ["2" if word == "100000" else word for word in example()]
+    assert exit_status(*words, "--workers", "1") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "out/synthetic: 2 grasps in 1 shards, effects: contact propagation, noise"
+    assert lines[1].startswith("made now: 2 in ")
+    assert exit_status(*words, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["grasps"], told["made"], told["effects"]) == (2, 0, ["contact_propagation", "noise"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--grasps", "-1"], "taxel: --grasps: expected 0 to 1000000000, found -1"),
+        (["--seed", "-2"], "taxel: --seed: expected 0 or more (-1: as the recipe says), found -2"),
+        (["--shard", "20000"], "taxel: --shard: expected 0 to 10000, found 20000"),
+        (["--fidelity", "best"], "taxel: --fidelity: expected quick, full, found 'best'"),
+        (["--workers", "-1"], "taxel: --workers: expected 0 (one a core) or more, found -1"),
+        (["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"], "taxel: --workers: expected none beside --scheduler"),
+        (["--unit", "inch", "--mesh", "a.stl"], "taxel: --unit: expected m, cm, mm, found 'inch'"),
+        (["--mesh", "a.step"], "taxel: a.step: name: expected a mesh that ends in .ply, .stl, .obj, found .step"),
+        (["--mesh", "a.stl"], "taxel: a.stl: No such file or directory"),
+        (
+            ["--effects", "missing.json"],
+            "taxel: missing.json: expected a report.json of taxel gap diagnose, found nothing",
+        ),
+        (["--recipe", "missing.toml"], "taxel: missing.toml: No such file or directory"),
+    ],
+)
+def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert refusal(capsys, "generate", *arguments, "--out", "new").startswith(complaint)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,52 @@
+"""The example that trains on generated grasps, in a tiny form: a generated test set instead of the emulated hand."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sklearn")
+
+PROGRAM = Path(__file__).parents[3] / "examples" / "shape_classifier" / "shape_classifier.py"
+
+
+@pytest.fixture(scope="module")
+def example():
+    spec = importlib.util.spec_from_file_location("shape_classifier", PROGRAM)
+    assert spec
+    assert spec.loader
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_it_trains_tests_and_says_both_accuracies(example, whole, capsys, tmp_path):
+    test_set = whole.folder / "shard-00000.h5"
+    arguments = ["--grasps", "6", "--workers", "1", "--test-set", test_set, "--out", tmp_path / "out", "--json"]
+    assert example.main([str(word) for word in arguments]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (told["train_grasps"], told["test_grasps"]) == (6, 2)
+    for name in ("without_effects", "with_effects"):
+        low, high = told[name]["ci95"]
+        assert 0.0 <= low <= told[name]["accuracy"] <= high <= 1.0
+
+
+def test_a_training_set_that_lacks_what_the_test_set_has_is_told_apart(example):
+    rng = np.random.default_rng(4)
+    labels = np.repeat(["a", "b"], 40)
+    drop = rng.normal(0.0, 100.0, (80, 6)) + np.where(labels == "a", 400.0, 0.0)[:, None] * [1, 1, 0, 0, 0, 0]
+    plain, test = example.Holds(drop, labels), example.Holds(drop[:, ::-1], labels)
+    told = example.compared(plain, test, test)
+    assert told["with_effects"]["accuracy"] == 1.0
+    assert told["without_effects"]["accuracy"] < 0.7
+    assert told["gain_ci95"][0] > 0.0
+
+
+def test_intervals_of_an_accuracy_are_wilsons(example):
+    low, high = example.Accuracy(9, 10).ci95
+    assert (low, high) == pytest.approx((0.5958, 0.9821), abs=1e-4)

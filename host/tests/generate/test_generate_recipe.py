@@ -1,0 +1,146 @@
+"""A recipe's file: what it may say, and one line for what it may not. Meshes become convex solids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.cloud.files import write_mesh
+from taxel.cloud.mesh import TriangleMesh
+from taxel.cloud.models import sphere
+from taxel.generate.draws import draw_grasp, draw_sensor
+from taxel.generate.errors import RecipeError
+from taxel.generate.ranges import Range, fixed
+from taxel.generate.recipe import Recipe
+from taxel.generate.recipe_file import read_recipe, with_mesh
+from taxel.generate.solids import MOST_CORNERS
+
+WHOLE = """
+grasps = 500
+seed = 7
+shard = 50
+fidelity = "full"
+
+[[object]]
+name = "can"
+shape = "cylinder"
+radius_mm = [18, 25]
+height_mm = 120
+share = 2
+
+[[object]]
+name = "ball"
+shape = "mesh"
+file = "ball.stl"
+unit = "mm"
+scale = [0.8, 1.2]
+
+[grasp]
+grip = [0.5, 1.5]
+top_share = 0.5
+
+[simulator]
+layer_stiffness = 1.2
+
+[sensor]
+half_force_n = [1.4, 2.0]
+
+[[effect]]
+name = "noise"
+white_counts = [0, 20]
+share = 0.5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    ball = sphere(0.03)
+    write_mesh(
+        TriangleMesh("ball", 1e3 * ball.vertices + np.array([5.0, 5.0, 50.0]), ball.faces), tmp_path / "ball.stl"
+    )
+    return tmp_path
+
+
+def written(folder, text):
+    path = folder / "recipe.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_recipe_is_read(folder):
+    recipe = read_recipe(written(folder, WHOLE))
+    assert (recipe.grasps, recipe.seed, recipe.shard, recipe.shards, recipe.fidelity) == (500, 7, 50, 10, "full")
+    assert [(kind.name, kind.share, kind.approaches) for kind in recipe.objects] == [
+        ("can", 2.0, "any"),
+        ("ball", 1.0, "any"),
+    ]
+    assert recipe.objects[0].sizes == {"radius_mm": Range(18.0, 25.0), "height_mm": fixed(120.0)}
+    assert recipe.grasp.grip == Range(0.5, 1.5)
+    assert recipe.simulator.layer_stiffness == fixed(1.2)
+    assert [one.name for one in recipe.effects] == ["noise"]
+    assert recipe.digest != Recipe().digest
+
+
+def test_draws_stay_in_their_ranges_and_every_kind_has_its_share(folder):
+    recipe = read_recipe(written(folder, WHOLE))
+    drawn = [draw_grasp(recipe, number) for number in range(300)]
+    names = [one.kind.name for one in drawn]
+    assert 160 < names.count("can") < 240
+    radii = [one.values["radius_mm"] for one in drawn if one.kind.name == "can"]
+    assert 18.0 <= min(radii) < 18.5
+    assert 24.5 < max(radii) <= 25.0
+    assert {one.approach for one in drawn} == {"side", "top"}
+    assert len({one.item.name for one in drawn}) == 300
+    sensors = {draw_sensor(recipe, shard).half_force_n for shard in range(5)}
+    assert len(sensors) == 5
+    assert all(1.4 <= one <= 2.0 for one in sensors)
+
+
+def test_a_grasps_draws_do_not_depend_on_how_many_there_are(folder):
+    few, many = (read_recipe(written(folder, WHOLE.replace("500", str(count)))) for count in (100, 100_000))
+    assert draw_grasp(few, 42).values == draw_grasp(many, 42).values
+
+
+def test_a_mesh_becomes_its_hull_upright_at_the_origin(folder):
+    kind = with_mesh(Recipe(), folder / "ball.stl", "mm").objects[-1]
+    assert kind.name == "ball"
+    assert len(kind.hull) == MOST_CORNERS
+    assert 0.0 < kind.outside_m < 0.003
+    low, high = kind.solid({"scale": 1.0}, "ball").shape.bounds
+    assert low == pytest.approx([-0.03, -0.03, 0.0], abs=1e-6)
+    assert high == pytest.approx([0.03, 0.03, 0.06], abs=1e-6)
+    assert np.ptp(kind.solid({"scale": 1.1}, "ball").shape.bounds, axis=0) == pytest.approx([0.066] * 3)
+
+
+def test_a_mesh_with_holes_will_do(folder):
+    (folder / "open.obj").write_text("v 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 2 3\nf 1 2 4\n")
+    assert len(with_mesh(Recipe(), folder / "open.obj", "m").objects[-1].hull) == 4
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "complaint"),
+    [
+        ("grasps = 500", "grasps = 0", "grasps: expected a whole number from 1 to 1000000000, found 0"),
+        ("seed = 7", "sede = 7", "sede: expected one of grasps, seed, "),
+        ('fidelity = "full"', 'fidelity = "best"', "fidelity: expected one of quick, full, found 'best'"),
+        ("[18, 25]", "[25, 18]", r"object\[0\].radius_mm: expected a number or \[lowest, highest\] from 5 to 500"),
+        ("height_mm = 120", "depth_mm = 120", r"object\[0\].depth_mm: expected a key of a cylinder "),
+        ("height_mm = 120", "", r"object\[0\]: expected a key height_mm, found none; add it"),
+        ('name = "ball"', 'name = "can"', "object: expected each name once, found 'can'; rename one"),
+        ('unit = "mm"', 'unit = "m"', "vertices: expected a size of 0.005 to 0.5 m, found 60 m; give its unit"),
+        (
+            "half_force_n = [1.4, 2.0]",
+            "half_force_n = 0",
+            "sensor.half_force_n: expected a finite number above 0, found 0.0",
+        ),
+        ("layer_stiffness = 1.2", "friction = 0.5", 'simulator.friction: expected 0 unless sensing is "rigid"'),
+        ("top_share = 0.5", "top_share = 2", "grasp.top_share: expected a number from 0 to 1, found 2"),
+        ("white_counts = [0, 20]", "loud = 3", "loud: expected one of white_counts, "),
+        ("grasps = 500", "grasps = 500 500", "file: expected TOML, found "),
+    ],
+)
+def test_a_mistake_is_one_line(folder, before, after, complaint):
+    assert before in WHOLE
+    with pytest.raises(RecipeError, match=complaint) as refused:
+        read_recipe(written(folder, WHOLE.replace(before, after)))
+    assert "\n" not in str(refused.value)

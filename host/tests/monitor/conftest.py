@@ -1,0 +1,86 @@
+"""Skins that say what a test wants them to."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxel.hand import Hand, load_hand
+from taxel.hand.world import WorldSettings, world_text
+from taxel.link.emulator import emulator_program
+from taxel.monitor import SkinMonitor
+from taxel.stream import BoardCount, TaxelFrame
+
+REST = 4000
+
+
+@dataclass
+class Puppet:
+    """What a monitor asks of a skin, and frames for it. `at` takes a frame of every board, or of some."""
+
+    hand: Hand
+    is_real_time: bool = True
+    is_recorded: bool = False
+    counts: dict[int, BoardCount] = field(default_factory=dict)
+    bytes_discarded: int = 0
+    bytes_waiting: int = 0
+
+    def __post_init__(self) -> None:
+        self.link = SimpleNamespace(name="puppet", is_real_time=self.is_real_time, is_recorded=self.is_recorded)
+        self.hub = SimpleNamespace(status=None, boards={b.address: {} for b in self.hand.boards}, board_status={})
+        self.losses = SimpleNamespace(lost_on_wire=0, restarts=0, boards=self.counts)
+        self.raw = np.full(self.hand.n_taxels, REST, dtype=np.uint16)
+        self.now_s = time.monotonic()
+        self.monitor = SkinMonitor(self, samples=3)  # type: ignore[arg-type]
+        self._cycle = 0
+
+    def frames(self, boards: Any = None) -> list[TaxelFrame]:
+        self._cycle += 1
+        return [
+            TaxelFrame(b.address, self._cycle, self._cycle, self.now_s, 0, 0, self.raw[self.hand.slice_of(b.address)])
+            for b in (self.hand.boards if boards is None else boards)
+        ]
+
+    def pass_time(self, seconds: float, boards: Any = None, period_s: float = 0.05) -> None:
+        """Let scans of these boards come in for some time."""
+        for _ in range(round(seconds / period_s)):
+            self.now_s += period_s
+            self.monitor.take(self.frames(boards), self.now_s)
+
+    def read(self) -> Any:
+        return self.monitor.read(self.now_s)
+
+
+@pytest.fixture
+def puppet() -> Any:
+    """Makes puppets: `puppet()` of the default hand, or of any other."""
+
+    def make(hand: str = "allegro", **options: Any) -> Puppet:
+        return Puppet(load_hand(hand), **options)
+
+    return make
+
+
+@pytest.fixture
+def emulated_port() -> Iterator[str]:
+    """A pseudo-terminal with the emulated hand behind it, as `taxel emulate` makes one."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        world = Path(folder) / "world.txt"
+        world.write_text(world_text(load_hand("allegro"), WorldSettings()))
+        process = subprocess.Popen(
+            [emulator_program(), "--world", world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
+        )
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[-1]
+        process.terminate()
+        process.wait(timeout=10)
+        process.stdout.close()

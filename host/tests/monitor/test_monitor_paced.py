@@ -1,0 +1,61 @@
+"""A capture plays at its own speed, or a multiple of it."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from taxel.link import CaptureWriter, open_link
+from taxel.monitor import PacedLink, SpeedError, open_watched
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that goes on only while somebody sleeps."""
+    now = [1000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    return now
+
+
+@pytest.fixture
+def capture(tmp_path):
+    """Ten chunks, 10 ms apart."""
+    with CaptureWriter(tmp_path / "capture.bin") as writer:
+        for number in range(10):
+            writer.write(bytes([number]), 5_000_000_000 + number * 10_000_000)
+    return f"file:{tmp_path / 'capture.bin'}"
+
+
+@pytest.mark.parametrize("speed", [1.0, 4.0])
+def test_every_chunk_comes_when_its_time_has_come(clock, capture, speed):
+    link = PacedLink(open_link(capture), speed)
+    came = []
+    while len(came) < 10:
+        chunk = link.read(0.003)
+        if chunk is not None:
+            came.append((chunk.data[0], clock[0] - 1000.0))
+    with pytest.raises(EOFError):
+        link.read(0.003)
+    link.close()
+    assert [number for number, _ in came] == list(range(10))
+    assert [at for _, at in came] == pytest.approx([number * 0.01 / speed for number in range(10)], abs=1e-6)
+
+
+def test_whoever_gathers_chunks_gets_what_is_due(clock, capture):
+    link = PacedLink(open_link(capture))
+    link.read(0.0)
+    clock[0] += 0.035
+    gathered = []
+    while (chunk := link.read(0.1)) is not None:
+        gathered.append(chunk.data[0])
+    link.close()
+    assert gathered == [1, 2, 3]
+    assert clock[0] == pytest.approx(1000.035)  # nothing waited
+
+
+@pytest.mark.parametrize(("url", "speed"), [("file:x", 0.0), ("file:x", float("nan")), ("emulator:", 2.0)])
+def test_an_impossible_speed_is_refused(url, speed):
+    with pytest.raises(SpeedError, match="speed"):
+        open_watched(url, speed=speed)

@@ -1,0 +1,153 @@
+"""What `taxel monitor` costs while the hand streams all that its bus gives, and whether it takes every frame.
+
+python tools/bench/bench_monitor.py [--seconds 20] [--json]
+
+The emulated hand runs in real time behind a pseudo-terminal, as `taxel emulate` runs it; the monitor is a process of
+its own on a terminal of 170 x 42 characters, or a page that one browser looks at (left out without chromium). The share
+is the monitor's processor time over the time that it watched, after it has started.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import json
+import os
+import select
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from host.tests.chromium import Page
+from taxel.hand import load_hand
+from taxel.hand.world import WorldSettings, world_text
+from taxel.link.emulator import emulator_program
+
+BUSES = {"400 kHz": WorldSettings(), "1 MHz": WorldSettings(scl_hz=1e6, baud=3e6)}
+WIDTH, HEIGHT = 170, 42
+PAGE = "the skin is at "
+_CHILD = """
+import json, sys, time
+from rich.console import Console
+from taxel.monitor import LineView, SkinMonitor, TerminalView, open_watched, watch
+url, kind, seconds, out = sys.argv[1:]
+with open_watched(url) as skin:
+    monitor = SkinMonitor(skin)
+    if kind == "terminal":
+        view = TerminalView(Console(force_terminal=True, color_system="truecolor"), monitor, url)
+        view.__enter__()
+    elif kind == "browser":
+        from taxel.monitor.web import WebView
+        view = WebView(monitor, url, 0)
+        print("the skin is at", view.url, flush=True)
+    else:
+        view = LineView(lambda text: None)
+    earlier = watch(skin, monitor, view, 8.0)  # the baseline
+    waited = 0
+    while kind == "browser" and not view.is_seen:
+        earlier = watch(skin, monitor, view, 1.0)
+        waited += 1
+        if waited > 60:
+            sys.exit("no browser came")
+    began_s, began_cpu_s = time.monotonic(), time.process_time()
+    reading = watch(skin, monitor, view, float(seconds))
+    share = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
+    said = reading.as_dict() | {"cpu_share": share}
+    for name in ("lost_on_wire", "missing", "damaged", "hub_dropped"):  # not what happened while all of it started
+        said[name] = (said[name] or 0) - (earlier.as_dict()[name] or 0)
+open(out, "w").write(json.dumps(said))
+"""
+
+
+@contextlib.contextmanager
+def emulated_port(settings: WorldSettings) -> Iterator[str]:
+    """A pseudo-terminal with the emulated hand behind it."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        world = Path(folder) / "world.txt"
+        world.write_text(world_text(load_hand("allegro"), settings))
+        command = [str(emulator_program()), "--world", str(world), "--uart", "pty"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            try:
+                yield process.stdout.readline().strip()
+            finally:
+                process.terminate()
+
+
+def watched(url: str, kind: str, seconds: float) -> dict[str, Any]:
+    """What a monitor of `kind` ("lines", "terminal", "browser") says after `seconds`; see `SkinReading.as_dict`."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        out = Path(folder) / "reading.json"
+        command = [sys.executable, "-c", _CHILD, url, kind, repr(seconds), str(out)]
+        master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", HEIGHT, WIDTH, 0, 0))
+        process = subprocess.Popen(command, stdin=slave, stdout=slave)
+        os.close(slave)
+        browser: Page | None = None
+        try:
+            while process.poll() is None:
+                if select.select([master], [], [], 0.5)[0]:
+                    with contextlib.suppress(OSError):
+                        text = os.read(master, 1 << 16).decode(errors="replace")
+                        if kind == "browser" and browser is None and PAGE in text:
+                            browser = Page(text.split(PAGE)[1].split()[0])
+        finally:
+            if browser is not None:
+                browser.close()
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            os.close(master)
+        said: dict[str, Any] = json.loads(out.read_text())
+        return said
+
+
+def measure(seconds: float) -> list[dict[str, Any]]:
+    """One row for each bus and view."""
+    kinds = ["lines", "terminal", *(["browser"] if shutil.which("chromium") else [])]
+    rows = []
+    for bus, settings in BUSES.items():
+        for kind in kinds:
+            with emulated_port(settings) as device:
+                said = watched(f"serial://{device}?baud={settings.baud:.0f}", kind, seconds)
+            keys = ("scans_hz", "frames_hz", "cpu_share", "lost_on_wire", "missing", "damaged", "hub_dropped")
+            rows.append({"bus": bus, "view": kind, **{key: said[key] for key in keys}, "age_s": said["age_s"]})
+            time.sleep(0.2)
+    return rows
+
+
+def main() -> int:
+    """Exit status 1 if a frame was lost or a view takes a whole core."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    rows = measure(options.seconds)
+    if options.json:
+        print(json.dumps(rows, indent=2))
+    else:
+        print("| bus | view | scans/s | frames/s | share of one core | frames not taken | age, median and largest |")
+        print("|---|---|---|---|---|---|---|")
+        for row in rows:
+            lost = row["lost_on_wire"] + row["missing"] + row["damaged"] + (row["hub_dropped"] or 0)
+            median, largest = (1e3 * age for age in row["age_s"])
+            print(
+                f"| {row['bus']} | {row['view']} | {row['scans_hz']:.1f} | {row['frames_hz']:.0f} | "
+                f"{100 * row['cpu_share']:.0f} % | {lost} | {median:.0f}, {largest:.0f} ms |"
+            )
+    lost = any(row["lost_on_wire"] or row["missing"] or row["damaged"] or row["hub_dropped"] for row in rows)
+    return 1 if lost or any(row["cpu_share"] >= 1.0 for row in rows) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+/* The bootloader's choice of an image, on a flash in RAM: two small slots, and the rows of configuration and metadata. */
+#include "bootloader/parts.h"
+#include "codec/crc32.h"
+#include "image.h"
+
+#define ROW TAXEL_BOOT_ROW_SIZE
+#define SLOT_ROWS 4u
+#define FIRST_ROW (TAXEL_BOOT_CONFIGURATION_ROW - 2u * SLOT_ROWS)
+#define ROWS (TAXEL_BOOT_ROW_COUNT - FIRST_ROW)
+#define STARTS_NOTHING 0xFFu
+
+static uint8_t rows[ROWS * ROW];
+static uint32_t clock_us, writes;
+static uint8_t cause, started;
+static bool asked_to_stay, write_fails;
+static struct taxel_boot boot;
+
+static const struct taxel_boot_layout layout = {
+    .device = TAXEL_BOOT_DEVICE_BOARD, .slot_rows = SLOT_ROWS, .first_rows = {FIRST_ROW, FIRST_ROW + SLOT_ROWS}};
+
+static uint8_t *row_at(unsigned row)
+{
+    return rows + (row - FIRST_ROW) * ROW;
+}
+
+static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
+{
+    (void)context;
+    writes++;
+    if (row < FIRST_ROW || write_fails) {
+        return -1;
+    }
+    memcpy(row_at(row), bytes, ROW);
+    return 0;
+}
+
+static uint32_t on_clock(void *context)
+{
+    (void)context;
+    return clock_us;
+}
+
+static uint8_t on_cause(void *context)
+{
+    (void)context;
+    return cause;
+}
+
+static bool on_stay(void *context)
+{
+    (void)context;
+    const bool asked = asked_to_stay;
+    asked_to_stay = false;
+    return asked;
+}
+
+static void on_start(void *context, uint32_t vectors)
+{
+    (void)context;
+    started = vectors / ROW >= layout.first_rows[1];
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+}
+
+static void on_unique_id(void *context, uint8_t *id)
+{
+    (void)context;
+    memset(id, 0x5A, 8);
+}
+
+static struct taxel_boot_hal hal = {
+    .flash_write_row = on_write_row,
+    .clock_us = on_clock,
+    .reset_cause = on_cause,
+    .stay_requested = on_stay,
+    .start = on_start,
+    .restart = on_restart,
+    .unique_id = on_unique_id,
+};
+static struct taxel_boot_config config = {.flash = {&hal, &layout}, .checksum = TAXEL_BOOT_CHECKSUM_ANY};
+
+/* An image of 300 bytes for that slot, written there byte by byte. */
+static void install(uint8_t slot, uint8_t version)
+{
+    uint8_t *const image = row_at(layout.first_rows[slot]);
+    struct taxel_boot_image_header header = {
+        .magic = TAXEL_BOOT_IMAGE_MAGIC,
+        .header_version = TAXEL_BOOT_VERSION,
+        .device = TAXEL_BOOT_DEVICE_BOARD,
+        .slot = slot,
+        .version_major = version,
+        .length = 300,
+        .vectors = layout.first_rows[slot] * ROW + TAXEL_BOOT_IMAGE_HEADER_SIZE,
+    };
+    for (unsigned i = TAXEL_BOOT_IMAGE_HEADER_SIZE; i < header.length; i++) {
+        image[i] = (uint8_t)(version * 31u + i * 7u);
+    }
+    taxel_boot_image_header_pack(&header, image);
+    header.crc32 = taxel_crc32(taxel_crc32(0, image, TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32), image + TAXEL_BOOT_IMAGE_HEADER_SIZE,
+                               header.length - TAXEL_BOOT_IMAGE_HEADER_SIZE);
+    taxel_boot_image_header_pack(&header, image);
+}
+
+/* Not a CRC: over rows that end in their own it is the same for all. */
+static uint32_t hash(void)
+{
+    uint32_t value = 0x811C9DC5u;
+    for (unsigned i = 0; i < sizeof rows; i++) {
+        value = (value ^ rows[i]) * 0x01000193u;
+    }
+    return value;
+}
+
+/* A start with that cause: the slot that runs, when, and what stands in the metadata afterwards. */
+static void starts(const char *what, uint8_t with_cause)
+{
+    put_text(what);
+    put_text("\n");
+    cause = with_cause;
+    clock_us = 0;
+    started = STARTS_NOTHING;
+    taxel_boot_init(&boot, &config);
+    taxel_boot_run(&boot);
+    put_word("  at once", started);
+    clock_us = TAXEL_BOOT_LISTEN_US;
+    taxel_boot_run(&boot);
+    put_word("  later", started);
+    put_word("  stays", boot.stay);
+    put_word("  kept slot", taxel_boot_kept_slot(&config.flash));
+    put_word("  rows written", writes);
+    put_word("  flash", hash());
+}
+
+int main(void)
+{
+    uintptr_t begin = (uintptr_t)rows - FIRST_ROW * ROW; /* the rows before are never looked at */
+    __asm__("" : "+r"(begin));                           /* nor may the compiler reason about them */
+    hal.flash = (const uint8_t *)begin;
+    starts("nothing", TAXEL_RESET_CAUSE_POWER_ON);
+    install(0, 1);
+    starts("an image that nobody has confirmed", TAXEL_RESET_CAUSE_POWER_ON);
+    put_word("confirm", (uint32_t)taxel_boot_confirm(&config.flash, 0));
+    starts("confirmed", TAXEL_RESET_CAUSE_COMMAND);
+    install(1, 2);
+    starts("another beside it", TAXEL_RESET_CAUSE_POWER_ON);
+    put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
+    for (unsigned i = 0; i <= TAXEL_BOOT_TRIES; i++) {
+        starts("on trial", TAXEL_RESET_CAUSE_WATCHDOG);
+    }
+    put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
+    row_at(layout.first_rows[1])[200] ^= 1u;
+    starts("damaged", TAXEL_RESET_CAUSE_COMMAND);
+    row_at(layout.first_rows[1])[200] ^= 1u;
+    write_fails = true;
+    starts("a try that cannot be recorded", TAXEL_RESET_CAUSE_COMMAND);
+    write_fails = false;
+    asked_to_stay = true;
+    starts("asked to stay", TAXEL_RESET_CAUSE_COMMAND);
+    starts("whole again", TAXEL_RESET_CAUSE_COMMAND);
+    put_word("confirm", (uint32_t)taxel_boot_confirm(&config.flash, 1));
+    row_at(layout.first_rows[1])[100] ^= 4u;
+    starts("the one before it", TAXEL_RESET_CAUSE_POWER_ON);
+    return 0;
+}

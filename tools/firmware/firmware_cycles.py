@@ -1,0 +1,134 @@
+"""What the firmware takes of its processors: cycles awake per scan and poll of a board, per poll and frame of the hub.
+
+Counted in the images of `make firmware`, executed in the emulator; the same images give the same figures.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from executed_world import BOARD_IMAGE, HUB_IMAGE, image_line, scanning
+
+from taxel.hand import Hand, load_hand
+from taxel.hand.description import Board
+from taxel.hand.world import WorldSettings, world_text
+from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
+from taxel.skin import Skin
+from taxel_protocol import SNAPSHOT_OVERHEAD
+from taxel_protocol.limits import REGISTER_SNAPSHOT
+
+CYCLES_PER_US: Final = 48
+POLLS: Final = 40
+POLL_EVERY_S: Final = 0.0113
+RUN_S: Final = 1.0
+FRAMES_S: Final = 2.0
+
+
+class BoardCycles(NamedTuple):
+    """Of one kind of board. `scan`, `poll`: cycles in which the processor is awake, for a scan and besides for a read
+    of its snapshot. `length`: cycles from one scan to the next while nobody reads.
+    """
+
+    kind: str
+    taxels: int
+    scan: int
+    length: int
+    poll: int
+
+    @property
+    def budget(self) -> int:
+        """Scan and poll may not take all of the time: the conversions would have to wait."""
+        return self.length
+
+
+class HubCycles(NamedTuple):
+    """Of a hub that streams the whole hand. `poll`: cycles in its I2C interrupts, per poll; `frame`: all others in
+    which the processor is awake, per frame, with those in the UART's interrupts (`uart`). `length`: from one frame to
+    the next.
+    """
+
+    boards: int
+    poll: int
+    frame: int
+    uart: int
+    length: int
+
+    @property
+    def budget(self) -> int:
+        """Poll and frame may not take all of the time: a slower bus would be the price."""
+        return self.length
+
+
+class FirmwareCycles(NamedTuple):
+    """All that was counted; `boards` from the smallest kind to the largest."""
+
+    boards: tuple[BoardCycles, ...]
+    hub: HubCycles
+
+
+def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
+    """(sequence, microseconds) of the snapshot that is there."""
+    _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
+    sequence, time_us = struct.unpack_from("<HI", data)
+    return int(sequence), int(time_us)
+
+
+def _spent(world: VirtualWorld, address: int) -> tuple[int, int]:
+    """(cycles, those awake) so far."""
+    processor = world.processor(address)
+    return processor.cycles, processor.cycles - processor.slept
+
+
+def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
+    """A board of that kind, alone and then polled."""
+    address = board.address
+    with scanning(hand, board, image) as world:
+        world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
+        world.run(0.05)
+        first = _read(world, board)
+        begin = _spent(world, address)
+        world.run(RUN_S)
+        end = _spent(world, address)
+        last = _read(world, board)
+        share = (end[1] - begin[1]) / (end[0] - begin[0])
+        length = (last[1] - first[1]) * CYCLES_PER_US / (last[0] - first[0])
+        begin = _spent(world, address)
+        for _ in range(POLLS):
+            _read(world, board)
+            world.run(POLL_EVERY_S)
+        end = _spent(world, address)
+    poll = (end[1] - begin[1] - share * (end[0] - begin[0])) / POLLS
+    return BoardCycles(board.kind.name, board.kind.taxel_count, round(share * length), round(length), round(poll))
+
+
+def measure_hub(hand: Hand, image: Path) -> HubCycles:
+    """The hub of the whole hand; its boards are emulated natively."""
+    text = world_text(hand, WorldSettings(noise_counts=0.0)) + image_line(0)
+    with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
+
+        def stream(seconds: float) -> int:
+            end, frames = world.now_s + seconds, 0
+            while world.now_s < end:
+                frames += len(skin.poll(0.01))
+            return frames
+
+        stream(0.5)
+        before = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
+        begin = _spent(world, 0)
+        frames = stream(FRAMES_S)
+        end = _spent(world, 0)
+        after = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
+    bus, uart = ((after[name] - before[name]) / frames for name in ("SCB0", "SCB1"))
+    awake, length = (end[1] - begin[1]) / frames, (end[0] - begin[0]) / frames
+    return HubCycles(len(hand.boards), round(bus), round(awake - bus), round(uart), round(length))
+
+
+def measure(images: Path) -> FirmwareCycles:
+    """Every kind of the allegro hand's boards, and its hub. Raises `TaxelError`, OSError."""
+    hand = load_hand("allegro")
+    kinds = {board.kind.name: board for board in hand.boards}
+    ordered = sorted(kinds.values(), key=lambda board: board.kind.taxel_count)
+    boards = tuple(measure_board(hand, board, images / BOARD_IMAGE) for board in ordered)
+    return FirmwareCycles(boards, measure_hub(hand, images / HUB_IMAGE))

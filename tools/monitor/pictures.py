@@ -1,0 +1,105 @@
+"""Make the pictures of docs/how-to-monitor.md: the terminal and the browser, on the emulated hand under five presses.
+
+python tools/monitor/pictures.py [--out docs/images]
+
+Needs chromium, for both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from host.tests.chromium import Page
+from taxel.hand import load_hand
+from taxel.hand.press import Press, press_forces
+from taxel.link import write_stimulus
+from taxel.monitor import Screen, SkinMonitor, SkinReading, open_watched
+from taxel.monitor.web import WebView
+
+WIDTH, HEIGHT = 170, 36
+PRESSES = tuple(
+    Press(board, tx, rx, force_n, start_s, hold_s=60.0, diameter_m=diameter_m)
+    for board, tx, rx, force_n, start_s, diameter_m in (
+        ("palm", 6.0, 5.0, 8.0, 8.0, 0.024),
+        ("fingertip_index", 6.0, 4.0, 3.0, 12.0, 0.012),
+        ("fingertip_thumb", 8.0, 4.0, 5.0, 14.0, 0.018),
+        ("proximal_front_middle", 5.0, 5.0, 5.0, 16.0, 0.016),
+        ("back_of_hand", 3.0, 8.0, 12.0, 18.0, 0.024),
+    )
+)
+END_S = 24.0
+"""Seconds of the skin's clock: all are pressed."""
+
+TITLE = "emulator: · hand allegro"
+QUIET = (
+    "for (const box of document.querySelectorAll('.mantine-Notification-root')) box.remove();"  # no graphics card here
+)
+
+
+def main() -> int:
+    """Write monitor-terminal.png and monitor-web.png."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("docs/images"))
+    out: Path = parser.parse_args().out
+    hand = load_hand("allegro")
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        stimulus = Path(folder) / "presses.stm"
+        write_stimulus(stimulus, *press_forces(hand, PRESSES))
+        with open_watched(f"emulator:?speed=max&stimulus={stimulus}", hand) as skin:
+            monitor = SkinMonitor(skin)
+            with WebView(monitor, TITLE, 0) as view:
+                reading = _watch(monitor, view)
+                with Page(view.url, 1400, 860) as page:
+                    _settle(view, reading, page)
+                    page.picture()
+                    (out / "monitor-web.png").write_bytes(page.png)
+    console = Console(
+        file=io.StringIO(), width=WIDTH, height=HEIGHT, record=True, color_system="truecolor", force_terminal=True
+    )
+    console.print(Screen(hand, TITLE, monitor.threshold).draw(reading, WIDTH, HEIGHT), soft_wrap=True)
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        drawing = Path(folder) / "terminal.svg"
+        console.save_svg(str(drawing), title="taxel monitor")
+        with Page(drawing.as_uri(), 1400, 640) as page:
+            time.sleep(2.0)
+            page.picture()
+            (out / "monitor-terminal.png").write_bytes(page.png)
+    return 0
+
+
+def _watch(monitor: SkinMonitor, view: WebView) -> SkinReading:
+    """Ten readings a second of the skin's clock, until all is pressed."""
+    due_s = 0.0
+    while True:
+        for frame in monitor.skin.poll():
+            monitor.take([frame], time.monotonic())
+            if frame.time_s >= due_s:
+                reading = monitor.read(time.monotonic())
+                view.draw(reading)
+                due_s = frame.time_s + 0.1
+                if due_s > END_S:
+                    return reading
+
+
+def _settle(view: WebView, reading: SkinReading, page: Page) -> None:
+    """Until the page shows the reading."""
+    for _ in range(100):
+        view.draw(reading)
+        time.sleep(0.3)
+        if "back of hand" in page.text():
+            break
+    page.value(QUIET)
+    time.sleep(5.0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
