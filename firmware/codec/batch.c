@@ -8,6 +8,7 @@
 #define STEP (TAXEL_BATCH_CHUNK_SIZE / 2u)
 #define SEARCHED_MAX (TAXEL_BATCH_CHUNK_SIZE + STEP)
 #define FRAMES_MAX (SEARCHED_MAX / 12u)
+#define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX) /* the shortest compact one is 30, and may have all taxels */
 
 size_t taxel_batch_struct_size(void)
 {
@@ -27,6 +28,56 @@ static uint16_t missing_between(uint16_t cycles, uint16_t scans)
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
+/* What does not come from the snapshot, and whether a cycle is missing before it. A board may be polled while it codes: it has
+ * nothing to say then, and a newer scan in the next cycle, so that one scan (`unshown`) passed over says nothing. */
+static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
+                    uint16_t unshown)
+{
+    const uint8_t address = header->address;
+    row->address = address;
+    row->cycle = header->cycle;
+    row->hub_time_us = header->hub_time_us;
+    if (batch->has_cycle[address]) {
+        const uint16_t scans = (uint16_t)(row->board_sequence - batch->last_scan[address]);
+        row->missing_before = missing_between((uint16_t)(header->cycle - batch->last_cycle[address]),
+                                              scans > unshown ? (uint16_t)(scans - unshown) : 0);
+        batch->totals.missing[address] += row->missing_before;
+    }
+    batch->has_cycle[address] = true;
+    batch->last_cycle[address] = header->cycle;
+    batch->last_scan[address] = row->board_sequence;
+}
+
+static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
+{
+    struct taxel_batch_output *output = batch->output;
+    struct taxel_taxel_header header;
+    struct taxel_compact_snapshot snapshot;
+    const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
+    taxel_taxel_header_unpack(&header, frame->payload);
+    row->board_sequence = taxel_get_u16(bytes + TAXEL_COMPACT_HEADER_OFFSET_SEQUENCE);
+    row->offset = (uint32_t)output->count_count;
+    switch (taxel_compact_receive(&batch->receivers[header.address], header.address, header.taxel_count, bytes,
+                                  (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot)) {
+    case TAXEL_COMPACT_OK:
+        row->board_time_us = snapshot.timestamp_us;
+        row->size = header.taxel_count;
+        memcpy(output->counts + output->count_count, snapshot.counts, header.taxel_count * sizeof snapshot.counts[0]);
+        output->count_count += header.taxel_count;
+        batch->totals.received[header.address]++;
+        break;
+    case TAXEL_COMPACT_UNKNOWN:
+        row->flags |= TAXEL_BATCH_NO_REFERENCE;
+        batch->totals.undecoded[header.address]++;
+        break;
+    default:
+        row->flags |= TAXEL_BATCH_BOARD_CRC_BAD;
+        batch->totals.damaged[header.address]++;
+        break;
+    }
+    account(batch, row, &header, 1);
+}
+
 /* restrict: without it every count is read, written and checked against the next by itself. */
 static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict bytes, size_t size)
 {
@@ -44,9 +95,6 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     const size_t snapshot_size = (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE;
     taxel_taxel_header_unpack(&header, frame->payload);
     taxel_snapshot_header_unpack(&snapshot, bytes);
-    row->address = header.address;
-    row->cycle = header.cycle;
-    row->hub_time_us = header.hub_time_us;
     row->board_sequence = snapshot.sequence;
     row->board_time_us = snapshot.timestamp_us;
     row->offset = (uint32_t)output->count_count;
@@ -60,14 +108,7 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     } else {
         batch->totals.received[header.address]++;
     }
-    if (batch->has_cycle[header.address]) {
-        row->missing_before = missing_between((uint16_t)(header.cycle - batch->last_cycle[header.address]),
-                                              (uint16_t)(snapshot.sequence - batch->last_scan[header.address]));
-        batch->totals.missing[header.address] += row->missing_before;
-    }
-    batch->has_cycle[header.address] = true;
-    batch->last_cycle[header.address] = header.cycle;
-    batch->last_scan[header.address] = snapshot.sequence;
+    account(batch, row, &header, 0);
 }
 
 /* A hub that has started greets of itself: tag 0, and its first frame. */
@@ -101,16 +142,18 @@ static void store(void *context, const struct taxel_frame *frame)
 {
     struct taxel_batch *batch = context;
     struct taxel_batch_output *output = batch->output;
-    const bool is_taxels = frame->type == TAXEL_FRAME_TYPE_TAXELS;
+    const bool is_compact = frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS;
+    const bool is_taxels = is_compact || frame->type == TAXEL_FRAME_TYPE_TAXELS;
     struct taxel_batch_row *row =
         is_taxels ? &output->taxels[output->taxel_count++] : &output->others[output->other_count++];
     memset(row, 0, sizeof *row);
     row->stream_position = batch->deframer.position;
     row->type = frame->type;
     row->sequence = frame->sequence;
+    row->length = frame->length;
     count_sequence(batch, row, frame);
     if (is_taxels) {
-        store_taxels(batch, row, frame);
+        (is_compact ? store_compact : store_taxels)(batch, row, frame);
         return;
     }
     row->offset = (uint32_t)output->payload_count;
@@ -140,13 +183,13 @@ static void set_output(struct taxel_batch *batch, struct taxel_batch_output *out
     output->taxel_count = output->other_count = output->count_count = output->payload_count = 0;
 }
 
-/* n stuffed bytes decode to fewer than n bytes of payload, and half as many counts. */
+/* n stuffed bytes decode to fewer than n bytes of payload. */
 static bool has_room(const struct taxel_batch *batch)
 {
     const struct taxel_batch_output *output = batch->output;
     return output->row_capacity - output->taxel_count > FRAMES_MAX &&
            output->row_capacity - output->other_count > FRAMES_MAX &&
-           output->count_capacity - output->count_count > SEARCHED_MAX / 2u &&
+           output->count_capacity - output->count_count > COUNTS_MAX &&
            output->payload_capacity - output->payload_count > SEARCHED_MAX;
 }
 
@@ -179,6 +222,26 @@ const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *ba
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
 {
     return batch->deframer.discarded_bytes;
+}
+
+size_t taxel_batch_answers(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
+{
+    size_t size = 0;
+    for (unsigned address = 0; address < TAXEL_BATCH_ADDRESSES; address++) {
+        struct taxel_compact_receiver *receiver = &batch->receivers[address];
+        if (receiver->answer == TAXEL_COMPACT_ANSWER_NONE || size + TAXEL_ACKNOWLEDGEMENT_SIZE > capacity) {
+            continue;
+        }
+        const bool forget = receiver->answer == TAXEL_COMPACT_ANSWER_FORGET;
+        const struct taxel_acknowledgement answer = {
+            .address = (uint8_t)(address | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u)),
+            .reference = forget ? 0 : receiver->candidate.name,
+        };
+        taxel_acknowledgement_pack(&answer, payload + size);
+        size += TAXEL_ACKNOWLEDGEMENT_SIZE;
+        receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
+    }
+    return size;
 }
 
 size_t taxel_batch_encode(uint8_t type, uint16_t sequence, const uint8_t *payload, uint16_t length, uint8_t *out,

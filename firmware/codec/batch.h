@@ -5,12 +5,14 @@
 
 #include <stdbool.h>
 
+#include "codec/compact_receiver.h"
 #include "codec/deframer.h"
 #include "generated/taxel_protocol.h"
 
 enum taxel_batch_flag {
     TAXEL_BATCH_BOARD_CRC_BAD = 1, /* hub and wire were right, the board's own CRC-32 is not */
     TAXEL_BATCH_HUB_RESTARTED = 2, /* a greeting with sequence 0: the hub counts anew from here */
+    TAXEL_BATCH_NO_REFERENCE = 4,  /* a compact snapshot, coded against what this host does not have: no counts */
 };
 
 /* One frame. For a taxel frame `offset` and `size` are an index and a number of counts; for others, of payload bytes. */
@@ -29,6 +31,7 @@ struct taxel_batch_row {
     uint8_t address;
     uint8_t flags;
     uint8_t reserved;
+    uint16_t length; /* of the payload */
 };
 
 /* Where a call puts what it decodes, and how much that was: the arrays are the caller's. */
@@ -52,6 +55,7 @@ struct taxel_batch_totals {
     uint64_t received[TAXEL_BATCH_ADDRESSES]; /* taxel frames of each board */
     uint64_t missing[TAXEL_BATCH_ADDRESSES];  /* frames that should have come between two that did */
     uint64_t damaged[TAXEL_BATCH_ADDRESSES];  /* the board's own CRC was wrong */
+    uint64_t undecoded[TAXEL_BATCH_ADDRESSES]; /* coded against a reference that is not known here */
 };
 
 struct taxel_batch {
@@ -63,6 +67,7 @@ struct taxel_batch {
     bool has_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_scan[TAXEL_BATCH_ADDRESSES];
+    struct taxel_compact_receiver receivers[TAXEL_BATCH_ADDRESSES];
     uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE];
     uint8_t body[TAXEL_BODY_MAX];
 };
@@ -79,6 +84,10 @@ bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *ou
 void taxel_batch_forget_cycles(struct taxel_batch *batch);
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);
+
+/* Payload of an ACKNOWLEDGE frame with what boards wait for, `capacity` bytes at most; returns its length, 0: nothing to say.
+ * What was fetched counts as sent. */
+size_t taxel_batch_answers(struct taxel_batch *batch, uint8_t *payload, size_t capacity);
 
 /* Encode one frame into `out`; returns its bytes on the wire, or 0 if `capacity` is too small. */
 size_t taxel_batch_encode(uint8_t type, uint16_t sequence, const uint8_t *payload, uint16_t length, uint8_t *out,

@@ -40,6 +40,7 @@ static void start_application(struct board_node *board)
 void board_after_boot(struct board_node *board, enum boot_node_outcome outcome)
 {
     board->conversion_end = VTIME_NEVER;
+    board->compact_end = VTIME_NEVER;
     switch (outcome) {
     case BOOT_NODE_STARTS:
         start_application(board);
@@ -61,6 +62,7 @@ void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cau
 {
     board->powered = on;
     board->conversion_end = VTIME_NEVER;
+    board->compact_end = VTIME_NEVER;
     board->restart_wanted = false;
     board->hold_clocks = 0; /* a board without power, or at its start, lets go of the lines */
     board->scl_held_until = 0;

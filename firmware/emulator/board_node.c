@@ -178,6 +178,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
     boot_node_init(board->boot, world, description);
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
+    board->compact_end = VTIME_NEVER;
     random_init(&board->random, world->seed, description->address);
     front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->random);
     fill_taxel_table(board);
@@ -204,6 +205,12 @@ int board_node_init(struct board_node *board, const struct board_description *de
         .crossing_map = description->crossing_map,
         .settings = world->scan,
         .snapshots = {board->snapshots[0], board->snapshots[1], board->snapshots[2]},
+        .compact =
+            {
+                .states = board->compact_states,
+                .residuals = board->compact_residuals,
+                .buffers = {board->compact_buffers[0], board->compact_buffers[1]},
+            },
     };
     memcpy(board->config.firmware_version, description->firmware_version, sizeof description->firmware_version);
     memcpy(board->config.unique_id, description->unique_id, sizeof description->unique_id);
@@ -265,6 +272,38 @@ static vtime from(const struct board_node *board, vtime time)
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - cycles(board, COST_TAIL_CHAIN) : 0);
 }
 
+/* The CPU is busy with an interrupt: the main loop comes to its end so much later. */
+static void delay_main_loop(struct board_node *board, vtime by)
+{
+    if (board->compact_end != VTIME_NEVER) {
+        board->compact_end += by;
+    }
+}
+
+/* The main loop begins with what there is to do, once the CPU is free. Coding takes time; exchanging buffers does not. */
+static void start_main_loop(struct board_node *board)
+{
+    if (board->compact_end != VTIME_NEVER || board->runs != RUNS_APPLICATION || !taxel_sensor_has_work(&board->sensor)) {
+        return;
+    }
+    const unsigned taxels = board->description->taxel_count;
+    board->compact_end = board->cpu_free;
+    if (!board->sensor.compact.ready) {
+        board->compact_end += cycles(board, COST_COMPACT + COST_COMPACT_TAXEL * taxels);
+    }
+}
+
+static void run_main_loop(struct board_node *board, vtime until)
+{
+    start_main_loop(board);
+    while (board->compact_end <= until) {
+        board->now = board->compact_end;
+        board->compact_end = VTIME_NEVER;
+        taxel_sensor_run(&board->sensor);
+        start_main_loop(board);
+    }
+}
+
 void board_advance(struct board_node *board, vtime until)
 {
     if (!board->powered) {
@@ -282,12 +321,15 @@ void board_advance(struct board_node *board, vtime until)
         if (start > until) {
             return; /* the CPU is still busy with the bus */
         }
+        run_main_loop(board, start);
         const uint16_t raw = board_convert(board);
         board->interrupt = board->now = start;
         board->cpu_free = start + cycles(board, COST_CONVERSION);
         board->conversion_end = VTIME_NEVER;
         taxel_sensor_on_conversion(&board->sensor, raw);
+        delay_main_loop(board, board->cpu_free - start);
     }
+    run_main_loop(board, until);
 }
 
 vtime board_enter(struct board_node *board, vtime now, unsigned cost)
@@ -295,6 +337,7 @@ vtime board_enter(struct board_node *board, vtime now, unsigned cost)
     board_advance(board, now);
     board->interrupt = board->now = from(board, now);
     board->cpu_free = board->now + cycles(board, cost);
+    delay_main_loop(board, board->cpu_free - board->now);
     return board->now;
 }
 

@@ -36,6 +36,9 @@ struct board_node {
     struct random_source random;
     uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
+    taxel_compact_state compact_states[TAXEL_COMPACT_TAXELS_MAX];
+    uint8_t compact_residuals[TAXEL_COMPACT_TAXELS_MAX];
+    uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(TAXEL_COMPACT_TAXELS_MAX)];
     double clock_rate;
     vtime now; /* while firmware runs: the time it sees */
     struct boot_node *boot;
@@ -48,6 +51,7 @@ struct board_node {
     vtime clock_zero; /* its own clock began then, a little earlier */
     vtime flash_until; /* a row is being written: nothing is acknowledged */
     vtime cpu_free;
+    vtime compact_end; /* when the main loop is through with what it does for compact snapshots */
     vtime conversion_end;
     vtime interrupt;  /* when the interrupt that starts the next conversion began */
     uint16_t crossing; /* of the conversion under way */

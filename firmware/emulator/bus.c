@@ -342,6 +342,9 @@ static void end_read(struct bus *bus)
         return;
     }
     bus->transfer.read_bytes[bus->index++] = bus->byte;
+    if (bus->transfer.counted && bus->index == 1u) {
+        bus->transfer.read_size = 1u + taxel_i2c_counted_rest(&bus->transfer, bus->byte);
+    }
     if (bus->index < bus->transfer.read_size) {
         next_byte(bus, BUS_READ, released);
     } else {

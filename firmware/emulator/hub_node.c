@@ -6,7 +6,6 @@
 #include "emulator/costs.h"
 #include "emulator/hub_cortex.h"
 
-static const uint8_t firmware_version[3] = WORLD_FIRMWARE_VERSION;
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
 static vtime cycles(const struct hub_node *node, double count)
@@ -137,6 +136,8 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
     };
     node->config = (struct taxel_hub_config){
         .hal = &node->hal,
+        .firmware_version = node->firmware_version,
+        .unique_id = unique_id,
         .scl_hz = (uint32_t)world->scl_hz,
         .slots = node->slots,
         .slot_capacity = HUB_SLOTS,
@@ -145,8 +146,6 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
         .transmit_ring = node->transmit_ring,
         .transmit_ring_size = HUB_TRANSMIT_RING,
     };
-    memcpy(node->config.firmware_version, firmware_version, sizeof firmware_version);
-    memcpy(node->config.unique_id, unique_id, sizeof unique_id);
     boot_node_init_hub(&node->boot, world, unique_id);
     return world->hub_image ? hub_cortex_open(node, world) : 0;
 }
@@ -161,10 +160,9 @@ static void start_application(struct hub_node *node)
     node->runs = RUNS_APPLICATION;
     node->has_confirmed = false;
     node->booted = node->now = node->cpu_free = node->wake = node->boot.now;
-    node->config.reset_cause = node->boot.cause;
-    memcpy(node->config.firmware_version, boot_node_version(&node->boot), sizeof node->config.firmware_version);
+    memcpy(node->firmware_version, boot_node_version(&node->boot), sizeof node->firmware_version);
     node->uart->user = (struct uart_user){.context = &node->hub, .on_byte = to_hub, .pull = from_hub};
-    taxel_hub_init(&node->hub, &node->config);
+    taxel_hub_init(&node->hub, &node->config, node->boot.cause);
 }
 
 static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)

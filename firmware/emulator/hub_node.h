@@ -10,8 +10,8 @@
 #include "hub/hub.h"
 
 #define HUB_SLOTS 32u
-#define HUB_TRANSFER_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
-#define HUB_TRANSMIT_RING 1280u
+#define HUB_TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX))
+#define HUB_TRANSMIT_RING 256u
 
 struct hub_node {
     struct boot_node boot;
@@ -21,6 +21,7 @@ struct hub_node {
     bool has_confirmed;
     struct taxel_hub hub;
     struct taxel_hub_config config;
+    uint8_t firmware_version[3];
     struct taxel_hub_hal hal;
     struct taxel_hub_slot slots[HUB_SLOTS];
     uint8_t transfer_buffers[2][HUB_TRANSFER_BUFFER];

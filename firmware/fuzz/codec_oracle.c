@@ -9,8 +9,8 @@ struct type_rule {
 
 /* SPEC.md, "Frame types". */
 static const struct type_rule type_rules[] = {
-    {0x01, 0, 24, 24}, {0x02, 1, 20, 498}, {0x08, 0, 42, 42}, {0x09, 1, 39, 39}, {0x0A, 0, 66, 66}, {0x0B, 1, 10, 10},
-    {0x0C, 1, 13, 13}, {0x0D, 0, 7, 71},   {0x0E, 0, 3, 131}, {0x81, 0, 3, 3},   {0x82, 0, 2, 68},
+    {0x01, 0, 24, 24}, {0x02, 1, 20, 498}, {0x03, 1, 20, 496}, {0x08, 0, 42, 42}, {0x09, 1, 39, 39}, {0x0A, 0, 66, 66}, {0x0B, 1, 10, 10},
+    {0x0C, 1, 13, 13}, {0x0D, 0, 7, 71},   {0x0E, 0, 3, 131}, {0x81, 0, 3, 3},   {0x82, 0, 2, 68}, {0x83, 0, 3, 66},
 };
 
 static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
@@ -138,12 +138,14 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     const uint16_t cycle = u16_at(payload + 2), scan = u16_at(payload + 8);
     const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + 8, frame->length - 12u);
     const bool is_damaged = crc != u32_at(payload + frame->length - 4);
+    oracle->has_compact = oracle->has_compact || (frame->type == 0x03 && !is_damaged);
     frame->flags |= is_damaged ? TAXEL_BATCH_BOARD_CRC_BAD : 0;
     totals->damaged[address] += is_damaged;
     totals->received[address] += !is_damaged;
     if (memory[address].known) {
         const uint16_t cycles = (uint16_t)(cycle - memory[address].cycle), scans = (uint16_t)(scan - memory[address].scan);
-        const uint16_t steps = cycles < scans ? cycles : scans;
+        const uint16_t shown = frame->type == 0x03 && scans ? (uint16_t)(scans - 1) : scans;
+        const uint16_t steps = cycles < shown ? cycles : shown;
         frame->missing_before = steps ? (uint16_t)(steps - 1) : 0;
         totals->missing[address] += frame->missing_before;
     }
@@ -163,7 +165,7 @@ static void count_losses(struct oracle *oracle)
             frame->lost_before = (uint16_t)(frame->sequence - oracle->frames[i - 1].sequence - 1);
             oracle->totals.lost += frame->lost_before;
         }
-        if (frame->type == 0x02) {
+        if (frame->type == 0x02 || frame->type == 0x03) {
             count_board(oracle, frame, memory);
         }
     }
@@ -175,6 +177,7 @@ void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uin
     size_t start = 0;
     oracle->frame_count = oracle->payload_size = 0;
     oracle->discarded_bytes = 0;
+    oracle->has_compact = false;
     memset(&oracle->totals, 0, sizeof oracle->totals);
     while (start < size) {
         const uint8_t *zero = memchr(bytes + start, 0, size - start);

@@ -22,6 +22,7 @@ struct oracle {
     uint8_t payloads[ORACLE_STREAM_MAX];
     size_t payload_size;
     uint64_t discarded_bytes;
+    bool has_compact; /* with a right CRC of the board */
     struct taxel_batch_totals totals;
 };
 

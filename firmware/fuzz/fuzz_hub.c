@@ -44,6 +44,7 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     const size_t more = what & 0x80u ? what >> 4 & 7u : 0; /* longer than it should be, or bytes to write */
     const size_t size = 2u + lengths[what & 15u] + more * (more == 7u ? 8u : 1u);
     (void)fuzz_bytes(input, payload + 2, size - 2u);
+    bench.wants_compact = bench.wants_compact || (payload[1] == TAXEL_COMMAND_START && size == 3u && payload[2] == 1u);
     return bench_frame(TAXEL_FRAME_TYPE_COMMAND, payload, size, wire, WIRE_MAX);
 }
 
@@ -62,6 +63,16 @@ static void send_command(struct fuzz_input *input, uint8_t form)
         untidy = true;
     }
     bench_receive(wire, size);
+}
+
+static void send_acknowledge(struct fuzz_input *input, size_t count)
+{
+    uint8_t wire[WIRE_MAX], payload[3u * 8u];
+    (void)fuzz_bytes(input, payload, sizeof payload);
+    for (size_t i = 0; i < count; i++) {
+        payload[3u * i] = (payload[3u * i] & 0x80u) | bench.boards[payload[3u * i] % BENCH_BOARDS].address;
+    }
+    bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_ACKNOWLEDGE, payload, 3u * count, wire, sizeof wire));
 }
 
 static void send_hello(struct fuzz_input *input)
@@ -150,7 +161,11 @@ static void event(struct fuzz_input *input)
         run(high >> 2);
         break;
     case 9:
-        send_hello(input);
+        if (high & 8u) {
+            send_acknowledge(input, 1u + (high & 7u));
+        } else {
+            send_hello(input);
+        }
         break;
     case 10:
         bench_pull((size_t)fuzz_u8(input) << (high & 3u));

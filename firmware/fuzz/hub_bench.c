@@ -57,12 +57,17 @@ static void end_transfer(void)
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
-    const uint8_t *const *buffers = (const uint8_t *const *)bench.config.transfer_buffers;
+    uint8_t *const *const buffers = bench.config.transfer_buffers;
+    const struct taxel_hub *const hub = &bench.hub;
     FUZZ_CHECK(bench.done_us == BENCH_NEVER && bench.scl && bench.sda);
     FUZZ_CHECK(transfer->address >= TAXEL_ADDRESS_MIN);
     FUZZ_CHECK(transfer->address <= TAXEL_ADDRESS_MAX);
-    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= bench.config.transfer_buffer_size);
-    FUZZ_CHECK(transfer->read_bytes == buffers[0] || transfer->read_bytes == buffers[1]);
+    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= taxel_hub_read_max(hub) + transfer->counted);
+    const unsigned which = transfer->read_bytes >= buffers[1] && transfer->read_bytes < buffers[1] + bench.config.transfer_buffer_size;
+    const size_t place = (size_t)(transfer->read_bytes - buffers[which]);
+    FUZZ_CHECK(place + transfer->counted == TAXEL_HUB_HEADROOM || (place == TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && transfer->read_size == 12));
+    FUZZ_CHECK(place + transfer->read_size + TAXEL_HUB_TAILROOM <= bench.config.transfer_buffer_size);
+    FUZZ_CHECK(!(hub->outbox.large_left && hub->outbox.large_buffer == which) && !(hub->unframed.size && hub->unframed.buffer == which));
     bench.transfer = *transfer;
     memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
     memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
@@ -157,9 +162,10 @@ static void on_frame(void *context, const struct taxel_frame *frame)
 {
     const uint8_t *payload = frame->payload;
     (void)context;
+    FUZZ_CHECK(frame->type != TAXEL_FRAME_TYPE_COMPACT_TAXELS || bench.wants_compact);
     FUZZ_CHECK(frame->sequence == (uint16_t)bench.frames_pulled);
     bench.frames_pulled++;
-    if (frame->type == TAXEL_FRAME_TYPE_TAXELS) {
+    if (frame->type == TAXEL_FRAME_TYPE_TAXELS || frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
         const size_t size = frame->length - TAXEL_TAXEL_HEADER_SIZE;
         const uint32_t crc = fuzz_crc32(fuzz_crc32(0, payload, 1), payload + TAXEL_TAXEL_HEADER_SIZE, size - 4u);
         FUZZ_CHECK(crc == taxel_get_u32(payload + frame->length - 4));
@@ -201,13 +207,14 @@ static void check_slots(void)
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         const struct taxel_hub_slot *slot = &bench.config.slots[i];
         const bool is_polled = hub->job.slot == i && (hub->job.kind == TAXEL_JOB_POLL || hub->job.kind == TAXEL_JOB_PROBE_SLOT);
-        const unsigned in_flight = (slot->retry ? 1u : 0u) + (is_polled ? 1u : 0u);
+        const bool is_waiting = hub->unframed.size && hub->unframed.slot == i && hub->unframed.type != TAXEL_FRAME_TYPE_BOARD_INFO;
+        const unsigned in_flight = (slot->retry ? 1u : 0u) + (is_polled ? 1u : 0u) + (is_waiting ? 1u : 0u);
         FUZZ_CHECK(in_flight <= 1u);
         FUZZ_CHECK(slot->address >= TAXEL_ADDRESS_MIN && slot->address <= TAXEL_ADDRESS_MAX);
         FUZZ_CHECK(i == 0 || slot->address > slot[-1].address);
-        FUZZ_CHECK(slot->state <= TAXEL_BOARD_STATE_INCOMPATIBLE && slot->polls == ENDED_COUNTERS(slot) + in_flight);
+        FUZZ_CHECK(slot->state <= TAXEL_BOARD_STATE_INCOMPATIBLE && slot->polls == (uint8_t)(ENDED_COUNTERS(slot) + in_flight));
         FUZZ_CHECK(slot->state != TAXEL_BOARD_STATE_STREAMING || (slot->taxel_count >= 1 && slot->taxel_count <= TAXEL_TAXELS_MAX &&
-                   10u + 2u * (size_t)slot->taxel_count <= bench.config.transfer_buffer_size));
+                   10u + 2u * (size_t)slot->taxel_count <= taxel_hub_read_max(hub)));
     }
 }
 
@@ -286,6 +293,7 @@ static void boot(unsigned bus)
     taxel_deframer_init(&bench.deframer, &host);
     bench.config.hal = &hal;
     bench.config.scl_hz = 400000;
+    bench.config.firmware_version = bench.config.unique_id = (const uint8_t *)"12345678";
     bench.config.slots = blocks[bus].slots;
     bench.config.transfer_buffers[0] = blocks[bus].buffers[0];
     bench.config.transfer_buffers[1] = blocks[bus].buffers[1];
@@ -294,7 +302,7 @@ static void boot(unsigned bus)
     bench.now_us = 1000;
     bench.done_us = BENCH_NEVER;
     bench.verdict = BENCH_PROCEED;
-    taxel_hub_init(&bench.hub, &bench.config);
+    taxel_hub_init(&bench.hub, &bench.config, TAXEL_RESET_CAUSE_POWER_ON);
     bench_pass();
 }
 
@@ -307,7 +315,7 @@ static void run_for(uint64_t microseconds)
 
 static void warm_up(enum bench_state state)
 {
-    static const uint8_t hello[3] = {77, 1, 1}, start[2] = {78, TAXEL_COMMAND_START};
+    static const uint8_t hello[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
     uint8_t wire[64];
     if (state >= BENCH_WARM) {
         run_for(60000);

@@ -57,6 +57,7 @@ struct bench {
     bool host_is_held;
     bool host_reads; /* everything, after each pass */
     bool restarted;
+    bool wants_compact; /* the host has sent a START that asks for compact snapshots */
 
     struct taxel_deframer deframer;
     uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)];

@@ -12,19 +12,19 @@ struct bus {
     } devices[BENCH_BOARDS];
 };
 
-#define ROOMY 1280u
-#define LARGEST TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXEL_TAXELS_MAX
+#define ROOMY 256u
+#define LARGEST (TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXEL_TAXELS_MAX)
 
 static const struct bus buses[BENCH_BUSES] = {
     {4, LARGEST, ROOMY, {{0x20, 2, false}}},
     {8, LARGEST, ROOMY, {{0x10, 2, false}, {0x20, 63, false}, {0x30, 5, false}}},
     {4, LARGEST, ROOMY, {{0x08, 123, false}, {0x20, 3, false}, {0x21, 4, false}, {0x77, 12, false}}},
-    {4, LARGEST, 272, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* as little room as a ring may have */
-    {1, 64, 400, {{0}}},
+    {4, LARGEST, 236, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* as little room as a ring may have */
+    {1, 112, 400, {{0}}},
     {2, LARGEST, ROOMY, {{0x20, 4, false}, {0x40, 0, true}, {0x41, 0, true}}}, /* more devices than slots */
     {32, LARGEST, ROOMY,
      {{0x11, 7, false}, {0x12, 7, false}, {0x13, 7, false}, {0x14, 7, false}, {0x15, 7, false}, {0x16, 7, false}}},
-    {3, 70, 500, {{0x20, 30, false}, {0x21, 31, false}, {0x22, 5, false}}}, /* one is too large for the buffers */
+    {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}}, /* one is too large for the buffers */
 };
 
 void bench_populate(unsigned bus)
@@ -32,7 +32,7 @@ void bench_populate(unsigned bus)
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
     const struct bus *chosen = &buses[bus];
     bench.config.slot_capacity = chosen->slot_capacity;
-    bench.config.transfer_buffer_size = chosen->buffer_size;
+    bench.config.transfer_buffer_size = TAXEL_HUB_BUFFER_SIZE(chosen->buffer_size);
     bench.config.transmit_ring_size = chosen->ring_size;
     for (size_t i = 0; i < BENCH_BOARDS; i++) {
         struct bench_board *board = &bench.boards[i];
@@ -83,6 +83,25 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + size - 4, crc_with_address(board, bytes, size - 4));
 }
 
+/* Packed with 16 bits, or coded, or nothing new: the hub forwards what has a good CRC. */
+static size_t read_compact(struct bench_board *board, uint8_t *bytes)
+{
+    const bool is_coded = board->sequence & 1u;
+    const size_t size = is_coded ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
+    if (board->holds_scan) {
+        bytes[0] = 0;
+        return 1;
+    }
+    board->sequence++;
+    bytes[0] = (uint8_t)(size < 0x80u ? size : 0x80u + size / 4u);
+    memset(bytes + 1, 0x55, size);
+    fuzz_put_u16(bytes + 1, board->sequence);
+    bytes[3] = is_coded ? 0 : 16;
+    fuzz_put_u32(bytes + (is_coded ? 6 : 4), (uint32_t)bench.now_us + board->clock_offset_us);
+    fuzz_put_u32(bytes + 1 + size - 4, crc_with_address(board, bytes + 1, size - 4));
+    return 1u + size;
+}
+
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
     uint8_t registers[LARGEST];
@@ -104,6 +123,9 @@ static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
         memcpy(registers, board->settings, 8);
         fuzz_put_u32(registers + 8, crc_with_address(board, registers, 8));
         known = 12;
+        break;
+    case 0xA0:
+        known = read_compact(board, registers);
         break;
     case 0x80:
         read_snapshot(board, registers);

@@ -5,9 +5,10 @@
 #include <stdint.h>
 #include <string.h>
 
-#define TAXEL_PROTOCOL_VERSION 1u
+#define TAXEL_PROTOCOL_VERSION 2u
 #define TAXEL_PROTOCOL_VERSION_MIN 1u
-#define TAXEL_REGISTER_MAP_VERSION 1u
+#define TAXEL_REGISTER_MAP_VERSION 2u
+#define TAXEL_REGISTER_MAP_VERSION_MIN 1u
 #define TAXEL_WHO_AM_I 84u
 #define TAXEL_ADDRESS_MIN 8u
 #define TAXEL_ADDRESS_MAX 119u
@@ -16,6 +17,18 @@
 #define TAXEL_SMBUS_BLOCK 32u
 #define TAXEL_CROSSING_MAP_SIZE 32u
 #define TAXEL_SNAPSHOT_OVERHEAD 10u
+#define TAXEL_COMPACT_OVERHEAD_MIN 11u
+#define TAXEL_COMPACT_OVERHEAD_CODED 12u
+#define TAXEL_COMPACT_TAXELS_MAX 238u
+#define TAXEL_COMPACT_SIZE_MAX 488u
+#define TAXEL_COMPACT_LENGTH_FINE 128u
+#define TAXEL_COMPACT_LENGTH_STEP 4u
+#define TAXEL_COMPACT_WIDTH_MASK 31u
+#define TAXEL_COMPACT_START_MASK 96u
+#define TAXEL_COMPACT_START_SHIFT 5u
+#define TAXEL_COMPACT_CANDIDATE 128u
+#define TAXEL_ACKNOWLEDGE_FORGET 128u
+#define TAXEL_ACKNOWLEDGE_MAX 22u
 #define TAXEL_TRANSFER_MAX 64u
 #define TAXEL_BOOTLOADER_KEY 1414483778u
 #define TAXEL_LOG_TEXT_MAX 64u
@@ -35,13 +48,37 @@
 #define TAXEL_REGISTER_SNAPSHOT 128u
 #define TAXEL_REGISTER_SNAPSHOT_LAST 143u
 #define TAXEL_REGISTER_COMPACT 160u
-#define TAXEL_REGISTER_COMPACT_LAST 175u
+#define TAXEL_COMPACT_FRACTION_BITS 6u
+#define TAXEL_COMPACT_MEAN_MAX 4194303u
+#define TAXEL_COMPACT_LEVEL_BITS 10u
+#define TAXEL_COMPACT_LEVEL_MAX 1023u
+#define TAXEL_COMPACT_LEVEL_START 384u
+#define TAXEL_COMPACT_LEVEL_START_STEP 128u
+#define TAXEL_COMPACT_TOTAL_BITS 16u
+#define TAXEL_COMPACT_ESCAPE 128u
+#define TAXEL_COMPACT_UNIT 1024u
+#define TAXEL_COMPACT_REACH 8192u
+#define TAXEL_COMPACT_STEP_BITS 7u
+#define TAXEL_COMPACT_JUMP 6144u
+#define TAXEL_COMPACT_CLIP 4096u
+#define TAXEL_COMPACT_COARSE_OCTAVE 8u
+#define TAXEL_COMPACT_MULTIPLIERS \
+    {256, 235, 215, 197, 181, 166, 152, 140}
+#define TAXEL_COMPACT_GAINS \
+    {128, 85, 64, 51, 42, 36, 32, 28, 25, 23, 21, 19, 18, 17, 16}
+#define TAXEL_COMPACT_MEAN_DEVIATION 1283u
+#define TAXEL_COMPACT_LEVEL_STEP 92u
+#define TAXEL_COMPACT_CUMULATIVE \
+    {0, 3243, 6435, 9530, 12483, 15258, 17824, 20162, 22258, 24109, 25718, 27095, 28255, 29218, 30005, 30638, \
+     31139, 31531, 31832, 32060, 32230, 32356, 32447, 32512, 32559, 32591, 32614, 32630, 32642, 32650, 32656, 32660, \
+     32664, 32666, 32669, 32671, 32673, 32675, 32676, 32678, 32679, 32681, 32682, 32684, 32685, 32686, 32688, 32689, \
+     32690, 32691, 32692, 32693, 32694, 32695, 32696, 32697, 32698, 32699, 32699, 32700, 32701, 32702, 32703, 32703, \
+     32704}
 
 enum taxel_frame_type {
     TAXEL_FRAME_TYPE_HUB_HELLO = 0x01,
     TAXEL_FRAME_TYPE_TAXELS = 0x02,
-    TAXEL_FRAME_TYPE_COMPACT_FIRST = 0x03,
-    TAXEL_FRAME_TYPE_COMPACT_LAST = 0x07,
+    TAXEL_FRAME_TYPE_COMPACT_TAXELS = 0x03,
     TAXEL_FRAME_TYPE_HUB_STATUS = 0x08,
     TAXEL_FRAME_TYPE_BOARD_STATUS = 0x09,
     TAXEL_FRAME_TYPE_BOARD_INFO = 0x0A,
@@ -51,6 +88,7 @@ enum taxel_frame_type {
     TAXEL_FRAME_TYPE_REPLY = 0x0E,
     TAXEL_FRAME_TYPE_HOST_HELLO = 0x81,
     TAXEL_FRAME_TYPE_COMMAND = 0x82,
+    TAXEL_FRAME_TYPE_ACKNOWLEDGE = 0x83,
 };
 
 enum taxel_command {
@@ -65,6 +103,10 @@ enum taxel_command {
     TAXEL_COMMAND_GET_BOARD_INFO = 0x09,
     TAXEL_COMMAND_GET_TIME = 0x0A,
     TAXEL_COMMAND_ENTER_BOOTLOADER = 0x0B,
+};
+
+enum taxel_start_flag {
+    TAXEL_START_FLAG_COMPACT = 0x01,
 };
 
 enum taxel_reply_status {
@@ -173,6 +215,13 @@ static inline uint32_t taxel_get_u32(const uint8_t *bytes)
 static inline uint64_t taxel_get_u64(const uint8_t *bytes)
 {
     return (uint64_t)taxel_get_u32(bytes) | ((uint64_t)taxel_get_u32(bytes + 4) << 32);
+}
+
+/* Bytes of the compact snapshot whose first byte on the bus is `length`. */
+static inline uint16_t taxel_compact_size(uint8_t length)
+{
+    const unsigned steps = length - TAXEL_COMPACT_LENGTH_FINE;
+    return (uint16_t)(length < TAXEL_COMPACT_LENGTH_FINE ? length : steps * TAXEL_COMPACT_LENGTH_STEP);
 }
 
 #define TAXEL_IDENTITY_SIZE 58u
@@ -401,6 +450,86 @@ static inline void taxel_snapshot_header_unpack(struct taxel_snapshot_header *va
 {
     value->sequence = taxel_get_u16(bytes + 0);
     value->timestamp_us = taxel_get_u32(bytes + 2);
+}
+
+#define TAXEL_COMPACT_HEADER_SIZE 3u
+#define TAXEL_COMPACT_HEADER_OFFSET_SEQUENCE 0u
+#define TAXEL_COMPACT_HEADER_OFFSET_FORM 2u
+struct taxel_compact_header {
+    uint16_t sequence;
+    uint8_t form;
+};
+static inline void taxel_compact_header_pack(const struct taxel_compact_header *value, uint8_t *bytes)
+{
+    taxel_put_u16(bytes + 0, value->sequence);
+    taxel_put_u8(bytes + 2, value->form);
+}
+static inline void taxel_compact_header_unpack(struct taxel_compact_header *value, const uint8_t *bytes)
+{
+    value->sequence = taxel_get_u16(bytes + 0);
+    value->form = taxel_get_u8(bytes + 2);
+}
+
+#define TAXEL_COMPACT_PACKED_SIZE 7u
+#define TAXEL_COMPACT_PACKED_OFFSET_SEQUENCE 0u
+#define TAXEL_COMPACT_PACKED_OFFSET_FORM 2u
+#define TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US 3u
+struct taxel_compact_packed {
+    uint16_t sequence;
+    uint8_t form;
+    uint32_t timestamp_us;
+};
+static inline void taxel_compact_packed_pack(const struct taxel_compact_packed *value, uint8_t *bytes)
+{
+    taxel_put_u16(bytes + 0, value->sequence);
+    taxel_put_u8(bytes + 2, value->form);
+    taxel_put_u32(bytes + 3, value->timestamp_us);
+}
+static inline void taxel_compact_packed_unpack(struct taxel_compact_packed *value, const uint8_t *bytes)
+{
+    value->sequence = taxel_get_u16(bytes + 0);
+    value->form = taxel_get_u8(bytes + 2);
+    value->timestamp_us = taxel_get_u32(bytes + 3);
+}
+
+#define TAXEL_COMPACT_CODED_SIZE 8u
+#define TAXEL_COMPACT_CODED_OFFSET_SEQUENCE 0u
+#define TAXEL_COMPACT_CODED_OFFSET_FORM 2u
+#define TAXEL_COMPACT_CODED_OFFSET_REFERENCE 3u
+#define TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW 5u
+struct taxel_compact_coded {
+    uint16_t sequence;
+    uint8_t form;
+    uint16_t reference;
+    uint8_t timestamp_low[3];
+};
+static inline void taxel_compact_coded_pack(const struct taxel_compact_coded *value, uint8_t *bytes)
+{
+    taxel_put_u16(bytes + 0, value->sequence);
+    taxel_put_u8(bytes + 2, value->form);
+    taxel_put_u16(bytes + 3, value->reference);
+    memcpy(bytes + 5, value->timestamp_low, 3);
+}
+static inline void taxel_compact_coded_unpack(struct taxel_compact_coded *value, const uint8_t *bytes)
+{
+    value->sequence = taxel_get_u16(bytes + 0);
+    value->form = taxel_get_u8(bytes + 2);
+    value->reference = taxel_get_u16(bytes + 3);
+    memcpy(value->timestamp_low, bytes + 5, 3);
+}
+
+#define TAXEL_COMPACT_ACKNOWLEDGE_SIZE 2u
+#define TAXEL_COMPACT_ACKNOWLEDGE_OFFSET_REFERENCE 0u
+struct taxel_compact_acknowledge {
+    uint16_t reference;
+};
+static inline void taxel_compact_acknowledge_pack(const struct taxel_compact_acknowledge *value, uint8_t *bytes)
+{
+    taxel_put_u16(bytes + 0, value->reference);
+}
+static inline void taxel_compact_acknowledge_unpack(struct taxel_compact_acknowledge *value, const uint8_t *bytes)
+{
+    value->reference = taxel_get_u16(bytes + 0);
 }
 
 #define TAXEL_HOST_HELLO_SIZE 3u
@@ -817,6 +946,38 @@ static inline void taxel_command_header_unpack(struct taxel_command_header *valu
     value->command = taxel_get_u8(bytes + 1);
 }
 
+#define TAXEL_ACKNOWLEDGEMENT_SIZE 3u
+#define TAXEL_ACKNOWLEDGEMENT_OFFSET_ADDRESS 0u
+#define TAXEL_ACKNOWLEDGEMENT_OFFSET_REFERENCE 1u
+struct taxel_acknowledgement {
+    uint8_t address;
+    uint16_t reference;
+};
+static inline void taxel_acknowledgement_pack(const struct taxel_acknowledgement *value, uint8_t *bytes)
+{
+    taxel_put_u8(bytes + 0, value->address);
+    taxel_put_u16(bytes + 1, value->reference);
+}
+static inline void taxel_acknowledgement_unpack(struct taxel_acknowledgement *value, const uint8_t *bytes)
+{
+    value->address = taxel_get_u8(bytes + 0);
+    value->reference = taxel_get_u16(bytes + 1);
+}
+
+#define TAXEL_START_ARGUMENTS_SIZE 1u
+#define TAXEL_START_ARGUMENTS_OFFSET_FLAGS 0u
+struct taxel_start_arguments {
+    uint8_t flags;
+};
+static inline void taxel_start_arguments_pack(const struct taxel_start_arguments *value, uint8_t *bytes)
+{
+    taxel_put_u8(bytes + 0, value->flags);
+}
+static inline void taxel_start_arguments_unpack(struct taxel_start_arguments *value, const uint8_t *bytes)
+{
+    value->flags = taxel_get_u8(bytes + 0);
+}
+
 #define TAXEL_SET_RATE_ARGUMENTS_SIZE 4u
 #define TAXEL_SET_RATE_ARGUMENTS_OFFSET_PERIOD_US 0u
 struct taxel_set_rate_arguments {
@@ -929,6 +1090,7 @@ static inline void taxel_get_time_reply_unpack(struct taxel_get_time_reply *valu
 #define TAXEL_FRAME_RULES(X) \
     X(TAXEL_FRAME_TYPE_HUB_HELLO, 0, 24u, 24u) \
     X(TAXEL_FRAME_TYPE_TAXELS, 1, 20u, 498u) \
+    X(TAXEL_FRAME_TYPE_COMPACT_TAXELS, 1, 20u, 496u) \
     X(TAXEL_FRAME_TYPE_HUB_STATUS, 0, 42u, 42u) \
     X(TAXEL_FRAME_TYPE_BOARD_STATUS, 1, 39u, 39u) \
     X(TAXEL_FRAME_TYPE_BOARD_INFO, 0, 66u, 66u) \
@@ -937,6 +1099,7 @@ static inline void taxel_get_time_reply_unpack(struct taxel_get_time_reply *valu
     X(TAXEL_FRAME_TYPE_LOG, 0, 7u, 71u) \
     X(TAXEL_FRAME_TYPE_REPLY, 0, 3u, 131u) \
     X(TAXEL_FRAME_TYPE_HOST_HELLO, 0, 3u, 3u) \
-    X(TAXEL_FRAME_TYPE_COMMAND, 0, 2u, 68u)
+    X(TAXEL_FRAME_TYPE_COMMAND, 0, 2u, 68u) \
+    X(TAXEL_FRAME_TYPE_ACKNOWLEDGE, 0, 3u, 66u)
 
 #endif

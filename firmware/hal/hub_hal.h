@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "generated/taxel_protocol.h"
+
 enum taxel_i2c_result {
     TAXEL_I2C_OK = 0,
     TAXEL_I2C_NACK_ADDRESS = -1,
@@ -24,7 +26,15 @@ struct taxel_i2c_transfer {
     size_t write_size;
     uint8_t *read_bytes;
     size_t read_size;
+    bool counted; /* the first byte read tells, as a compact snapshot's length, how many follow; read_size is the most of all */
 };
+
+/* For those who carry it out: bytes still to be read after the first, of a transfer that is counted. */
+static inline size_t taxel_i2c_counted_rest(const struct taxel_i2c_transfer *transfer, uint8_t first)
+{
+    const size_t rest = taxel_compact_size(first);
+    return rest < transfer->read_size ? rest : transfer->read_size - 1u;
+}
 
 struct taxel_hub_hal {
     void *context;

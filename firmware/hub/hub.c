@@ -6,23 +6,36 @@
 
 uint64_t taxel_hub_clock(const struct taxel_hub *hub)
 {
-    return hub->config->hal->clock_us(hub->config->hal->context);
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
+    return hal->clock_us(hal->context);
+}
+
+uint32_t taxel_hub_now(const struct taxel_hub *hub)
+{
+    return (uint32_t)taxel_hub_clock(hub);
+}
+
+void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds)
+{
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
+    hal->wake_at(hal->context, taxel_hub_clock(hub) + microseconds);
 }
 
 uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
-        if (hub->config->slots[i].address == address) {
+        if (taxel_hub_slot_at(hub, i)->address == address) {
             return i;
         }
     }
     return TAXEL_NO_SLOT;
 }
 
-void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config)
+void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause)
 {
     memset(hub, 0, sizeof *hub);
     hub->config = config;
+    hub->reset_cause = reset_cause;
     hub->settings_read_slot = TAXEL_NO_SLOT;
     taxel_hub_inbox_init(hub);
     taxel_hub_send_hello(hub, 0, 0);
@@ -36,15 +49,11 @@ void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
     hub->job_done = true;
 }
 
-static bool job_has_timed_out(const struct taxel_hub *hub)
-{
-    return hub->job.kind != TAXEL_JOB_NONE && !hub->job_done && taxel_hub_clock(hub) >= hub->job.deadline_us;
-}
-
 static void take_job_outcome(struct taxel_hub *hub)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
-    if (job_has_timed_out(hub)) {
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
+    struct taxel_job *job = &hub->job;
+    if (job->kind != TAXEL_JOB_NONE && !hub->job_done && taxel_hub_has_come(taxel_hub_now(hub), job->deadline_us)) {
         hal->i2c_abort(hal->context);
         hub->job_result = TAXEL_I2C_TIMEOUT;
         hub->job_done = true;
@@ -53,31 +62,50 @@ static void take_job_outcome(struct taxel_hub *hub)
         return;
     }
     atomic_signal_fence(memory_order_acquire); /* the transfer buffer is as the interrupt left it */
-    const struct taxel_job job = hub->job;
-    hub->job.kind = TAXEL_JOB_NONE;
     hub->job_done = false;
     taxel_hub_note_result(hub, hub->job_result);
-    if (job.kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
-        hub->unframed_size = job.read_size;
-        hub->unframed_slot = job.slot;
+    if (job->kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
+        taxel_hub_keep_snapshot(hub);
+        job->kind = TAXEL_JOB_NONE;
         taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */
-        hub->unframed_size = 0;
-        taxel_hub_take_snapshot(hub, &job);
+        taxel_hub_take_snapshot(hub);
         return;
     }
-    taxel_hub_finish_job(hub, &job, hub->job_result);
+    taxel_hub_finish_job(hub, hub->job_result);
 }
 
-void taxel_hub_run(struct taxel_hub *hub)
+/* A time that has come long ago must not look like one that is still to come. */
+static void move_along(uint32_t now, uint32_t *time)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    if (taxel_hub_has_come(now, *time)) {
+        *time = now;
+    }
+}
+
+static void run_to_the_end(struct taxel_hub *hub)
+{
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
+    if (taxel_hub_uart_pending(hub) && !taxel_hub_has_come(taxel_hub_now(hub), hub->restart_by_us)) {
+        taxel_hub_wake_in(hub, DRAIN_POLL_US);
+    } else if (hub->bootloader_wanted) {
+        hal->enter_bootloader(hal->context);
+    } else {
+        hal->restart(hal->context);
+    }
+}
+
+TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
+{
+    const uint32_t now = taxel_hub_now(hub);
     if (hub->restart_wanted) { /* nothing new is begun; what has been said goes out first */
-        if (taxel_hub_uart_pending(hub) && taxel_hub_clock(hub) < hub->restart_by_us) {
-            hal->wake_at(hal->context, taxel_hub_clock(hub) + DRAIN_POLL_US);
-        } else {
-            (hub->bootloader_wanted ? hal->enter_bootloader : hal->restart)(hal->context);
-        }
+        run_to_the_end(hub);
         return;
+    }
+    move_along(now, &hub->bus_down_until_us);
+    move_along(now, &hub->host_until_us);
+    move_along(now, &hub->sweep.next_us);
+    if (hub->unframed.waits) {
+        taxel_hub_forward(hub);
     }
     take_job_outcome(hub);
     taxel_hub_read_inbox(hub);
@@ -85,7 +113,8 @@ void taxel_hub_run(struct taxel_hub *hub)
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
-    if (hub->job.kind != TAXEL_JOB_NONE) {
-        hal->wake_at(hal->context, hub->job.deadline_us); /* this pass may have used up the call that launch() asked for */
+    if (hub->job.kind != TAXEL_JOB_NONE) { /* each pass uses up the calls that were asked for before */
+        const uint32_t later = taxel_hub_now(hub);
+        taxel_hub_wake_in(hub, taxel_hub_has_come(later, hub->job.deadline_us) ? 0 : hub->job.deadline_us - later);
     }
 }

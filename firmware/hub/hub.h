@@ -2,9 +2,10 @@
  * UART frames; obeys the host's commands between two polls.
  *
  *   hub.c       set-up and the main loop's pass           outbox.c    UART frames out: ring, back-pressure, counting
- *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: hello and commands
- *   outcome.c   what a finished transfer means            report.c    status frames
- *   identify.c  who a board is, and its scan settings     recovery.c  nine clocks for a stuck bus
+ *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: the ring, and frames in it
+ *   outcome.c   what a finished transfer means            command.c   hello and commands
+ *   identify.c  who a board is, and its scan settings     report.c    status frames
+ *   recovery.c  nine clocks for a stuck bus
  *
  * The port calls taxel_hub_on_...() from interrupts and taxel_hub_run() from its main loop after every interrupt, and at
  * the time that hal->wake_at() asked for. All memory is the caller's. */
@@ -15,50 +16,59 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "codec/deframer.h"
 #include "generated/taxel_protocol.h"
 #include "hal/hub_hal.h"
 
 #define TAXEL_HUB_COMMAND_PAYLOAD_MAX 68u
-#define TAXEL_HUB_COMMAND_ENCODED_MAX (2u * 80u)
 #define TAXEL_HUB_RECEIVE_RING 256u
 #define TAXEL_HUB_HOLD_ROOM 32u    /* free bytes at which the host is asked to hold back: what adapters still send after that */
 #define TAXEL_HUB_RELEASE_ROOM 128u /* and at which it may go on */
-#define TAXEL_HUB_REPLY_RESERVE 200u
+#define TAXEL_HUB_REPLY_RESERVE 180u /* the longest reply, and small frames that cannot wait */
 
+/* A transfer buffer becomes the frame of what was read into it: its header goes before, its CRC behind. */
+#define TAXEL_HUB_HEADROOM 18u /* its last byte is where the length of a compact snapshot is read to */
+#define TAXEL_HUB_TAILROOM 6u
+#define TAXEL_HUB_BUFFER_SIZE(read_max) (TAXEL_HUB_HEADROOM + (read_max) + TAXEL_HUB_TAILROOM)
+
+/* There are many of them and little memory: no gaps. */
 struct taxel_hub_slot {
     uint8_t address;
-    uint8_t state; /* enum taxel_board_state */
-    uint8_t last_fault;
     uint8_t taxel_count;
-    bool pointer_is_snapshot; /* the board's register pointer: a read needs no write before it */
-    bool retry;
-    bool has_sequence;
-    bool has_settings; /* the host chose settings: they are written again when the board restarts */
-    bool settings_dirty;
-    bool settings_rejected;
-    bool info_wanted;
-    uint8_t attempts;
+    uint8_t last_fault;
+    uint8_t polls;      /* modulo 256: taxel_hub_polls() knows the rest */
+    uint8_t state : 2;  /* enum taxel_board_state */
+    uint8_t attempts : 2;
+    bool retry : 1;
+    bool info_wanted : 1;
+    bool pointer_is_snapshot : 1; /* the board's register pointer, at what is polled: a read needs no write before it */
+    bool has_sequence : 1;
+    bool has_clock : 1; /* last_timestamp_us says something */
+    bool has_compact : 1; /* the board has compact snapshots */
+    bool acknowledge : 1; /* the board is to be told `reference` */
+    bool forget : 1;      /* or that the host has none */
+    bool has_settings : 1; /* the host chose settings: they are written again when the board restarts */
+    bool settings_dirty : 1;
+    bool settings_rejected : 1;
     uint16_t consecutive_failures;
     uint16_t last_sequence;
+    uint16_t reference; /* name of the candidate that the host has decoded */
     uint32_t last_timestamp_us; /* board's clock, of the last snapshot forwarded */
     uint32_t last_read_us;      /* hub's clock, when that, or an identity that did not fit, was read */
-    uint32_t polls, forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
+    uint32_t forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
     struct taxel_scan_settings settings;
 };
 
 struct taxel_hub_config {
     const struct taxel_hub_hal *hal;
-    uint8_t firmware_version[3];
-    uint8_t unique_id[8];
-    uint8_t reset_cause;
+    const uint8_t *firmware_version; /* major, minor, patch */
+    const uint8_t *unique_id;        /* 8 bytes */
     uint32_t scl_hz;
     struct taxel_hub_slot *slots;
     uint8_t slot_capacity;
-    uint8_t *transfer_buffers[2]; /* one is filled by the bus while the other is being framed */
-    size_t transfer_buffer_size;  /* at least the largest board's snapshot, and TAXEL_IDENTITY_SIZE */
-    uint8_t *transmit_ring;
-    size_t transmit_ring_size; /* more than one taxel frame of the largest board and TAXEL_HUB_REPLY_RESERVE */
+    uint8_t *transfer_buffers[2]; /* one is filled by the bus while the other is being framed and sent */
+    size_t transfer_buffer_size;  /* TAXEL_HUB_BUFFER_SIZE of the largest board's snapshot, and of TAXEL_BOARD_INFO_SIZE + 4 */
+    uint8_t *transmit_ring;       /* all other frames */
+    size_t transmit_ring_size;    /* more than TAXEL_HUB_REPLY_RESERVE and a HUB_STATUS frame */
 };
 
 enum taxel_job_kind {
@@ -66,9 +76,10 @@ enum taxel_job_kind {
     TAXEL_JOB_POLL,
     TAXEL_JOB_PROBE_SLOT,
     TAXEL_JOB_IDENTIFY,
-    TAXEL_JOB_READ_SETTINGS,  /* after an identity: the other transfer buffer holds it */
+    TAXEL_JOB_READ_SETTINGS,  /* after an identity, and into its buffer behind it */
     TAXEL_JOB_CHECK_SETTINGS, /* after a write of settings */
     TAXEL_JOB_WRITE_SETTINGS,
+    TAXEL_JOB_ACKNOWLEDGE,
     TAXEL_JOB_CLOCK,
     TAXEL_JOB_PROBE_ADDRESS,
     TAXEL_JOB_PASS_THROUGH,
@@ -80,11 +91,24 @@ struct taxel_job {
     uint8_t address;
     uint8_t buffer; /* which transfer buffer it reads into */
     uint16_t cycle; /* in which it was started */
+    uint16_t read_size;
+    uint32_t started_us;
+    uint32_t deadline_us;
+    bool is_compact; /* a poll that reads a length first */
     uint8_t write_size;
-    uint8_t write_bytes[1u + TAXEL_SETTINGS_REGISTER_SIZE];
-    size_t read_size;
-    uint64_t started_us;
-    uint64_t deadline_us;
+    uint8_t write_bytes[1u + TAXEL_COMPACT_ACKNOWLEDGE_SIZE]; /* of all but settings and the host's own */
+};
+
+/* What was read well and is not a frame yet. */
+struct taxel_unframed {
+    uint16_t size; /* 0: nothing */
+    uint16_t cycle;
+    uint32_t started_us;
+    uint8_t slot;
+    uint8_t buffer;
+    uint8_t type; /* of the frame that it becomes */
+    bool waits;   /* it is right, but has no place yet */
+    uint32_t waits_since_us; /* or since the UART last took a byte */
 };
 
 enum taxel_cycle_stage {
@@ -112,8 +136,7 @@ struct taxel_sweep {
     bool active;
     bool for_command;
     uint8_t address;
-    uint8_t found[16]; /* one bit an address */
-    uint64_t next_us;
+    uint32_t next_us;
 };
 
 struct taxel_command_in_progress {
@@ -121,35 +144,37 @@ struct taxel_command_in_progress {
     uint8_t tag;
     uint8_t command; /* enum taxel_command */
     uint8_t address;
-    uint8_t transfer_size;
+    uint8_t transfer_size; /* of what is to be written: it stays in the inbox's payload */
     uint8_t transfer_read;
-    uint8_t transfer_bytes[TAXEL_TRANSFER_MAX];
 };
 
 struct taxel_report {
     bool active;
     bool for_command;
     uint8_t next; /* 0: the hub itself; n: slot n - 1 */
-    uint64_t next_us;
+    uint32_t next_us;
 };
 
 struct taxel_outbox {
-    volatile size_t head; /* where the next frame goes: moved by the main loop only */
-    volatile size_t tail; /* next byte for the UART: moved by its interrupt only */
+    volatile uint16_t head; /* where the ring's next frame goes: moved by the main loop only */
+    volatile uint16_t tail; /* next byte for the UART: moved by its interrupt only */
+    volatile uint16_t large_left; /* bytes to send of the frame in a transfer buffer; its interrupt alone counts them down */
+    uint16_t large_mark; /* where the ring waits while that is sent */
+    const uint8_t *large_end;
+    uint8_t large_buffer;
     uint16_t sequence;
     uint32_t frames_sent, bytes_sent, frames_dropped;
 };
 
 struct taxel_inbox {
     volatile uint8_t head, tail;
+    uint8_t searched; /* no delimiter from the tail to here */
     volatile bool holds; /* the host has been asked to hold back */
-    volatile uint32_t overruns;
-    uint32_t overruns_told;
+    volatile uint16_t overruns;
+    uint16_t overruns_told;
     uint32_t commands, commands_rejected;
     uint8_t ring[TAXEL_HUB_RECEIVE_RING];
-    uint8_t chunk[TAXEL_HUB_COMMAND_ENCODED_MAX];
-    uint8_t body[TAXEL_FRAME_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX + TAXEL_FRAME_CRC_SIZE];
-    struct taxel_deframer deframer;
+    uint8_t payload[TAXEL_HUB_COMMAND_PAYLOAD_MAX]; /* of the command that is worked off */
 };
 
 struct taxel_hub {
@@ -163,28 +188,31 @@ struct taxel_hub {
     struct taxel_report report;
     struct taxel_outbox outbox;
     struct taxel_inbox inbox;
-    uint64_t restart_by_us;
-    uint64_t bus_down_until_us;
-    uint64_t host_until_us; /* transfers of the host have the idle bus to themselves until then */
-    uint64_t room_wanted_since_us; /* 0: nobody waits for room in the transmit ring */
-    size_t room_wanted_tail;
-    bool uart_is_stalled; /* polls go on without waiting for room */
-    size_t unframed_size; /* of a snapshot that has been read but is not in the ring yet */
+    struct taxel_unframed unframed;
+    uint32_t restart_by_us;
+    uint32_t bus_down_until_us;
+    uint32_t host_until_us; /* transfers of the host have the idle bus to themselves until then */
     uint32_t bus_recoveries;
-    uint8_t unframed_slot; /* whose it is */
+    uint16_t uart_mark; /* how far the UART had come when that was last asked */
     uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a hello */
-    uint8_t next_buffer;
+    uint8_t reset_cause; /* enum taxel_reset_cause */
     uint8_t settings_read_slot; /* whose settings are to be read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
+    bool uart_is_stalled; /* nobody reads: what finds no room is dropped */
     bool streaming;
+    bool retry_wanted; /* by one of the boards */
+    bool compact; /* the host wants compact snapshots of the boards that have them */
     bool restart_wanted;
     bool bootloader_wanted;
 };
 
+/* Every poll ends in one of the counters, and no more than one is under way: so few bits of their number are kept. */
+uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot);
+
 /* Set up from a configuration that stays in place, and announce the start with a HUB_HELLO frame. */
-void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config);
+void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause);
 void taxel_hub_run(struct taxel_hub *hub);
 
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result);

@@ -5,21 +5,22 @@
 #define IDENTITY_ATTEMPTS 3u
 
 /* Why these 58 bytes are not those of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
-static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes,
-                              const struct taxel_identity *identity)
+static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes)
 {
-    if (identity->who_am_i != TAXEL_WHO_AM_I) {
+    const uint16_t taxel_count = taxel_get_u16(bytes + TAXEL_IDENTITY_OFFSET_TAXEL_COUNT);
+    const uint8_t map_version = bytes[TAXEL_IDENTITY_OFFSET_MAP_VERSION];
+    if (bytes[TAXEL_IDENTITY_OFFSET_WHO_AM_I] != TAXEL_WHO_AM_I) {
         return TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD;
     }
-    if (identity->crc32 != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) || identity->address != address) {
+    if (taxel_get_u32(bytes + TAXEL_IDENTITY_OFFSET_CRC32) != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) ||
+        bytes[TAXEL_IDENTITY_OFFSET_ADDRESS] != address) {
         return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
     }
-    if (identity->map_version != TAXEL_REGISTER_MAP_VERSION) {
+    if (map_version < TAXEL_REGISTER_MAP_VERSION_MIN || map_version > TAXEL_REGISTER_MAP_VERSION) {
         return TAXEL_BOARD_FAULT_MAP_VERSION;
     }
-    const size_t snapshot_size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)identity->taxel_count;
-    if (identity->taxel_count == 0 || identity->taxel_count > TAXEL_TAXELS_MAX ||
-        snapshot_size > hub->config->transfer_buffer_size || !taxel_hub_can_hold_snapshot(hub, snapshot_size)) {
+    if (taxel_count == 0 || taxel_count > TAXEL_TAXELS_MAX ||
+        TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)taxel_count > taxel_hub_read_max(hub)) {
         return TAXEL_BOARD_FAULT_TOO_LARGE;
     }
     return TAXEL_BOARD_FAULT_NONE;
@@ -29,9 +30,9 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault, uint8_t state)
 {
     taxel_hub_fail(hub, board, fault);
-    board->state = state;
+    board->state = state & 3u;
     board->info_wanted = false;
-    if (hub->streaming && hub->cycle.position == board - hub->config->slots) {
+    if (hub->streaming && hub->cycle.position == board - taxel_hub_slot_at(hub, 0)) {
         board->polls++;
         (*counter)++;
         hub->cycle.position++;
@@ -52,26 +53,31 @@ static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot
     }
 }
 
-void taxel_hub_finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board, int8_t result)
+void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    struct taxel_identity identity;
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
     }
-    taxel_identity_unpack(&identity, bytes);
-    const uint8_t fault = identity_fault(hub, board->address, bytes, &identity);
+    const uint8_t fault = identity_fault(hub, board->address, bytes);
     if (fault == TAXEL_BOARD_FAULT_NONE) {
-        board->taxel_count = (uint8_t)identity.taxel_count;
+        board->taxel_count = bytes[TAXEL_IDENTITY_OFFSET_TAXEL_COUNT];
         board->attempts = 0;
-        hub->settings_read_slot = job->slot;
+        board->acknowledge = board->forget = false;
+        board->has_compact = bytes[TAXEL_IDENTITY_OFFSET_MAP_VERSION] > TAXEL_REGISTER_MAP_VERSION_MIN &&
+                             board->taxel_count <= TAXEL_COMPACT_TAXELS_MAX &&
+                             taxel_hub_compact_max(board) <= taxel_hub_read_max(hub);
+        hub->settings_read_slot = hub->job.slot;
         hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
         return;
     }
     /* A flipped bit can look like a foreign board: only the third such answer in a row is believed. */
-    board->last_read_us = (uint32_t)job->started_us;
-    const bool believed = fault != TAXEL_BOARD_FAULT_CRC && ++board->attempts >= IDENTITY_ATTEMPTS;
+    board->last_read_us = hub->job.started_us;
+    const bool believed = fault != TAXEL_BOARD_FAULT_CRC && board->attempts + 1u >= IDENTITY_ATTEMPTS;
+    if (fault != TAXEL_BOARD_FAULT_CRC && !believed) {
+        board->attempts = (board->attempts + 1u) & 3u;
+    }
     end_turn(hub, board, &board->crc_errors, fault, believed ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
 
@@ -89,10 +95,9 @@ static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uin
 }
 
 /* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
-void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                  int8_t result)
+void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
     const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
     board->settings_dirty = false;
     board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
@@ -102,11 +107,10 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_j
     }
 }
 
-/* Settings were read after an identity. */
-void taxel_hub_finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                 int8_t result)
+/* Settings were read after an identity, and stand behind it: as BOARD_INFO has them. */
+void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer) + TAXEL_IDENTITY_SIZE;
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
@@ -118,6 +122,6 @@ void taxel_hub_finish_read_settings(struct taxel_hub *hub, const struct taxel_jo
     board->state = TAXEL_BOARD_STATE_STREAMING;
     board->info_wanted = false;
     board->settings_dirty = board->has_settings && !settings_are_as_wanted(board, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_INFO, hub->config->transfer_buffers[job->buffer ^ 1u],
-                         TAXEL_IDENTITY_SIZE, bytes, TAXEL_SCAN_SETTINGS_SIZE);
+    taxel_hub_keep(hub, TAXEL_FRAME_TYPE_BOARD_INFO, TAXEL_IDENTITY_SIZE + TAXEL_SCAN_SETTINGS_SIZE);
+    taxel_hub_forward(hub);
 }

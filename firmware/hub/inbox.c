@@ -1,14 +1,20 @@
-/* UART bytes in: hello and commands. One command at a time; what comes meanwhile waits in the receive ring. */
+/* UART bytes in. They stay in the receive ring until the frame that they make up, or rubbish, is known: nothing is copied but the
+ * payload of what is taken. protocol/SPEC.md says what a receiver does; codec/deframer.c does it for streams of any length. */
 #include <stdatomic.h>
 
+#include "codec/crc32.h"
 #include "hub/internal.h"
 
-#define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
+#define LONGEST (TAXEL_FRAME_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX + TAXEL_FRAME_CRC_SIZE)
+#define LONGEST_ENCODED (LONGEST + 1u)  /* without delimiters */
+#define CRC_OF_WHOLE_BODY 0x2144DF1Cu   /* of any bytes and their own CRC-32 behind them */
+#define NO_BYTE (-1)
+#define WAIT (-1)
 
 /* Interrupt and main loop both come here, the one to hold and the other to let go: so far apart that neither sees the other's. */
 static void hold(struct taxel_hub *hub, bool wanted)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     if (hal->uart_hold && hub->inbox.holds != wanted) {
         hub->inbox.holds = wanted;
         hal->uart_hold(hal->context, wanted);
@@ -35,301 +41,159 @@ void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
     }
 }
 
-void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
-{
-    uint8_t bytes[TAXEL_HUB_HELLO_SIZE];
-    struct taxel_hub_hello hello = {
-        .tag = tag,
-        .version_min = TAXEL_PROTOCOL_VERSION_MIN,
-        .version_max = TAXEL_PROTOCOL_VERSION,
-        .version_chosen = version,
-        .reset_cause = hub->config->reset_cause,
-        .firmware_major = hub->config->firmware_version[0],
-        .firmware_minor = hub->config->firmware_version[1],
-        .firmware_patch = hub->config->firmware_version[2],
-        .uptime_us = taxel_hub_clock(hub),
-    };
-    memcpy(hello.unique_id, hub->config->unique_id, sizeof hello.unique_id);
-    taxel_hub_hello_pack(&hello, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_HUB_HELLO, bytes, sizeof bytes, NULL, 0);
-}
+/* A stuffed, whitened body in the ring, read byte by byte. */
+struct body {
+    const uint8_t *ring;
+    uint8_t at;
+    uint8_t ahead; /* bytes of the chunk from there on */
+    uint8_t left;  /* bytes of the block */
+    uint8_t whitening;
+};
 
-void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size)
+static bool open_block(struct body *body)
 {
-    uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
-    const struct taxel_reply_header header = {
-        .tag = hub->command.tag,
-        .command = hub->command.command,
-        .status = status,
-    };
-    taxel_reply_header_pack(&header, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_REPLY, bytes, sizeof bytes, data, size);
-    hub->command.active = false;
-    if (status != TAXEL_REPLY_STATUS_OK) {
-        hub->inbox.commands_rejected++;
+    const uint8_t code = body->ring[body->at];
+    if (body->ahead == 0 || code > body->ahead) {
+        return false; /* it reaches over the end of the chunk */
     }
+    body->at = (uint8_t)(body->at + 1u);
+    body->ahead = (uint8_t)(body->ahead - 1u);
+    body->left = (uint8_t)(code - 1u);
+    return true;
 }
 
-static void refuse(struct taxel_hub *hub, const struct taxel_frame *frame, uint8_t status)
+static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
 {
-    uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
-    struct taxel_command_header command;
-    taxel_command_header_unpack(&command, frame->payload);
-    const struct taxel_reply_header header = {.tag = command.tag, .command = command.command, .status = status};
-    taxel_reply_header_pack(&header, bytes);
-    hub->inbox.commands++;
-    hub->inbox.commands_rejected++;
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_REPLY, bytes, sizeof bytes, NULL, 0);
+    return (struct body){.ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-static void take_hello(struct taxel_hub *hub, const struct taxel_frame *frame)
+/* The next byte, or NO_BYTE where the block that it is in reaches too far. No body that fits here fills a block of 254, so each
+ * block but the last stands for a zero behind it. */
+static int next_byte(struct body *body)
 {
-    struct taxel_host_hello hello;
-    taxel_host_hello_unpack(&hello, frame->payload);
-    const uint8_t highest =
-        hello.version_max < TAXEL_PROTOCOL_VERSION ? hello.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
-    const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= hello.version_min;
-    hub->version = agreed ? highest : 0;
-    taxel_hub_send_hello(hub, hello.tag, hub->version);
-}
-
-static void done(struct taxel_hub *hub)
-{
-    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
-}
-
-static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
-{
-    struct taxel_set_rate_arguments arguments;
-    taxel_set_rate_arguments_unpack(&arguments, bytes);
-    hub->cycle.period_us = arguments.period_us;
-    done(hub);
-}
-
-static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
-{
-    struct taxel_command_in_progress *command = &hub->command;
-    struct taxel_transfer_arguments arguments;
-    taxel_transfer_arguments_unpack(&arguments, bytes);
-    if (arguments.address < TAXEL_ADDRESS_MIN || arguments.address > TAXEL_ADDRESS_MAX ||
-        arguments.read_length > TAXEL_TRANSFER_MAX || arguments.read_length > hub->config->transfer_buffer_size) {
-        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
-        return;
+    uint8_t byte = 0;
+    if (body->left) {
+        byte = body->ring[body->at];
+        body->at = (uint8_t)(body->at + 1u);
+        body->ahead = (uint8_t)(body->ahead - 1u);
+        body->left = (uint8_t)(body->left - 1u);
+    } else if (!open_block(body)) {
+        return NO_BYTE;
     }
-    command->address = arguments.address;
-    command->transfer_read = arguments.read_length;
-    command->transfer_size = (uint8_t)(size - TAXEL_TRANSFER_ARGUMENTS_SIZE);
-    memcpy(command->transfer_bytes, bytes + TAXEL_TRANSFER_ARGUMENTS_SIZE, command->transfer_size);
+    byte ^= body->whitening;
+    body->whitening = (uint8_t)(TAXEL_WHITENING_FACTOR * body->whitening + TAXEL_WHITENING_INCREMENT);
+    return byte;
 }
 
-static bool is_chosen(uint8_t wanted, const struct taxel_hub_slot *board)
+static bool header_is_right(const uint8_t *header)
 {
-    return wanted == 0 || board->address == wanted;
+    const uint16_t length = taxel_get_u16(header + 3);
+    if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
+        return length == TAXEL_HOST_HELLO_SIZE;
+    }
+    if (header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
+        return length && length <= TAXEL_ACKNOWLEDGE_MAX * TAXEL_ACKNOWLEDGEMENT_SIZE && length % TAXEL_ACKNOWLEDGEMENT_SIZE == 0;
+    }
+    return header[0] == TAXEL_FRAME_TYPE_COMMAND && length >= TAXEL_COMMAND_HEADER_SIZE &&
+           length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
 
-static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
+/* Whether a frame begins at the tail, which `size` bytes of chunk follow: its header, and the bytes that it takes. */
+TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8_t size, uint8_t *header)
 {
-    hub->command.address = bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS];
-    bool any = false;
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
-        struct taxel_hub_slot *board = &hub->config->slots[i];
-        if (!is_chosen(hub->command.address, board)) {
+    struct body body = body_at_tail(inbox, size);
+    uint32_t crc = 0;
+    size_t expected = TAXEL_FRAME_HEADER_SIZE;
+    if (!open_block(&body)) {
+        return 0;
+    }
+    for (size_t i = 0; i < expected; i++) {
+        const int next = next_byte(&body);
+        const uint8_t byte = (uint8_t)next;
+        if (next == NO_BYTE) {
+            return 0;
+        }
+        crc = taxel_crc32(crc, &byte, 1);
+        if (i < TAXEL_FRAME_HEADER_SIZE) {
+            header[i] = byte;
+        }
+        if (i == TAXEL_FRAME_HEADER_SIZE - 1u) {
+            if (!header_is_right(header)) {
+                return 0;
+            }
+            expected += taxel_get_u16(header + 3) + TAXEL_FRAME_CRC_SIZE;
+        }
+    }
+    return body.left == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
+}
+
+/* The payload of the frame at the tail, which is whole. Acknowledgements are taken byte by byte: the inbox's payload may be that
+ * of a command which is still worked off. */
+TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
+{
+    struct taxel_inbox *inbox = &hub->inbox;
+    struct body body = body_at_tail(inbox, size);
+    const size_t length = taxel_get_u16(header + 3);
+    uint8_t last[TAXEL_ACKNOWLEDGEMENT_SIZE];
+    (void)open_block(&body);
+    for (size_t i = 0; i < TAXEL_FRAME_HEADER_SIZE; i++) {
+        (void)next_byte(&body);
+    }
+    for (size_t i = 0, n = 0; i < length; i++) {
+        const uint8_t byte = (uint8_t)next_byte(&body);
+        if (header[0] != TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
+            inbox->payload[i] = byte;
             continue;
         }
-        board->settings_rejected = false;
-        if (board->state == TAXEL_BOARD_STATE_STREAMING) {
-            taxel_scan_settings_unpack(&board->settings, bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
-            board->has_settings = true;
-            board->settings_dirty = true;
-            any = true;
+        last[n++] = byte;
+        if (n == sizeof last) {
+            n = 0;
+            taxel_hub_take_acknowledgement(hub, last[0], taxel_get_u16(last + TAXEL_ACKNOWLEDGEMENT_OFFSET_REFERENCE));
         }
     }
-    if (!any) {
-        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_UNKNOWN_BOARD, NULL, 0);
-    }
+    inbox->tail = (uint8_t)(inbox->tail + size);
 }
 
-static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
+/* The frame at the tail, which is whole; false if it is a command that has to wait. */
+static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
-    bool any = false;
-    hub->command.address = bytes[0];
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
-        struct taxel_hub_slot *board = &hub->config->slots[i];
-        if (is_chosen(hub->command.address, board) && board->state == TAXEL_BOARD_STATE_STREAMING) {
-            board->info_wanted = true;
-            any = true;
-        }
+    const bool is_acknowledge = header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE;
+    if (!is_acknowledge && (hub->command.active || !taxel_hub_has_room_for_reply(hub))) {
+        return false;
     }
-    if (!any && hub->command.address != 0) {
-        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_UNKNOWN_BOARD, NULL, 0);
+    take_payload(hub, size, header);
+    if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
+        taxel_hub_take_hello(hub);
+    } else if (!is_acknowledge) {
+        taxel_hub_take_command(hub, taxel_get_u16(header + 3));
     }
+    return true;
 }
 
-/* Commands that the poll cycle works off: is there anything left to do? */
-static void end_finished_command(struct taxel_hub *hub)
+/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter yet is searched where no unfinished
+ * frame can begin any more. The head is looked at once: bytes come meanwhile. */
+static int chunk_at_tail(struct taxel_inbox *inbox)
 {
-    bool rejected = false;
-    if (hub->command.command != TAXEL_COMMAND_SET_SCAN_SETTINGS && hub->command.command != TAXEL_COMMAND_GET_BOARD_INFO) {
-        return;
+    const uint8_t head = inbox->head;
+    atomic_signal_fence(memory_order_acquire);
+    while (inbox->searched != head && inbox->ring[inbox->searched] != 0) {
+        inbox->searched = (uint8_t)(inbox->searched + 1u);
     }
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
-        const struct taxel_hub_slot *board = &hub->config->slots[i];
-        if (is_chosen(hub->command.address, board)) {
-            if (board->state == TAXEL_BOARD_STATE_STREAMING && (board->settings_dirty || board->info_wanted)) {
-                return;
-            }
-            rejected = rejected || board->settings_rejected;
-        }
-    }
-    const bool settings = hub->command.command == TAXEL_COMMAND_SET_SCAN_SETTINGS;
-    taxel_hub_reply(hub, settings && rejected ? TAXEL_REPLY_STATUS_REJECTED_BY_BOARD : TAXEL_REPLY_STATUS_OK, NULL, 0);
+    const uint8_t size = (uint8_t)(inbox->searched - inbox->tail);
+    return inbox->searched != head || size > LONGEST_ENCODED ? size : WAIT;
 }
 
-static void get_time(struct taxel_hub *hub)
+static void skip(struct taxel_inbox *inbox)
 {
-    uint8_t bytes[TAXEL_GET_TIME_REPLY_SIZE];
-    const struct taxel_get_time_reply reply = {.hub_time_us = taxel_hub_clock(hub)};
-    taxel_get_time_reply_pack(&reply, bytes);
-    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, bytes, sizeof bytes);
-}
-
-/* Shortest and longest arguments of each command, in bytes. */
-struct argument_rule {
-    uint8_t command;
-    uint8_t minimum;
-    uint8_t maximum;
-};
-
-static const struct argument_rule argument_rules[] = {
-    {TAXEL_COMMAND_START, 0, 0},
-    {TAXEL_COMMAND_STOP, 0, 0},
-    {TAXEL_COMMAND_SET_RATE, TAXEL_SET_RATE_ARGUMENTS_SIZE, TAXEL_SET_RATE_ARGUMENTS_SIZE},
-    {TAXEL_COMMAND_SCAN_BUS, 0, 0},
-    {TAXEL_COMMAND_I2C_TRANSFER, TAXEL_TRANSFER_ARGUMENTS_SIZE, TAXEL_TRANSFER_ARGUMENTS_SIZE + TAXEL_TRANSFER_MAX},
-    {TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE},
-    {TAXEL_COMMAND_REBOOT, 0, 0},
-    {TAXEL_COMMAND_GET_STATUS, 0, 0},
-    {TAXEL_COMMAND_GET_BOARD_INFO, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE},
-    {TAXEL_COMMAND_GET_TIME, 0, 0},
-    {TAXEL_COMMAND_ENTER_BOOTLOADER, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE},
-};
-
-static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
-{
-    if (!hub->version) {
-        return TAXEL_REPLY_STATUS_NO_HELLO;
+    if (inbox->searched == inbox->tail) {
+        inbox->searched = (uint8_t)(inbox->searched + 1u);
     }
-    for (size_t i = 0; i < sizeof argument_rules / sizeof argument_rules[0]; i++) {
-        if (argument_rules[i].command == command) {
-            const bool fits = size >= argument_rules[i].minimum && size <= argument_rules[i].maximum;
-            return fits ? TAXEL_REPLY_STATUS_OK : TAXEL_REPLY_STATUS_BAD_ARGUMENTS;
-        }
-    }
-    return TAXEL_REPLY_STATUS_UNKNOWN_COMMAND;
-}
-
-static void restart(struct taxel_hub *hub)
-{
-    hub->restart_wanted = true;
-    hub->restart_by_us = taxel_hub_clock(hub) + RESTART_PATIENCE_US;
-    done(hub);
-}
-
-static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
-{
-    if (taxel_get_u32(arguments) != TAXEL_BOOTLOADER_KEY) {
-        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
-        return;
-    }
-    hub->bootloader_wanted = true;
-    restart(hub);
-}
-
-static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *arguments, size_t size)
-{
-    switch (command) {
-    case TAXEL_COMMAND_START:
-        taxel_hub_start_streaming(hub);
-        done(hub);
-        break;
-    case TAXEL_COMMAND_STOP:
-        hub->streaming = false;
-        done(hub);
-        break;
-    case TAXEL_COMMAND_SET_RATE:
-        set_rate(hub, arguments);
-        break;
-    case TAXEL_COMMAND_SCAN_BUS:
-        taxel_hub_start_sweep(hub, true);
-        break;
-    case TAXEL_COMMAND_I2C_TRANSFER:
-        transfer(hub, arguments, size);
-        break;
-    case TAXEL_COMMAND_SET_SCAN_SETTINGS:
-        set_scan_settings(hub, arguments);
-        break;
-    case TAXEL_COMMAND_REBOOT:
-        restart(hub);
-        break;
-    case TAXEL_COMMAND_ENTER_BOOTLOADER:
-        enter_bootloader(hub, arguments);
-        break;
-    case TAXEL_COMMAND_GET_STATUS:
-        taxel_hub_start_report(hub, true);
-        break;
-    case TAXEL_COMMAND_GET_BOARD_INFO:
-        get_board_info(hub, arguments);
-        break;
-    default:
-        get_time(hub);
-        break;
-    }
-}
-
-static void take_command(struct taxel_hub *hub, const struct taxel_frame *frame)
-{
-    struct taxel_command_header header;
-    const uint8_t *arguments = frame->payload + TAXEL_COMMAND_HEADER_SIZE;
-    const size_t size = (size_t)frame->length - TAXEL_COMMAND_HEADER_SIZE;
-    taxel_command_header_unpack(&header, frame->payload);
-    hub->command.active = true;
-    hub->command.tag = header.tag;
-    hub->command.command = header.command;
-    hub->inbox.commands++;
-    const uint8_t status = check(hub, header.command, size);
-    if (status != TAXEL_REPLY_STATUS_OK) {
-        taxel_hub_reply(hub, status, NULL, 0);
-        return;
-    }
-    execute(hub, header.command, arguments, size);
-}
-
-static void take_frame(void *context, const struct taxel_frame *frame)
-{
-    struct taxel_hub *hub = context;
-    if (frame->type == TAXEL_FRAME_TYPE_HOST_HELLO) {
-        take_hello(hub, frame);
-    } else if (frame->type == TAXEL_FRAME_TYPE_COMMAND && hub->command.active) {
-        refuse(hub, frame, TAXEL_REPLY_STATUS_BUSY); /* two commands in one chunk: a delimiter was lost between them */
-    } else if (frame->type == TAXEL_FRAME_TYPE_COMMAND) {
-        take_command(hub, frame);
-    }
+    inbox->tail = (uint8_t)(inbox->tail + 1u);
 }
 
 void taxel_hub_inbox_init(struct taxel_hub *hub)
 {
-    struct taxel_inbox *inbox = &hub->inbox;
-    const struct taxel_deframer_config config = {
-        .chunk = inbox->chunk,
-        .chunk_capacity = sizeof inbox->chunk,
-        .body = inbox->body,
-        .payload_max = TAXEL_HUB_COMMAND_PAYLOAD_MAX,
-        .directions = TAXEL_DIRECTION_TO_HUB,
-        .handler = take_frame,
-        .context = hub,
-    };
-    const struct taxel_hub_hal *hal = hub->config->hal;
-    taxel_deframer_init(&inbox->deframer, &config);
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     if (hal->uart_hold) {
         hal->uart_hold(hal->context, false); /* the hub may have been restarted while it held */
     }
@@ -339,13 +203,18 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
 {
     struct taxel_inbox *inbox = &hub->inbox;
     if (hub->command.active) {
-        end_finished_command(hub);
+        taxel_hub_end_finished_command(hub);
     }
-    while (!hub->command.active && inbox->tail != inbox->head && taxel_hub_has_room_for_reply(hub)) {
-        atomic_signal_fence(memory_order_acquire);
-        const uint8_t byte = inbox->ring[inbox->tail];
-        inbox->tail = (uint8_t)(inbox->tail + 1u);
-        taxel_deframer_push(&inbox->deframer, &byte, 1);
+    for (;;) {
+        uint8_t header[TAXEL_FRAME_HEADER_SIZE];
+        const int size = chunk_at_tail(inbox);
+        const uint8_t used = size > 0 ? find_frame(inbox, (uint8_t)size, header) : 0;
+        if (size == WAIT || (used && !take_frame(hub, used, header))) {
+            break;
+        }
+        if (!used) {
+            skip(inbox); /* a byte that begins no frame, or a delimiter */
+        }
     }
     if (room_in(inbox) >= TAXEL_HUB_RELEASE_ROOM) {
         hold(hub, false);

@@ -5,18 +5,82 @@
 #include "hub/hub.h"
 
 #define TAXEL_NO_SLOT 0xFFu
+#define TAXEL_HUB_ROOM_POLL_US 100u /* how often a UART that has too much to send is looked at again */
+
+/* What this function keeps on the stack is not wanted for long: it is not to become a part of one that calls deeper. */
+#define TAXEL_OWN_FRAME __attribute__((noinline))
+
+/* A program with one hub that is set up when it is built says so: the compiler then knows sizes and functions. */
+#ifdef TAXEL_HUB_FIXED_CONFIG
+extern const struct taxel_hub_config taxel_hub_fixed_config;
+static inline const struct taxel_hub_config *taxel_hub_config_of(const struct taxel_hub *hub)
+{
+    (void)hub;
+    return &taxel_hub_fixed_config;
+}
+#else
+static inline const struct taxel_hub_config *taxel_hub_config_of(const struct taxel_hub *hub)
+{
+    return hub->config;
+}
+#endif
+
+static inline const struct taxel_hub_hal *taxel_hub_hal_of(const struct taxel_hub *hub)
+{
+    return taxel_hub_config_of(hub)->hal;
+}
+
+static inline struct taxel_hub_slot *taxel_hub_slot_at(const struct taxel_hub *hub, uint8_t slot)
+{
+    return &taxel_hub_config_of(hub)->slots[slot];
+}
+
+/* What a transfer has read, or will. */
+static inline uint8_t *taxel_hub_bytes(const struct taxel_hub *hub, uint8_t buffer)
+{
+    return taxel_hub_config_of(hub)->transfer_buffers[buffer] + TAXEL_HUB_HEADROOM;
+}
+
+static inline size_t taxel_hub_read_max(const struct taxel_hub *hub)
+{
+    return taxel_hub_config_of(hub)->transfer_buffer_size - TAXEL_HUB_BUFFER_SIZE(0u);
+}
 
 uint64_t taxel_hub_clock(const struct taxel_hub *hub);
+/* The same modulo 2^32: enough for all that is measured here, and half the work. A time that has come is told from one that has
+ * not for 35 minutes; those that may wait longer are moved along (hub.c). */
+uint32_t taxel_hub_now(const struct taxel_hub *hub);
+static inline bool taxel_hub_has_come(uint32_t now, uint32_t time)
+{
+    return (int32_t)(now - time) >= 0;
+}
+void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds);
 uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address);
+
+#define TAXEL_HUB_FOUND_SIZE 16u /* a bit an address: a sweep for SCAN_BUS, which has no arguments, keeps them as the payload */
 
 /* schedule.c */
 void taxel_hub_start_next_job(struct taxel_hub *hub);
 void taxel_hub_start_streaming(struct taxel_hub *hub);
+void taxel_hub_want_compact(struct taxel_hub *hub, bool compact);
+/* The longest compact snapshot that a board may have. */
+static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
+{
+    return (TAXEL_COMPACT_OVERHEAD_MIN + 2u * (size_t)board->taxel_count + TAXEL_COMPACT_LENGTH_STEP - 1u) &
+           ~(size_t)(TAXEL_COMPACT_LENGTH_STEP - 1u);
+}
 void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command);
 
 /* outcome.c */
-void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, int8_t result);
-void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job);
+void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result);
+/* What the last transfer has read is to become a frame of that type. */
+void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
+/* The same for what a poll has read. */
+void taxel_hub_keep_snapshot(struct taxel_hub *hub);
+/* Judge the snapshot that is not framed yet, and forward it. */
+void taxel_hub_take_snapshot(struct taxel_hub *hub);
+/* What is not framed yet, if it is right: into a frame, or wait. */
+void taxel_hub_forward(struct taxel_hub *hub);
 
 /* A poll of the board has failed: its state, and a report if it is the first in a row. */
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
@@ -26,20 +90,13 @@ uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
 void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
 
 /* identify.c */
-void taxel_hub_finish_identify(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                               int8_t result);
-void taxel_hub_finish_read_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                    int8_t result);
-void taxel_hub_finish_check_settings(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board,
-                                     int8_t result);
+void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);
+void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);
+void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);
 
 /* recovery.c: 0, or the fault that remains (enum taxel_board_fault) */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
-/* Whether the transmit ring, empty, holds a taxel frame with that much snapshot. */
-bool taxel_hub_can_hold_snapshot(const struct taxel_hub *hub, size_t snapshot_size);
-/* Whether a taxel frame with that much snapshot would fit after the one that is still to be framed. */
-bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size);
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub);
 
 /* outbox.c: one frame of a head and a tail (either may be empty); false if there is no room for it now */
@@ -48,12 +105,22 @@ bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head
 /* the same for what cannot be kept: without room it is dropped and counted */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
                     size_t tail_size);
+/* The first bytes of a transfer buffer as a frame's tail: sent from where they are, or, while the UART has another such frame to
+ * send, through the ring. Until the frame is sent the buffer is not free. */
+bool taxel_hub_try_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint8_t buffer,
+                               size_t size);
 void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault);
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text);
 
 /* inbox.c */
 void taxel_hub_inbox_init(struct taxel_hub *hub);
 void taxel_hub_read_inbox(struct taxel_hub *hub);
+
+/* command.c */
+void taxel_hub_take_hello(struct taxel_hub *hub);
+void taxel_hub_take_command(struct taxel_hub *hub, size_t size);
+void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference);
+void taxel_hub_end_finished_command(struct taxel_hub *hub);
 void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version);
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size);
 

@@ -1,4 +1,5 @@
-/* UART frames out. A frame goes into the ring whole or not at all; what finds no room is dropped whole, and counted. */
+/* UART frames out. A frame goes into the ring, or becomes of a transfer buffer, whole or not at all; what finds no room is dropped
+ * whole, and counted. */
 #include <stdatomic.h>
 
 #include "codec/encoder.h"
@@ -6,28 +7,39 @@
 
 static size_t used_bytes(const struct taxel_hub *hub)
 {
-    const size_t size = hub->config->transmit_ring_size;
-    return (hub->outbox.head + size - hub->outbox.tail) % size;
+    const size_t head = hub->outbox.head, tail = hub->outbox.tail;
+    return head >= tail ? head - tail : head + taxel_hub_config_of(hub)->transmit_ring_size - tail;
 }
 
 size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 {
-    return used_bytes(hub);
+    return used_bytes(hub) + hub->outbox.large_left;
 }
 
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 {
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     size_t pulled = 0;
     atomic_signal_fence(memory_order_acquire);
-    while (pulled < size && outbox->tail != outbox->head) {
-        bytes[pulled++] = hub->config->transmit_ring[outbox->tail];
-        outbox->tail = outbox->tail + 1u == hub->config->transmit_ring_size ? 0u : outbox->tail + 1u;
+    for (; pulled < size; pulled++) {
+        const uint16_t left = outbox->large_left;
+        const uint16_t tail = outbox->tail;
+        if (left && tail == outbox->large_mark) {
+            bytes[pulled] = *(outbox->large_end - left);
+            outbox->large_left = (uint16_t)(left - 1u);
+        } else if (tail != outbox->head) {
+            bytes[pulled] = config->transmit_ring[tail];
+            outbox->tail = tail + 1u == config->transmit_ring_size ? 0u : (uint16_t)(tail + 1u);
+        } else {
+            break;
+        }
     }
     return pulled;
 }
 
-#define REPLY_ENCODED_MAX taxel_encoded_size_max(TAXEL_REPLY_HEADER_SIZE + 128u) /* the longest reply on the wire */
+#define REPLY_MAX (TAXEL_REPLY_HEADER_SIZE + TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* of SCAN_BUS: the longest */
+#define REPLY_ENCODED_MAX taxel_encoded_size_max(REPLY_MAX)
 
 /* While a report is under way, its next frame has a place of its own: taxel frames, which may be shorter and come more often,
  * would take every gap, the report would never end, and GET_STATUS would keep all other commands waiting. */
@@ -36,13 +48,8 @@ static size_t report_reserve(const struct taxel_hub *hub)
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-static size_t taxel_frame_size(size_t snapshot_size)
-{
-    return snapshot_size ? taxel_encoded_size_max(TAXEL_TAXEL_HEADER_SIZE + snapshot_size) : 0;
-}
-
-/* Room that a frame of this type must leave: all but answers leave some for an answer, taxel frames also for small frames
- * that cannot wait, and status frames, which can, leave the room that the snapshots under way were promised. */
+/* Room that a frame of this type must leave in the ring: all but answers leave some for an answer, frames that can wait also for
+ * small frames that cannot. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
@@ -50,12 +57,12 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     case TAXEL_FRAME_TYPE_HUB_HELLO:
         return 0;
     case TAXEL_FRAME_TYPE_TAXELS:
-        /* A poll that waited for its room has it promised; only when nobody reads are polls made without. */
-        return TAXEL_HUB_REPLY_RESERVE + (hub->uart_is_stalled ? report_reserve(hub) : 0);
+    case TAXEL_FRAME_TYPE_COMPACT_TAXELS:
+    case TAXEL_FRAME_TYPE_BOARD_INFO:
+        return TAXEL_HUB_REPLY_RESERVE + report_reserve(hub);
     case TAXEL_FRAME_TYPE_HUB_STATUS:
     case TAXEL_FRAME_TYPE_BOARD_STATUS:
-        return TAXEL_HUB_REPLY_RESERVE + taxel_frame_size(hub->unframed_size) +
-               taxel_frame_size(hub->job.kind == TAXEL_JOB_POLL ? hub->job.read_size : 0);
+        return TAXEL_HUB_REPLY_RESERVE;
     default:
         return REPLY_ENCODED_MAX; /* small frames never cost an answer */
     }
@@ -63,41 +70,59 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
 {
-    return used_bytes(hub) + REPLY_ENCODED_MAX < hub->config->transmit_ring_size;
+    return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
-bool taxel_hub_can_hold_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
+static void count(struct taxel_hub *hub, size_t size)
 {
-    return taxel_frame_size(snapshot_size) + TAXEL_HUB_REPLY_RESERVE < hub->config->transmit_ring_size;
-}
-
-bool taxel_hub_has_room_for_snapshot(const struct taxel_hub *hub, size_t snapshot_size)
-{
-    const size_t wanted = taxel_frame_size(snapshot_size) + taxel_frame_size(hub->unframed_size) + TAXEL_HUB_REPLY_RESERVE +
-                          report_reserve(hub);
-    return used_bytes(hub) + wanted < hub->config->transmit_ring_size;
+    struct taxel_outbox *outbox = &hub->outbox;
+    outbox->bytes_sent += (uint32_t)size;
+    outbox->frames_sent++;
+    outbox->sequence++;
+    atomic_signal_fence(memory_order_release); /* the bytes are in place before the interrupt may see them */
 }
 
 bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
                         size_t tail_size)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
     const size_t length = head_size + tail_size;
-    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(hub, type) >= hub->config->transmit_ring_size) {
+    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(hub, type) >= config->transmit_ring_size) {
         return false;
     }
-    taxel_encoder_begin(&encoder, hub->config->transmit_ring, hub->config->transmit_ring_size, outbox->head, type,
-                        outbox->sequence, (uint16_t)length);
+    taxel_encoder_begin(&encoder, config->transmit_ring, config->transmit_ring_size, outbox->head, type, outbox->sequence,
+                        (uint16_t)length);
     taxel_encoder_put(&encoder, head, head_size);
     taxel_encoder_put(&encoder, tail, tail_size);
-    outbox->bytes_sent += (uint32_t)taxel_encoder_end(&encoder);
-    outbox->frames_sent++;
-    outbox->sequence++;
-    atomic_signal_fence(memory_order_release); /* the bytes are in place before the interrupt may see them */
-    outbox->head = encoder.position;
-    hal->uart_kick(hal->context);
+    count(hub, taxel_encoder_end(&encoder));
+    outbox->head = (uint16_t)encoder.position;
+    config->hal->uart_kick(config->hal->context);
+    return true;
+}
+
+bool taxel_hub_try_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint8_t buffer,
+                               size_t size)
+{
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
+    struct taxel_outbox *outbox = &hub->outbox;
+    struct taxel_encoder encoder;
+    uint8_t *const bytes = config->transfer_buffers[buffer];
+    if (outbox->large_left) {
+        return taxel_hub_try_send(hub, type, head, head_size, bytes + TAXEL_HUB_HEADROOM, size);
+    }
+    /* What is written stays behind what is still to be read: delimiter, header and at most 2 + 2 bytes of stuffing. */
+    taxel_encoder_begin(&encoder, bytes, config->transfer_buffer_size, 0, type, outbox->sequence, (uint16_t)(head_size + size));
+    taxel_encoder_put(&encoder, head, head_size);
+    taxel_encoder_put(&encoder, bytes + TAXEL_HUB_HEADROOM, size);
+    const size_t length = taxel_encoder_end(&encoder);
+    outbox->large_end = bytes + length;
+    outbox->large_mark = outbox->head;
+    outbox->large_buffer = buffer;
+    count(hub, length);
+    outbox->large_left = (uint16_t)length;
+    config->hal->uart_kick(config->hal->context);
     return true;
 }
 
@@ -118,7 +143,7 @@ void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *sl
         .address = slot->address,
         .fault = fault,
         .cycle = hub->cycle.number,
-        .hub_time_us = (uint32_t)taxel_hub_clock(hub),
+        .hub_time_us = taxel_hub_now(hub),
         .consecutive = slot->consecutive_failures,
     };
     taxel_board_fault_report_pack(&report, bytes);
@@ -132,7 +157,7 @@ void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const ch
     const struct taxel_log_header header = {
         .level = level,
         .code = code,
-        .hub_time_us = (uint32_t)taxel_hub_clock(hub),
+        .hub_time_us = taxel_hub_now(hub),
     };
     taxel_log_header_pack(&header, bytes);
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text,

@@ -5,7 +5,8 @@
 #define RETRIES 1u
 #define FAILURES_UNTIL_ABSENT 3u
 #define BUS_DOWN_US 10000u
-#define CLOCK_SLACK_US 500000 /* age of a snapshot, twice and with room */
+#define UART_STALL_US 100000u /* a UART that takes nothing for so long has no reader: go on, and drop */
+#define CLOCK_SLACK_US 500000u /* age of a snapshot, twice and with room */
 #define HALF_CLOCK_RANGE 0x80000000u
 #define CLOCK_SLACK_SHIFT 3   /* and an eighth of the time between: no oscillator is that far off */
 
@@ -56,7 +57,7 @@ uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 {
     const uint8_t fault = taxel_hub_recover_bus(hub);
     if (fault != TAXEL_BOARD_FAULT_NONE) {
-        hub->bus_down_until_us = taxel_hub_clock(hub) + BUS_DOWN_US;
+        hub->bus_down_until_us = taxel_hub_now(hub) + BUS_DOWN_US;
     }
     note_bus_fault(hub, fault);
     return fault;
@@ -77,83 +78,176 @@ static uint8_t fault_of(int8_t result, uint8_t bus_fault)
     return result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION;
 }
 
-static bool retry(struct taxel_hub_slot *board)
+static bool retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->attempts >= RETRIES) {
         return false;
     }
-    board->attempts++;
+    board->attempts = (board->attempts + 1u) & 3u;
     board->retries++;
     board->retry = true;
+    hub->retry_wanted = true;
     board->pointer_is_snapshot = false;
     return true;
 }
 
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
+    if (size < TAXEL_COMPACT_OVERHEAD_CODED) {
+        return false; /* the shortest of either kind */
+    }
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, size - 4u);
     return crc == taxel_get_u32(bytes + size - 4u);
 }
 
 /* The board's clock went back, or has not gone on as the hub's has: it began anew. */
-static bool board_was_restarted(const struct taxel_hub_slot *board, const struct taxel_job *job,
-                                const struct taxel_snapshot_header *snapshot)
+static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t started_us, uint32_t timestamp_us)
 {
-    const uint32_t elapsed = (uint32_t)job->started_us - board->last_read_us;
-    const uint32_t board_elapsed = snapshot->timestamp_us - board->last_timestamp_us;
+    const uint32_t elapsed = started_us - board->last_read_us;
+    const uint32_t board_elapsed = timestamp_us - board->last_timestamp_us;
     const bool went_back = board_elapsed >= HALF_CLOCK_RANGE && elapsed < HALF_CLOCK_RANGE;
-    const int64_t difference = (int32_t)(board_elapsed - elapsed);
-    const int64_t slack = CLOCK_SLACK_US + (int64_t)(elapsed >> CLOCK_SLACK_SHIFT);
-    return board->has_sequence && (went_back || difference > slack || difference < -slack);
+    const uint32_t ahead = board_elapsed - elapsed;
+    const uint32_t difference = ahead < HALF_CLOCK_RANGE ? ahead : 0u - ahead;
+    return board->has_clock && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
 }
 
-static void forward(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board)
+void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
 {
+    struct taxel_unframed *unframed = &hub->unframed;
+    unframed->size = (uint16_t)size;
+    unframed->cycle = hub->job.cycle;
+    unframed->started_us = hub->job.started_us;
+    unframed->slot = hub->job.slot;
+    unframed->buffer = hub->job.buffer;
+    unframed->type = type;
+}
+
+void taxel_hub_keep_snapshot(struct taxel_hub *hub)
+{
+    const struct taxel_job *job = &hub->job;
+    if (!job->is_compact) {
+        taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
+        return;
+    }
+    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->buffer)[-1]);
+    taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
+}
+
+/* The board's clock of a snapshot. A coded one has 24 bits of it: the others follow from what the hub's clock says. */
+static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed, const uint8_t *bytes,
+                             bool is_coded)
+{
+    if (unframed->type == TAXEL_FRAME_TYPE_TAXELS) {
+        return taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
+    }
+    if (!is_coded) {
+        return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
+    }
+    const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
+    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW) << 8; /* and a byte that is not its */
+    return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
+}
+
+static bool try_forward(struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    const struct taxel_unframed *unframed = &hub->unframed;
     uint8_t head[TAXEL_TAXEL_HEADER_SIZE];
     const struct taxel_taxel_header header = {
         .address = board->address,
         .taxel_count = board->taxel_count,
-        .cycle = job->cycle,
-        .hub_time_us = (uint32_t)job->started_us,
+        .cycle = unframed->cycle,
+        .hub_time_us = unframed->started_us,
     };
     taxel_taxel_header_pack(&header, head);
-    if (taxel_hub_send(hub, TAXEL_FRAME_TYPE_TAXELS, head, sizeof head, hub->config->transfer_buffers[job->buffer],
-                       job->read_size)) {
-        board->forwarded++;
-    } else {
-        board->dropped++;
-    }
+    return taxel_hub_try_send_buffer(hub, unframed->type, head,
+                                     unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head, unframed->buffer,
+                                     unframed->size);
 }
 
-void taxel_hub_take_snapshot(struct taxel_hub *hub, const struct taxel_job *job)
+/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that
+ * takes nothing at all must not stop the hub. */
+static bool must_wait(struct taxel_hub *hub)
 {
-    struct taxel_hub_slot *board = &hub->config->slots[job->slot];
-    const uint8_t *bytes = hub->config->transfer_buffers[job->buffer];
-    struct taxel_snapshot_header snapshot;
-    if (!snapshot_is_whole(board, bytes, job->read_size)) {
-        if (!retry(board)) {
+    struct taxel_unframed *unframed = &hub->unframed;
+    const uint16_t mark = (uint16_t)(hub->outbox.tail - hub->outbox.large_left);
+    const uint32_t now = taxel_hub_now(hub);
+    if (hub->uart_mark != mark) {
+        hub->uart_is_stalled = false;
+    }
+    if (!unframed->waits || hub->uart_mark != mark) {
+        unframed->waits_since_us = now;
+        hub->uart_mark = mark;
+    }
+    unframed->waits = true;
+    hub->uart_is_stalled = hub->uart_is_stalled || now - unframed->waits_since_us >= UART_STALL_US;
+    taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
+    return !hub->uart_is_stalled;
+}
+
+void taxel_hub_forward(struct taxel_hub *hub)
+{
+    struct taxel_unframed *unframed = &hub->unframed;
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, unframed->slot);
+    const bool is_taxels = unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO;
+    if (try_forward(hub, board)) {
+        board->forwarded += is_taxels;
+        hub->uart_is_stalled = false;
+    } else if (must_wait(hub)) {
+        return;
+    } else {
+        board->dropped += is_taxels;
+        hub->outbox.frames_dropped++;
+    }
+    unframed->waits = false;
+    unframed->size = 0;
+}
+
+/* False if it is not to be forwarded. */
+static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board)
+{
+    const struct taxel_unframed *unframed = &hub->unframed;
+    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->buffer);
+    if (!snapshot_is_whole(board, bytes, unframed->size)) {
+        if (!retry(hub, board)) {
             board->crc_errors++;
             taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_CRC);
         }
-        return;
+        return false;
     }
+    const uint16_t sequence = taxel_get_u16(bytes); /* both kinds begin so */
+    const bool is_coded = unframed->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS &&
+                          !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] & TAXEL_COMPACT_WIDTH_MASK);
+    const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_coded);
     succeed(hub, board);
-    taxel_snapshot_header_unpack(&snapshot, bytes);
-    if (board_was_restarted(board, job, &snapshot)) {
+    if (!is_coded && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* one that was has no reference */
         board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
         board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may answer now */
         board->has_sequence = false;
         taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_RESTARTED);
     }
-    if (board->has_sequence && snapshot.sequence == board->last_sequence) {
+    board->has_clock = board->has_clock || !is_coded;
+    if (board->has_sequence && sequence == board->last_sequence) {
         board->repeated++;
-        return;
+        return false;
     }
     board->has_sequence = true;
-    board->last_sequence = snapshot.sequence;
-    board->last_timestamp_us = snapshot.timestamp_us;
-    board->last_read_us = (uint32_t)job->started_us;
-    forward(hub, job, board);
+    board->last_sequence = sequence;
+    board->last_timestamp_us = timestamp_us;
+    board->last_read_us = unframed->started_us;
+    return true;
+}
+
+void taxel_hub_take_snapshot(struct taxel_hub *hub)
+{
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, hub->unframed.slot);
+    if (hub->unframed.size == 0) { /* a compact snapshot of length 0 */
+        succeed(hub, board);
+        board->repeated++;
+    } else if (snapshot_is_news(hub, board)) {
+        taxel_hub_forward(hub);
+    } else {
+        hub->unframed.size = 0;
+    }
 }
 
 /* A poll that brought no snapshot. */
@@ -162,7 +256,7 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
     switch (result) {
     case TAXEL_I2C_NACK_ADDRESS:
     case TAXEL_I2C_NACK_DATA:
-        if (!retry(board)) {
+        if (!retry(hub, board)) {
             board->nacks++;
             taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         }
@@ -176,7 +270,7 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
         break;
     }
     const uint8_t bus_fault = taxel_hub_free_bus(hub);
-    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(board)) {
+    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(hub, board)) {
         board->bus_errors++;
         taxel_hub_fail(hub, board, fault_of(result, bus_fault));
     }
@@ -187,7 +281,7 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
     if (result == TAXEL_I2C_OK) {
         board->state = TAXEL_BOARD_STATE_IDENTIFYING;
         board->polls--; /* the board is back: its poll follows in this very cycle */
-        if (hub->cycle.position == board - hub->config->slots + 1) {
+        if (hub->cycle.position == board - taxel_hub_slot_at(hub, 0) + 1) {
             hub->cycle.position--; /* otherwise a new cycle has begun meanwhile and comes to this board by itself */
         }
         return;
@@ -204,18 +298,20 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
 static void add_slot(struct taxel_hub *hub, uint8_t address)
 {
     uint8_t position = hub->slot_count;
-    if (hub->slot_count == hub->config->slot_capacity) {
+    if (hub->slot_count == taxel_hub_config_of(hub)->slot_capacity) {
         return;
     }
-    while (position && hub->config->slots[position - 1u].address > address) {
-        hub->config->slots[position] = hub->config->slots[position - 1u];
-        position--;
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, position);
+    for (; position && board[-1].address > address; board--, position--) {
+        board[0] = board[-1];
     }
-    struct taxel_hub_slot *board = &hub->config->slots[position];
     memset(board, 0, sizeof *board);
     board->address = address;
     board->state = TAXEL_BOARD_STATE_IDENTIFYING;
     hub->slot_count++;
+    if (hub->unframed.slot >= position) {
+        hub->unframed.slot++;
+    }
     if (hub->report.next > position + 1u) {
         hub->report.next++;
     }
@@ -224,11 +320,12 @@ static void add_slot(struct taxel_hub *hub, uint8_t address)
     }
 }
 
-static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *job, int8_t result)
+static void finish_address_probe(struct taxel_hub *hub, int8_t result)
 {
-    if (result == TAXEL_I2C_OK) {
-        hub->sweep.found[job->address >> 3] |= (uint8_t)(1u << (job->address & 7u));
-    } else if (result != TAXEL_I2C_NACK_ADDRESS) {
+    const struct taxel_job *job = &hub->job;
+    if (result == TAXEL_I2C_OK && hub->sweep.for_command) {
+        hub->inbox.payload[job->address >> 3] |= (uint8_t)(1u << (job->address & 7u));
+    } else if (result != TAXEL_I2C_OK && result != TAXEL_I2C_NACK_ADDRESS) {
         (void)taxel_hub_free_bus(hub);
     }
     if (job->slot == TAXEL_NO_SLOT) {
@@ -237,7 +334,7 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
         }
         return;
     }
-    struct taxel_hub_slot *board = &hub->config->slots[job->slot];
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, job->slot);
     if (result != TAXEL_I2C_OK && !hub->streaming) {
         board->state = TAXEL_BOARD_STATE_ABSENT;
     } else if (result == TAXEL_I2C_OK && board->state == TAXEL_BOARD_STATE_ABSENT) {
@@ -245,24 +342,36 @@ static void finish_address_probe(struct taxel_hub *hub, const struct taxel_job *
     }
 }
 
-static void finish_clock(struct taxel_hub *hub, const struct taxel_job *job, struct taxel_hub_slot *board, int8_t result)
+TAXEL_OWN_FRAME static void send_clock(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     uint8_t bytes[TAXEL_TIME_SYNC_SIZE];
-    if (result != TAXEL_I2C_OK) {
-        if (result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
-            (void)taxel_hub_free_bus(hub);
-        }
-        return;
-    }
     /* The board latched its clock when it was addressed for reading: four bytes before the end of the transfer. */
-    const uint64_t bytes_us = (sizeof(uint32_t) * 9u * 1000000u) / hub->config->scl_hz;
+    const uint32_t bytes_us = ((uint32_t)sizeof(uint32_t) * 9u * 1000000u) / taxel_hub_config_of(hub)->scl_hz;
     const struct taxel_time_sync sync = {
         .address = board->address,
-        .board_time_us = taxel_get_u32(hub->config->transfer_buffers[job->buffer]),
+        .board_time_us = taxel_get_u32(taxel_hub_bytes(hub, hub->job.buffer)),
         .hub_time_us = taxel_hub_clock(hub) - bytes_us,
     };
     taxel_time_sync_pack(&sync, bytes);
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_TIME_SYNC, bytes, sizeof bytes, NULL, 0);
+}
+
+static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *board, int8_t result)
+{
+    if (result == TAXEL_I2C_OK) {
+        send_clock(hub, board);
+    } else if (result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
+        (void)taxel_hub_free_bus(hub);
+    }
+}
+
+/* One that was lost is not repeated: the host says it again. */
+static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
+{
+    board->pointer_is_snapshot = result == TAXEL_I2C_OK;
+    if (result != TAXEL_I2C_OK && result != TAXEL_I2C_NACK_ADDRESS && result != TAXEL_I2C_NACK_DATA) {
+        (void)taxel_hub_free_bus(hub);
+    }
 }
 
 static uint8_t reply_status_of(int8_t result)
@@ -280,19 +389,22 @@ static uint8_t reply_status_of(int8_t result)
     }
 }
 
-static void finish_pass_through(struct taxel_hub *hub, const struct taxel_job *job, int8_t result)
+static void finish_pass_through(struct taxel_hub *hub, int8_t result)
 {
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {
         (void)taxel_hub_free_bus(hub);
     }
-    taxel_hub_reply(hub, reply_status_of(result), hub->config->transfer_buffers[job->buffer],
-                    result == TAXEL_I2C_OK ? job->read_size : 0);
+    taxel_hub_reply(hub, reply_status_of(result), taxel_hub_bytes(hub, hub->job.buffer),
+                    result == TAXEL_I2C_OK ? hub->job.read_size : 0);
 }
 
-void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, int8_t result)
+void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result)
 {
-    struct taxel_hub_slot *board = job->slot == TAXEL_NO_SLOT ? NULL : &hub->config->slots[job->slot];
-    switch (job->kind) {
+    struct taxel_job *job = &hub->job;
+    const uint8_t kind = job->kind;
+    struct taxel_hub_slot *board = job->slot == TAXEL_NO_SLOT ? NULL : taxel_hub_slot_at(hub, job->slot);
+    job->kind = TAXEL_JOB_NONE; /* what else it says is still needed */
+    switch (kind) {
     case TAXEL_JOB_POLL:
         finish_failed_poll(hub, board, result);
         break;
@@ -300,26 +412,29 @@ void taxel_hub_finish_job(struct taxel_hub *hub, const struct taxel_job *job, in
         finish_slot_probe(hub, board, result);
         break;
     case TAXEL_JOB_IDENTIFY:
-        taxel_hub_finish_identify(hub, job, board, result);
+        taxel_hub_finish_identify(hub, board, result);
         break;
     case TAXEL_JOB_WRITE_SETTINGS:
         hub->settings_read_slot = job->slot; /* taken over or not: reading back tells */
         hub->settings_read_kind = TAXEL_JOB_CHECK_SETTINGS;
         break;
     case TAXEL_JOB_READ_SETTINGS:
-        taxel_hub_finish_read_settings(hub, job, board, result);
+        taxel_hub_finish_read_settings(hub, board, result);
         break;
     case TAXEL_JOB_CHECK_SETTINGS:
-        taxel_hub_finish_check_settings(hub, job, board, result);
+        taxel_hub_finish_check_settings(hub, board, result);
+        break;
+    case TAXEL_JOB_ACKNOWLEDGE:
+        finish_acknowledge(hub, board, result);
         break;
     case TAXEL_JOB_CLOCK:
-        finish_clock(hub, job, board, result);
+        finish_clock(hub, board, result);
         break;
     case TAXEL_JOB_PROBE_ADDRESS:
-        finish_address_probe(hub, job, result);
+        finish_address_probe(hub, result);
         break;
     case TAXEL_JOB_PASS_THROUGH:
-        finish_pass_through(hub, job, result);
+        finish_pass_through(hub, result);
         break;
     default:
         break;

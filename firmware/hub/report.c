@@ -9,12 +9,12 @@ static uint8_t boards_streaming(const struct taxel_hub *hub)
 {
     uint8_t count = 0;
     for (uint8_t i = 0; i < hub->slot_count; i++) {
-        count = (uint8_t)(count + (hub->config->slots[i].state == TAXEL_BOARD_STATE_STREAMING));
+        count = (uint8_t)(count + (taxel_hub_slot_at(hub, i)->state == TAXEL_BOARD_STATE_STREAMING));
     }
     return count;
 }
 
-static bool send_hub_status(struct taxel_hub *hub)
+TAXEL_OWN_FRAME static bool send_hub_status(struct taxel_hub *hub)
 {
     uint8_t bytes[TAXEL_HUB_STATUS_SIZE];
     const struct taxel_hub_status status = {
@@ -34,14 +34,21 @@ static bool send_hub_status(struct taxel_hub *hub)
     return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_HUB_STATUS, bytes, sizeof bytes, NULL, 0);
 }
 
-static bool send_board_status(struct taxel_hub *hub, const struct taxel_hub_slot *slot)
+uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot)
+{
+    const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
+                           slot->bus_errors + slot->dropped;
+    return ended + (uint8_t)(slot->polls - ended);
+}
+
+TAXEL_OWN_FRAME static bool send_board_status(struct taxel_hub *hub, const struct taxel_hub_slot *slot)
 {
     uint8_t bytes[TAXEL_BOARD_STATUS_SIZE];
     const struct taxel_board_status status = {
         .address = slot->address,
         .state = slot->state,
         .last_fault = slot->last_fault,
-        .polls = slot->polls,
+        .polls = taxel_hub_polls(slot),
         .forwarded = slot->forwarded,
         .repeated = slot->repeated,
         .nacks = slot->nacks,
@@ -67,7 +74,7 @@ static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
     const bool sent =
-        report->next == 0 ? send_hub_status(hub) : send_board_status(hub, &hub->config->slots[report->next - 1u]);
+        report->next == 0 ? send_hub_status(hub) : send_board_status(hub, taxel_hub_slot_at(hub, (uint8_t)(report->next - 1u)));
     if (!sent) {
         return false;
     }
@@ -91,18 +98,17 @@ static void tell_overruns(struct taxel_hub *hub)
 
 void taxel_hub_report_step(struct taxel_hub *hub)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
     struct taxel_report *report = &hub->report;
-    const uint64_t now = taxel_hub_clock(hub);
+    const uint32_t now = taxel_hub_now(hub);
     tell_overruns(hub);
-    if (!report->active && hub->streaming && now >= report->next_us) {
+    if (!report->active && hub->streaming && taxel_hub_has_come(now, report->next_us)) {
         report->next_us = now + REPORT_PERIOD_US;
         taxel_hub_start_report(hub, false);
     }
     const bool sent = report->active && send_next(hub);
     if (report->active) {
-        hal->wake_at(hal->context, now + (sent ? STEP_US : NO_ROOM_US));
+        taxel_hub_wake_in(hub, sent ? STEP_US : NO_ROOM_US);
     } else if (hub->streaming) {
-        hal->wake_at(hal->context, report->next_us);
+        taxel_hub_wake_in(hub, taxel_hub_has_come(now, report->next_us) ? 0 : report->next_us - now);
     }
 }

@@ -4,8 +4,6 @@
 #include "hub/internal.h"
 
 #define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
-#define ROOM_POLL_US 100u        /* how often a full transmit ring is looked at again */
-#define UART_STALL_US 100000u    /* a UART that takes nothing for so long has no reader: go on, and drop */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
 #define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
@@ -13,46 +11,73 @@
 #define CLOCKS_PER_BYTE 9u
 #define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
 
-static struct taxel_hub_slot *slot_at(const struct taxel_hub *hub, uint8_t slot)
+#define slot_at taxel_hub_slot_at
+
+static bool buffer_is_free(const struct taxel_hub *hub, uint8_t buffer)
 {
-    return &hub->config->slots[slot];
+    return !(hub->unframed.size && hub->unframed.buffer == buffer) &&
+           !(hub->outbox.large_left && hub->outbox.large_buffer == buffer);
 }
 
+static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
+{
+    const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
+    const uint32_t byte_us = (2u * CLOCKS_PER_BYTE * 1000000u + scl_hz - 1u) / scl_hz;
+    return TIMEOUT_BASE_US + byte_us * (uint32_t)(ADDRESS_BYTES + bytes);
+}
+
+static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    return hub->compact && board->has_compact;
+}
+
+/* Begin the transfer that hub->job describes so far: write_size, write_bytes; buffer is a free one. */
 static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     struct taxel_job *job = &hub->job;
-    const bool pass_through = kind == TAXEL_JOB_PASS_THROUGH;
-    const size_t write_size = pass_through ? hub->command.transfer_size : job->write_size;
-    const uint64_t bytes = ADDRESS_BYTES + write_size + read_size;
+    struct taxel_i2c_transfer transfer = {
+        .address = address,
+        .write_bytes = job->write_bytes,
+        .write_size = job->write_size,
+        .read_bytes = taxel_hub_bytes(hub, job->buffer),
+        .read_size = read_size,
+    };
+    if (kind == TAXEL_JOB_PASS_THROUGH) {
+        transfer.write_bytes = hub->inbox.payload + TAXEL_COMMAND_HEADER_SIZE + TAXEL_TRANSFER_ARGUMENTS_SIZE;
+        transfer.write_size = hub->command.transfer_size;
+    } else if (kind == TAXEL_JOB_WRITE_SETTINGS) {
+        transfer.write_bytes = transfer.read_bytes;
+    } else if (kind == TAXEL_JOB_READ_SETTINGS) {
+        transfer.read_bytes += TAXEL_IDENTITY_SIZE;
+    }
+    job->is_compact = kind == TAXEL_JOB_POLL && job->is_compact;
+    if (job->is_compact) {
+        transfer.read_bytes--;
+        transfer.counted = true;
+    }
     hub->cycle.launched = true;
     job->kind = kind;
     job->slot = slot;
     job->address = address;
     job->cycle = hub->cycle.number;
-    job->read_size = read_size;
-    job->buffer = hub->next_buffer;
-    hub->next_buffer ^= 1u;
+    job->read_size = (uint16_t)read_size;
     hub->job_done = false;
-    job->started_us = taxel_hub_clock(hub);
-    job->deadline_us = job->started_us + TIMEOUT_BASE_US + 2u * bytes * CLOCKS_PER_BYTE * 1000000u / hub->config->scl_hz;
-    const struct taxel_i2c_transfer transfer = {
-        .address = address,
-        .write_bytes = pass_through ? hub->command.transfer_bytes : job->write_bytes,
-        .write_size = write_size,
-        .read_bytes = hub->config->transfer_buffers[job->buffer],
-        .read_size = read_size,
-    };
-    hal->wake_at(hal->context, job->deadline_us);
+    job->started_us = taxel_hub_now(hub);
+    job->deadline_us = job->started_us + timeout_us(hub, transfer.write_size + read_size);
     hal->i2c_start(hal->context, &transfer);
 }
 
 static void launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size)
 {
+    struct taxel_hub_slot *board = slot_at(hub, slot);
     hub->job.write_size = 1;
     hub->job.write_bytes[0] = pointer;
-    slot_at(hub, slot)->pointer_is_snapshot = pointer == TAXEL_REGISTER_SNAPSHOT;
-    launch(hub, kind, slot, slot_at(hub, slot)->address, size);
+    if (kind == TAXEL_JOB_POLL && board->pointer_is_snapshot) {
+        hub->job.write_size = 0;
+    }
+    board->pointer_is_snapshot = kind == TAXEL_JOB_POLL;
+    launch(hub, kind, slot, board->address, size);
 }
 
 static void launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address)
@@ -63,20 +88,39 @@ static void launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint
 
 static void launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
-    struct taxel_hub_slot *board = slot_at(hub, slot);
-    const size_t size = TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
-    if (board->pointer_is_snapshot) {
-        hub->job.write_size = 0;
-        launch(hub, TAXEL_JOB_POLL, slot, board->address, size);
-        return;
+    const struct taxel_hub_slot *board = slot_at(hub, slot);
+    hub->job.is_compact = polls_compact(hub, board);
+    if (hub->job.is_compact) {
+        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_COMPACT, 1u + taxel_hub_compact_max(board));
+    } else {
+        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT,
+                    TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count);
     }
-    launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT, size);
+}
+
+/* What the host has to say to the board; false if it has nothing to say. */
+static bool launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    uint8_t *bytes = hub->job.write_bytes;
+    if (!polls_compact(hub, board) || !(board->acknowledge || board->forget)) {
+        return false;
+    }
+    bytes[0] = TAXEL_REGISTER_COMPACT;
+    bytes[1] = 0;
+    if (board->acknowledge) {
+        taxel_put_u16(bytes + 1, board->reference);
+    }
+    hub->job.write_size = board->acknowledge ? 3u : 2u;
+    board->acknowledge = board->forget = false;
+    launch(hub, TAXEL_JOB_ACKNOWLEDGE, slot, board->address, 0);
+    return true;
 }
 
 static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
-    uint8_t *bytes = hub->job.write_bytes;
+    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
     bytes[0] = TAXEL_REGISTER_SETTINGS;
     taxel_scan_settings_pack(&board->settings, bytes + 1);
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
@@ -89,7 +133,7 @@ static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 /* A host that talks to boards, to those in their bootloaders above all, has the idle bus to itself. */
 static bool bus_is_the_hosts(const struct taxel_hub *hub)
 {
-    return !hub->streaming && taxel_hub_clock(hub) < hub->host_until_us;
+    return !hub->streaming && !taxel_hub_has_come(taxel_hub_now(hub), hub->host_until_us);
 }
 
 /* What a board needs before it can be polled; false if it needs nothing. */
@@ -120,37 +164,15 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
 
 static bool launch_retry(struct taxel_hub *hub)
 {
-    for (uint8_t i = 0; i < hub->slot_count; i++) {
+    for (uint8_t i = 0; hub->retry_wanted && i < hub->slot_count; i++) {
         if (slot_at(hub, i)->retry) {
             slot_at(hub, i)->retry = false;
             launch_poll(hub, i);
             return true;
         }
     }
+    hub->retry_wanted = false;
     return false;
-}
-
-/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that
- * takes nothing at all must not stop the hub. */
-static bool must_wait_for_room(struct taxel_hub *hub, const struct taxel_hub_slot *board)
-{
-    const struct taxel_hub_hal *hal = hub->config->hal;
-    const uint64_t now = taxel_hub_clock(hub);
-    if (taxel_hub_has_room_for_snapshot(hub, TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count)) {
-        hub->room_wanted_since_us = 0;
-        hub->uart_is_stalled = false;
-        return false;
-    }
-    if (!hub->room_wanted_since_us || hub->room_wanted_tail != hub->outbox.tail) {
-        hub->room_wanted_since_us = now;
-        hub->room_wanted_tail = hub->outbox.tail;
-    }
-    hub->uart_is_stalled = now - hub->room_wanted_since_us >= UART_STALL_US;
-    if (hub->uart_is_stalled) {
-        return false;
-    }
-    hal->wake_at(hal->context, now + ROOM_POLL_US);
-    return true;
 }
 
 /* LAUNCH_WAIT: there is a poll to make, but not now. */
@@ -162,18 +184,18 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     while (cycle->position < hub->slot_count) {
         const uint8_t slot = cycle->position;
         struct taxel_hub_slot *board = slot_at(hub, slot);
-        if (hub->unframed_size && hub->unframed_slot == slot) {
+        if (hub->unframed.size && hub->unframed.slot == slot) {
             return LAUNCH_WAIT; /* its last snapshot is judged first: it may want a second attempt */
         }
         if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
-            (uint32_t)taxel_hub_clock(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
+            taxel_hub_now(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
             board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
         }
         if (launch_upkeep(hub, slot)) {
             return LAUNCH_STARTED; /* and then this board's poll */
         }
-        if (board->state == TAXEL_BOARD_STATE_STREAMING && must_wait_for_room(hub, board)) {
-            return LAUNCH_WAIT;
+        if (board->state == TAXEL_BOARD_STATE_STREAMING && launch_acknowledge(hub, slot)) {
+            return LAUNCH_STARTED;
         }
         cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
@@ -216,7 +238,7 @@ static bool launch_unknown_probe(struct taxel_hub *hub)
     while (cycle->probes_left) {
         cycle->probes_left--;
         cycle->probe_address = next_address(cycle->probe_address);
-        if (hub->slot_count < hub->config->slot_capacity &&
+        if (hub->slot_count < taxel_hub_config_of(hub)->slot_capacity &&
             taxel_hub_slot_of(hub, cycle->probe_address) == TAXEL_NO_SLOT) {
             launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, TAXEL_NO_SLOT, cycle->probe_address);
             return true;
@@ -243,10 +265,10 @@ static void end_cycle(struct taxel_hub *hub)
     cycle->stage = TAXEL_STAGE_WAIT;
 }
 
-/* Go through the stages of the cycle until one has a transfer to make; false while waiting for the next cycle. */
-static bool launch_from_cycle(struct taxel_hub *hub)
+/* Go through the stages of the cycle until one has a transfer to make, or the next cycle is waited for. */
+static void launch_from_cycle(struct taxel_hub *hub)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     struct taxel_cycle *cycle = &hub->cycle;
     enum launch launched;
     for (;;) {
@@ -254,7 +276,7 @@ static bool launch_from_cycle(struct taxel_hub *hub)
         case TAXEL_STAGE_POLLS:
             launched = launch_from_polls(hub);
             if (launched != LAUNCH_NOTHING) {
-                return launched == LAUNCH_STARTED;
+                return;
             }
             cycle->stage = TAXEL_STAGE_CLOCK;
             break;
@@ -262,12 +284,12 @@ static bool launch_from_cycle(struct taxel_hub *hub)
             cycle->stage = TAXEL_STAGE_PROBES;
             cycle->probes_left = PROBES_PER_CYCLE;
             if (launch_clock(hub)) {
-                return true;
+                return;
             }
             break;
         case TAXEL_STAGE_PROBES:
             if (launch_unknown_probe(hub)) {
-                return true;
+                return;
             }
             end_cycle(hub);
             break;
@@ -277,7 +299,8 @@ static bool launch_from_cycle(struct taxel_hub *hub)
             const uint64_t next = cycle->started_us + (is_idle ? SWEEP_PERIOD_US : cycle->period_us);
             if (taxel_hub_clock(hub) < next) {
                 hal->wake_at(hal->context, next);
-                return launch_any_upkeep(hub); /* the host's commands do not wait for a slow cycle */
+                (void)launch_any_upkeep(hub); /* the host's commands do not wait for a slow cycle */
+                return;
             }
             begin_cycle(hub);
             break;
@@ -286,13 +309,21 @@ static bool launch_from_cycle(struct taxel_hub *hub)
     }
 }
 
+void taxel_hub_want_compact(struct taxel_hub *hub, bool compact)
+{
+    for (uint8_t i = 0; hub->compact != compact && i < hub->slot_count; i++) {
+        slot_at(hub, i)->pointer_is_snapshot = false;
+    }
+    hub->compact = compact;
+}
+
 void taxel_hub_start_streaming(struct taxel_hub *hub)
 {
     if (hub->streaming) {
         return;
     }
     hub->streaming = true;
-    hub->report.next_us = taxel_hub_clock(hub);
+    hub->report.next_us = taxel_hub_now(hub);
     if (hub->cycle.stage != TAXEL_STAGE_WAIT && hub->cycle.position) {
         hub->cycle.number++; /* STOP cut the last one: what comes now is of another time */
     }
@@ -304,22 +335,24 @@ void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command)
     hub->sweep.active = true;
     hub->sweep.for_command = hub->sweep.for_command || for_command;
     hub->sweep.address = (uint8_t)TAXEL_ADDRESS_MIN;
-    memset(hub->sweep.found, 0, sizeof hub->sweep.found);
+    if (hub->sweep.for_command) {
+        memset(hub->inbox.payload, 0, TAXEL_HUB_FOUND_SIZE);
+    }
 }
 
 static void end_sweep(struct taxel_hub *hub)
 {
     struct taxel_sweep *sweep = &hub->sweep;
-    uint8_t found[TAXEL_ADDRESS_MAX + 1u];
+    uint8_t *found = taxel_hub_bytes(hub, hub->job.buffer);
     size_t count = 0;
     sweep->active = false;
-    sweep->next_us = taxel_hub_clock(hub) + SWEEP_PERIOD_US;
+    sweep->next_us = taxel_hub_now(hub) + SWEEP_PERIOD_US;
     if (!sweep->for_command) {
         return;
     }
     sweep->for_command = false;
     for (uint8_t address = (uint8_t)TAXEL_ADDRESS_MIN; address <= TAXEL_ADDRESS_MAX; address++) {
-        if (sweep->found[address >> 3] & (1u << (address & 7u))) {
+        if (hub->inbox.payload[address >> 3] & (1u << (address & 7u))) {
             found[count++] = address;
         }
     }
@@ -338,19 +371,19 @@ static bool launch_from_sweep(struct taxel_hub *hub)
     return false;
 }
 
-static bool launch_from_idle(struct taxel_hub *hub)
+static void launch_from_idle(struct taxel_hub *hub)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
+    const uint32_t now = taxel_hub_now(hub);
     if (launch_any_upkeep(hub)) {
-        return true;
+        return;
     }
-    const uint64_t next = hub->sweep.next_us > hub->host_until_us ? hub->sweep.next_us : hub->host_until_us;
-    if (taxel_hub_clock(hub) < next) {
-        hal->wake_at(hal->context, next);
-        return false;
+    const uint32_t next = taxel_hub_has_come(hub->sweep.next_us, hub->host_until_us) ? hub->sweep.next_us : hub->host_until_us;
+    if (!taxel_hub_has_come(now, next)) {
+        taxel_hub_wake_in(hub, next - now);
+        return;
     }
     taxel_hub_start_sweep(hub, false);
-    return launch_from_sweep(hub);
+    (void)launch_from_sweep(hub);
 }
 
 static bool pass_through_is_wanted(const struct taxel_hub *hub)
@@ -358,37 +391,47 @@ static bool pass_through_is_wanted(const struct taxel_hub *hub)
     return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
 }
 
+static void launch_pass_through(struct taxel_hub *hub)
+{
+    const uint8_t slot = taxel_hub_slot_of(hub, hub->command.address);
+    if (slot != TAXEL_NO_SLOT) {
+        slot_at(hub, slot)->pointer_is_snapshot = false;
+    }
+    hub->host_until_us = taxel_hub_now(hub) + HOST_BUS_US;
+    launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
+}
+
 void taxel_hub_start_next_job(struct taxel_hub *hub)
 {
-    const struct taxel_hub_hal *hal = hub->config->hal;
-    if (taxel_hub_clock(hub) < hub->bus_down_until_us) {
-        hal->wake_at(hal->context, hub->bus_down_until_us);
+    const uint32_t now = taxel_hub_now(hub);
+    const uint8_t slot = hub->settings_read_slot;
+    if (!taxel_hub_has_come(now, hub->bus_down_until_us)) {
+        taxel_hub_wake_in(hub, hub->bus_down_until_us - now);
         return;
     }
-    if (hub->settings_read_slot != TAXEL_NO_SLOT) {
-        const uint8_t slot = hub->settings_read_slot;
-        hub->settings_read_slot = TAXEL_NO_SLOT;
+    if (slot != TAXEL_NO_SLOT) {
+        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the buffer of the transfer before, which has the identity */
         launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
+        return;
+    }
+    hub->job.buffer = buffer_is_free(hub, 0) ? 0 : 1;
+    if (!buffer_is_free(hub, hub->job.buffer)) { /* while the UART is slower than the bus, the bus waits */
+        taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
         return;
     }
     if (launch_retry(hub)) {
         return;
     }
     if (pass_through_is_wanted(hub)) {
-        const uint8_t slot = taxel_hub_slot_of(hub, hub->command.address);
-        if (slot != TAXEL_NO_SLOT) {
-            slot_at(hub, slot)->pointer_is_snapshot = false;
-        }
-        hub->host_until_us = taxel_hub_clock(hub) + HOST_BUS_US;
-        launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
+        launch_pass_through(hub);
         return;
     }
     if (hub->sweep.active && launch_from_sweep(hub)) {
         return;
     }
     if (hub->streaming) {
-        (void)launch_from_cycle(hub);
-        return;
+        launch_from_cycle(hub);
+    } else {
+        launch_from_idle(hub);
     }
-    (void)launch_from_idle(hub);
 }

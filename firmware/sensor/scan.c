@@ -125,6 +125,7 @@ void taxel_scan_latch(struct taxel_sensor *sensor)
         scan->newest = free_buffer;
         scan->has_newest = false;
         scan->has_latched = true;
+        scan->latches++;
     }
     hal->interrupts_restore(hal->context, interrupts);
 }

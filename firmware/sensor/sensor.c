@@ -37,7 +37,7 @@ static void fill_identity(struct taxel_sensor *sensor)
     const struct taxel_sensor_config *config = sensor->config;
     struct taxel_identity identity = {
         .who_am_i = TAXEL_WHO_AM_I,
-        .map_version = TAXEL_REGISTER_MAP_VERSION,
+        .map_version = taxel_sensor_has_compact(sensor) ? TAXEL_REGISTER_MAP_VERSION : TAXEL_REGISTER_MAP_VERSION_MIN,
         .firmware_major = config->firmware_version[0],
         .firmware_minor = config->firmware_version[1],
         .firmware_patch = config->firmware_version[2],
@@ -66,6 +66,7 @@ int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_con
     sensor->scan.scanning = config->snapshots[0];
     sensor->scan.newest = config->snapshots[1];
     sensor->scan.latched = config->snapshots[2];
+    taxel_sensor_compact_init(sensor);
     fill_identity(sensor);
     config->hal->front_end_configure(config->hal->context, &sensor->settings);
     return 0;

@@ -2,6 +2,7 @@
  *
  *   conversion interrupt -> taxel_sensor_on_conversion()        scan.c: next crossing, or a snapshot is complete
  *   I2C interrupt        -> taxel_sensor_on_address() ...       slave.c: register machine
+ *   main loop            -> taxel_sensor_run()                  compact.c: the newest snapshot in fewer bytes
  *
  * Three snapshot buffers change roles and are never copied: one is being scanned into, one is the newest complete, one is
  * latched by the reader. A reader therefore never sees half of a scan, and the scan never waits for a reader. */
@@ -14,6 +15,7 @@
 
 #include "generated/taxel_protocol.h"
 #include "hal/sensor_hal.h"
+#include "sensor/compact.h"
 
 #define TAXEL_SNAPSHOT_SIZE(taxels) (TAXEL_SNAPSHOT_OVERHEAD + 2u * (taxels))
 
@@ -39,6 +41,7 @@ struct taxel_sensor_config {
     const uint8_t *crossing_map; /* TAXEL_CROSSING_MAP_SIZE bytes, taxel_count bits set */
     struct taxel_scan_settings settings;
     uint8_t *snapshots[3]; /* TAXEL_SNAPSHOT_SIZE(taxel_count) bytes each */
+    struct taxel_compact_memory compact; /* states NULL: no compact snapshots */
 };
 
 struct taxel_scan {
@@ -52,6 +55,7 @@ struct taxel_scan {
     uint16_t crossing;
     uint16_t taxel;
     uint16_t saturated_conversions;
+    uint8_t latches; /* modulo 256 */
     bool has_newest;
     bool has_latched;
     bool settings_pending;
@@ -69,6 +73,7 @@ struct taxel_slave {
     uint8_t pointer;
     uint8_t written;
     bool pointer_next;
+    bool pointer_written; /* in this transaction, and nothing after it */
     bool refused; /* a byte of this write was not acknowledged: the rest of it is not taken either */
     uint8_t write_bytes[TAXEL_SETTINGS_REGISTER_SIZE];
     uint8_t shadow[TAXEL_STATUS_SIZE]; /* status or settings as of the start of a read */
@@ -78,6 +83,7 @@ struct taxel_sensor {
     const struct taxel_sensor_config *config;
     struct taxel_scan scan;
     struct taxel_slave slave;
+    struct taxel_compact compact;
     struct taxel_scan_settings settings;
     struct taxel_scan_settings next_settings;
     uint8_t identity[TAXEL_IDENTITY_SIZE];
@@ -95,6 +101,10 @@ void taxel_scan_stop(struct taxel_sensor *sensor);
 void taxel_scan_latch(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
+
+/* Compact snapshots (compact.c). Call run() after interrupts, from the main loop; has_work(): it would do something now. */
+void taxel_sensor_run(struct taxel_sensor *sensor);
+bool taxel_sensor_has_work(const struct taxel_sensor *sensor);
 
 /* I2C slave (slave.c). on_address and on_write return whether to acknowledge. */
 bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading);

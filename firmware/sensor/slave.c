@@ -73,6 +73,10 @@ static bool begin_read(struct taxel_sensor *sensor)
     if (pointer >= TAXEL_REGISTER_SNAPSHOT && pointer <= TAXEL_REGISTER_SNAPSHOT_LAST) {
         return begin_snapshot_read(sensor);
     }
+    if (pointer == TAXEL_REGISTER_COMPACT && taxel_sensor_has_compact(sensor)) {
+        taxel_sensor_compact_begin_read(sensor, slave->pointer_written);
+        return true;
+    }
     if (pointer >= TAXEL_REGISTER_SETTINGS && pointer < TAXEL_REGISTER_SETTINGS + TAXEL_SETTINGS_REGISTER_SIZE) {
         fill_settings(sensor);
         read_from(slave, slave->shadow, TAXEL_SETTINGS_REGISTER_SIZE, pointer - TAXEL_REGISTER_SETTINGS);
@@ -147,6 +151,7 @@ bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
 {
     struct taxel_slave *slave = &sensor->slave;
     slave->refused = false;
+    taxel_sensor_compact_end_read(sensor);
     slave->written = 0; /* a repeated start drops what a write had begun: only a stop makes it count */
     if (reading) {
         slave->pointer_next = false;
@@ -162,8 +167,10 @@ bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
     if (slave->pointer_next) {
         slave->pointer_next = false;
         slave->pointer = byte;
+        slave->pointer_written = true;
         return true;
     }
+    slave->pointer_written = false;
     if (slave->refused) {
         return false; /* a master that does not look at the acknowledge */
     }
@@ -194,17 +201,22 @@ void taxel_sensor_on_stop(struct taxel_sensor *sensor)
             write_settings(sensor);
         } else if (slave->pointer == TAXEL_REGISTER_COMMAND) {
             write_command(sensor);
-        } else {
+        } else if (slave->pointer != TAXEL_REGISTER_COMPACT || !taxel_sensor_has_compact(sensor) ||
+                   !taxel_sensor_compact_write(sensor, slave->write_bytes, slave->written)) {
             reject_write(sensor, TAXEL_BOARD_ERROR_FLAG_READ_ONLY_WRITE);
         }
     }
+    taxel_sensor_compact_end_read(sensor);
     slave->written = 0;
     slave->pointer_next = false;
+    slave->pointer_written = false;
 }
 
 void taxel_sensor_on_bus_error(struct taxel_sensor *sensor)
 {
     count_u16(&sensor->slave.bus_errors);
+    taxel_sensor_compact_end_read(sensor);
     sensor->slave.written = 0;
     sensor->slave.pointer_next = false;
+    sensor->slave.pointer_written = false;
 }

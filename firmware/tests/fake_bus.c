@@ -67,7 +67,8 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
     if (transfer->read_size && !address_all(fake, transfer->address, true, heard)) {
         return TAXEL_I2C_NACK_ADDRESS;
     }
-    for (size_t n = 0; n < transfer->read_size; n++) {
+    size_t size = transfer->read_size;
+    for (size_t n = 0; n < size; n++) {
         transfer->read_bytes[n] = 0xFF; /* open drain: a zero wins */
         for (size_t i = 0; i < fake->device_count; i++) {
             struct fake_device *device = &fake->devices[i];
@@ -75,6 +76,7 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
                 transfer->read_bytes[n] &= device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
             }
         }
+        size = transfer->counted && n == 0 ? 1u + taxel_i2c_counted_rest(transfer, transfer->read_bytes[0]) : size;
     }
     return TAXEL_I2C_OK;
 }
@@ -85,7 +87,7 @@ static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transf
         struct fake_device *device = &fake->devices[i];
         if (heard[i] && transfer->read_size && device->corrupt) {
             device->corrupt--;
-            transfer->read_bytes[transfer->read_size / 2u] ^= 0x04u;
+            transfer->read_bytes[transfer->counted ? 3u : transfer->read_size / 2u] ^= 0x04u;
         }
         if (heard[i] && device->sensor) {
             taxel_sensor_on_stop(&device->sensor->sensor);

@@ -137,9 +137,11 @@ bool fake_hub_accounts_hold(const struct fake_hub *fake)
         const struct taxel_job *job = &fake->hub.job;
         const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
                                slot->bus_errors + slot->dropped;
+        const struct taxel_unframed *unframed = &fake->hub.unframed;
         const bool in_flight =
-            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT));
-        if (slot->polls != ended + in_flight) {
+            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+            (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
+        if (slot->polls != (uint8_t)(ended + in_flight)) {
             return false;
         }
     }

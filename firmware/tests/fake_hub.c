@@ -118,9 +118,8 @@ void fake_hub_init(struct fake_hub *fake)
     };
     fake->config = (struct taxel_hub_config){
         .hal = &fake->hal,
-        .firmware_version = {4, 5, 6},
-        .unique_id = {8, 7, 6, 5, 4, 3, 2, 1},
-        .reset_cause = TAXEL_RESET_CAUSE_BROWN_OUT,
+        .firmware_version = (const uint8_t *)"\x04\x05\x06",
+        .unique_id = (const uint8_t *)"\x08\x07\x06\x05\x04\x03\x02\x01",
         .scl_hz = 400000,
         .slots = fake->slots,
         .slot_capacity = FAKE_SLOTS,
@@ -131,7 +130,7 @@ void fake_hub_init(struct fake_hub *fake)
     };
     fake_host_init(fake);
     fake->scl = fake->sda = true;
-    fake->drain_bytes = FAKE_RING;
+    fake->drain_bytes = FAKE_PULL;
     fake->now_us = 1000;
 }
 
@@ -140,7 +139,7 @@ void fake_hub_boot(struct fake_hub *fake)
     fake->wake_us = fake->now_us;
     fake->done_us = FAKE_NEVER;
     fake->next_sequence = 0;
-    taxel_hub_init(&fake->hub, &fake->config);
+    taxel_hub_init(&fake->hub, &fake->config, TAXEL_RESET_CAUSE_BROWN_OUT);
 }
 
 struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor)
@@ -153,7 +152,7 @@ struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct 
 
 static void drain(struct fake_hub *fake)
 {
-    uint8_t bytes[FAKE_RING];
+    uint8_t bytes[FAKE_PULL];
     const size_t size = taxel_hub_uart_pull(&fake->hub, bytes, fake->drain_bytes);
     taxel_deframer_push(&fake->deframer, bytes, size);
 }

@@ -12,8 +12,9 @@
 #define FAKE_SLOTS 32u
 #define FAKE_FRAMES 4096u
 #define FAKE_LINES 128u
-#define FAKE_RING 1280u
-#define FAKE_BUFFER TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)
+#define FAKE_RING 256u
+#define FAKE_PULL 1280u
+#define FAKE_BUFFER TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX))
 #define FAKE_NEVER UINT64_MAX
 
 /* What a script says of a transfer, beside enum taxel_i2c_result, which ends it. */

@@ -192,10 +192,12 @@ bool fake_world_adds_up(const struct fake_world *fake)
         const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
                                slot->bus_errors + slot->dropped;
         const struct taxel_job *job = &node->hub.job;
+        const struct taxel_unframed *unframed = &node->hub.unframed;
         const bool in_flight =
-            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT));
+            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+            (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
         forwarded += slot->forwarded;
-        if (slot->polls != ended + in_flight) {
+        if (slot->polls != (uint8_t)(ended + in_flight)) {
             return false;
         }
     }

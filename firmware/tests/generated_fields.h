@@ -80,6 +80,19 @@ static void snapshot_header_unpack(void *value, const uint8_t *bytes)
     taxel_snapshot_header_unpack(value, bytes);
 }
 
+static const struct field compact_header_fields[] = {
+    {"sequence", offsetof(struct taxel_compact_header, sequence), 2, 0},
+    {"form", offsetof(struct taxel_compact_header, form), 1, 0},
+};
+static void compact_header_pack(const void *value, uint8_t *bytes)
+{
+    taxel_compact_header_pack(value, bytes);
+}
+static void compact_header_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_compact_header_unpack(value, bytes);
+}
+
 static const struct field hub_status_fields[] = {
     {"uptime_us", offsetof(struct taxel_hub_status, uptime_us), 8, 0},
     {"cycles", offsetof(struct taxel_hub_status, cycles), 4, 0},
@@ -241,6 +254,31 @@ static void command_header_unpack(void *value, const uint8_t *bytes)
     taxel_command_header_unpack(value, bytes);
 }
 
+static const struct field acknowledgement_fields[] = {
+    {"address", offsetof(struct taxel_acknowledgement, address), 1, 0},
+    {"reference", offsetof(struct taxel_acknowledgement, reference), 2, 0},
+};
+static void acknowledgement_pack(const void *value, uint8_t *bytes)
+{
+    taxel_acknowledgement_pack(value, bytes);
+}
+static void acknowledgement_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_acknowledgement_unpack(value, bytes);
+}
+
+static const struct field start_arguments_fields[] = {
+    {"flags", offsetof(struct taxel_start_arguments, flags), 1, 0},
+};
+static void start_arguments_pack(const void *value, uint8_t *bytes)
+{
+    taxel_start_arguments_pack(value, bytes);
+}
+static void start_arguments_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_start_arguments_unpack(value, bytes);
+}
+
 static const struct field set_rate_arguments_fields[] = {
     {"period_us", offsetof(struct taxel_set_rate_arguments, period_us), 4, 0},
 };
@@ -398,10 +436,52 @@ static void command_register_unpack(void *value, const uint8_t *bytes)
     taxel_command_register_unpack(value, bytes);
 }
 
+static const struct field compact_packed_fields[] = {
+    {"sequence", offsetof(struct taxel_compact_packed, sequence), 2, 0},
+    {"form", offsetof(struct taxel_compact_packed, form), 1, 0},
+    {"timestamp_us", offsetof(struct taxel_compact_packed, timestamp_us), 4, 0},
+};
+static void compact_packed_pack(const void *value, uint8_t *bytes)
+{
+    taxel_compact_packed_pack(value, bytes);
+}
+static void compact_packed_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_compact_packed_unpack(value, bytes);
+}
+
+static const struct field compact_coded_fields[] = {
+    {"sequence", offsetof(struct taxel_compact_coded, sequence), 2, 0},
+    {"form", offsetof(struct taxel_compact_coded, form), 1, 0},
+    {"reference", offsetof(struct taxel_compact_coded, reference), 2, 0},
+    {"timestamp_low", offsetof(struct taxel_compact_coded, timestamp_low), 3, 1},
+};
+static void compact_coded_pack(const void *value, uint8_t *bytes)
+{
+    taxel_compact_coded_pack(value, bytes);
+}
+static void compact_coded_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_compact_coded_unpack(value, bytes);
+}
+
+static const struct field compact_acknowledge_fields[] = {
+    {"reference", offsetof(struct taxel_compact_acknowledge, reference), 2, 0},
+};
+static void compact_acknowledge_pack(const void *value, uint8_t *bytes)
+{
+    taxel_compact_acknowledge_pack(value, bytes);
+}
+static void compact_acknowledge_unpack(void *value, const uint8_t *bytes)
+{
+    taxel_compact_acknowledge_unpack(value, bytes);
+}
+
 static const struct layout layouts[] = {
     {"hub_hello", hub_hello_fields, sizeof hub_hello_fields / sizeof hub_hello_fields[0], TAXEL_HUB_HELLO_SIZE, hub_hello_pack, hub_hello_unpack},
     {"taxel_header", taxel_header_fields, sizeof taxel_header_fields / sizeof taxel_header_fields[0], TAXEL_TAXEL_HEADER_SIZE, taxel_header_pack, taxel_header_unpack},
     {"snapshot_header", snapshot_header_fields, sizeof snapshot_header_fields / sizeof snapshot_header_fields[0], TAXEL_SNAPSHOT_HEADER_SIZE, snapshot_header_pack, snapshot_header_unpack},
+    {"compact_header", compact_header_fields, sizeof compact_header_fields / sizeof compact_header_fields[0], TAXEL_COMPACT_HEADER_SIZE, compact_header_pack, compact_header_unpack},
     {"hub_status", hub_status_fields, sizeof hub_status_fields / sizeof hub_status_fields[0], TAXEL_HUB_STATUS_SIZE, hub_status_pack, hub_status_unpack},
     {"board_status", board_status_fields, sizeof board_status_fields / sizeof board_status_fields[0], TAXEL_BOARD_STATUS_SIZE, board_status_pack, board_status_unpack},
     {"board_info", board_info_fields, sizeof board_info_fields / sizeof board_info_fields[0], TAXEL_BOARD_INFO_SIZE, board_info_pack, board_info_unpack},
@@ -411,6 +491,8 @@ static const struct layout layouts[] = {
     {"reply_header", reply_header_fields, sizeof reply_header_fields / sizeof reply_header_fields[0], TAXEL_REPLY_HEADER_SIZE, reply_header_pack, reply_header_unpack},
     {"host_hello", host_hello_fields, sizeof host_hello_fields / sizeof host_hello_fields[0], TAXEL_HOST_HELLO_SIZE, host_hello_pack, host_hello_unpack},
     {"command_header", command_header_fields, sizeof command_header_fields / sizeof command_header_fields[0], TAXEL_COMMAND_HEADER_SIZE, command_header_pack, command_header_unpack},
+    {"acknowledgement", acknowledgement_fields, sizeof acknowledgement_fields / sizeof acknowledgement_fields[0], TAXEL_ACKNOWLEDGEMENT_SIZE, acknowledgement_pack, acknowledgement_unpack},
+    {"start_arguments", start_arguments_fields, sizeof start_arguments_fields / sizeof start_arguments_fields[0], TAXEL_START_ARGUMENTS_SIZE, start_arguments_pack, start_arguments_unpack},
     {"set_rate_arguments", set_rate_arguments_fields, sizeof set_rate_arguments_fields / sizeof set_rate_arguments_fields[0], TAXEL_SET_RATE_ARGUMENTS_SIZE, set_rate_arguments_pack, set_rate_arguments_unpack},
     {"enter_bootloader_arguments", enter_bootloader_arguments_fields, sizeof enter_bootloader_arguments_fields / sizeof enter_bootloader_arguments_fields[0], TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, enter_bootloader_arguments_pack, enter_bootloader_arguments_unpack},
     {"transfer_arguments", transfer_arguments_fields, sizeof transfer_arguments_fields / sizeof transfer_arguments_fields[0], TAXEL_TRANSFER_ARGUMENTS_SIZE, transfer_arguments_pack, transfer_arguments_unpack},
@@ -421,12 +503,17 @@ static const struct layout layouts[] = {
     {"status", status_fields, sizeof status_fields / sizeof status_fields[0], TAXEL_STATUS_SIZE, status_pack, status_unpack},
     {"settings_register", settings_register_fields, sizeof settings_register_fields / sizeof settings_register_fields[0], TAXEL_SETTINGS_REGISTER_SIZE, settings_register_pack, settings_register_unpack},
     {"command_register", command_register_fields, sizeof command_register_fields / sizeof command_register_fields[0], TAXEL_COMMAND_REGISTER_SIZE, command_register_pack, command_register_unpack},
+    {"compact_packed", compact_packed_fields, sizeof compact_packed_fields / sizeof compact_packed_fields[0], TAXEL_COMPACT_PACKED_SIZE, compact_packed_pack, compact_packed_unpack},
+    {"compact_coded", compact_coded_fields, sizeof compact_coded_fields / sizeof compact_coded_fields[0], TAXEL_COMPACT_CODED_SIZE, compact_coded_pack, compact_coded_unpack},
+    {"compact_acknowledge", compact_acknowledge_fields, sizeof compact_acknowledge_fields / sizeof compact_acknowledge_fields[0], TAXEL_COMPACT_ACKNOWLEDGE_SIZE, compact_acknowledge_pack, compact_acknowledge_unpack},
 };
 
 static const struct payload_part payload_parts[] = {
     {TAXEL_FRAME_TYPE_HUB_HELLO, "hub_hello", ""},
     {TAXEL_FRAME_TYPE_TAXELS, "taxel_header", "header_"},
     {TAXEL_FRAME_TYPE_TAXELS, "snapshot_header", "snapshot_header_"},
+    {TAXEL_FRAME_TYPE_COMPACT_TAXELS, "taxel_header", "header_"},
+    {TAXEL_FRAME_TYPE_COMPACT_TAXELS, "compact_header", "snapshot_"},
     {TAXEL_FRAME_TYPE_HUB_STATUS, "hub_status", ""},
     {TAXEL_FRAME_TYPE_BOARD_STATUS, "board_status", ""},
     {TAXEL_FRAME_TYPE_BOARD_INFO, "board_info", ""},

@@ -76,14 +76,14 @@ static void check_all_stream(void)
     uint32_t before[6];
     const uint32_t cycles = fake.world.hub.hub.cycle.count;
     for (unsigned i = 0; i < boards; i++) {
-        before[i] = fake_world_slot(&fake, (uint8_t)(0x20 + i)) ? fake_world_slot(&fake, (uint8_t)(0x20 + i))->polls : 0;
+        before[i] = fake_world_slot(&fake, (uint8_t)(0x20 + i)) ? taxel_hub_polls(fake_world_slot(&fake, (uint8_t)(0x20 + i))) : 0;
     }
     for (unsigned i = 0; i < 300 && fake.world.hub.hub.cycle.count - cycles < 75u; i++) {
         CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
     }
     for (unsigned i = 0; i < boards; i++) {
         const struct taxel_hub_slot *slot = fake_world_slot(&fake, (uint8_t)(0x20 + i));
-        CHECK(slot && slot->state == TAXEL_BOARD_STATE_STREAMING && slot->polls > before[i] + 3u);
+        CHECK(slot && slot->state == TAXEL_BOARD_STATE_STREAMING && taxel_hub_polls(slot) > before[i] + 3u);
     }
 }
 

@@ -46,7 +46,7 @@ static void nothing_is_done_before_hello(void)
 
 static void versions_are_negotiated(void)
 {
-    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 1}, {0, 1, 1}, {2, 9, 0}, {0, 0, 0}, {2, 1, 0}};
+    static const uint8_t cases[][3] = {{1, 1, 1}, {1, 255, 2}, {0, 1, 1}, {2, 9, 2}, {3, 9, 0}, {0, 0, 0}, {2, 1, 0}};
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -65,7 +65,7 @@ static void wrong_lengths_and_unknown_commands_are_refused(void)
 {
     static const struct {
         uint8_t code, minimum, maximum;
-    } rules[] = {{TAXEL_COMMAND_START, 0, 0},        {TAXEL_COMMAND_STOP, 0, 0},       {TAXEL_COMMAND_SET_RATE, 4, 4},
+    } rules[] = {{TAXEL_COMMAND_START, 0, 1},        {TAXEL_COMMAND_STOP, 0, 0},       {TAXEL_COMMAND_SET_RATE, 4, 4},
                  {TAXEL_COMMAND_SCAN_BUS, 0, 0},     {TAXEL_COMMAND_I2C_TRANSFER, 2, 66}, {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
                  {TAXEL_COMMAND_REBOOT, 0, 0},       {TAXEL_COMMAND_GET_STATUS, 0, 0}, {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},
                  {TAXEL_COMMAND_GET_TIME, 0, 0},     {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4}};
@@ -277,7 +277,7 @@ static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
         CHECK(fake_hub_start(&fake));
         CHECK(fake_hub_run_cycles(&fake, 3));
         for (size_t i = 0; i < 4; i++) {
-            polls[i] = i == newcomer ? 0 : fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls;
+            polls[i] = i == newcomer ? 0 : taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i)));
         }
         const uint32_t cycles = fake.hub.cycle.count;
         const uint64_t until = fake.transfers + trial / 3;
@@ -289,7 +289,7 @@ static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
         CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + newcomer)) != NULL);
         for (size_t i = 0; i < 4; i++) {
             if (i != newcomer) {
-                CHECK_EQUAL(fake_hub_slot(&fake, (uint8_t)(FIRST + i))->polls - polls[i], fake.hub.cycle.count - cycles);
+                CHECK_EQUAL(taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i))) - polls[i], fake.hub.cycle.count - cycles);
             }
         }
         end();

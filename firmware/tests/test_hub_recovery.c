@@ -195,9 +195,9 @@ static void every_end_of_a_transfer_has_its_counter(void)
             const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST + 1);
             const uint32_t counted = after.nacks + after.timeouts + after.bus_errors + after.retries;
             CHECK_BETWEEN(counted, transfers / 2, transfers); /* the reads of its clock have no counter */
-            CHECK_EQUAL(after.polls - before.polls, 30);
+            CHECK_EQUAL(taxel_hub_polls(&after) - taxel_hub_polls(&before), 30);
             CHECK_EQUAL(after.state, TAXEL_BOARD_STATE_STREAMING);
-            CHECK_BETWEEN(fake_hub_slot(&fake, FIRST)->polls - fake_hub_slot(&fake, FIRST)->forwarded, 0, 1);
+            CHECK_BETWEEN(taxel_hub_polls(fake_hub_slot(&fake, FIRST)) - fake_hub_slot(&fake, FIRST)->forwarded, 0, 1);
             end();
         }
     }

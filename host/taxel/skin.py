@@ -4,7 +4,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,13 @@ from taxel.emulated import open_emulator
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand, packaged_hands
 from taxel.hand.description import hand_of_text
-from taxel.link import Link, clock_of, open_link
+from taxel.link import Link, LinkError, clock_of, open_link
 from taxel.link.url import recorded_path
 from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 from taxel.stream.cycles import CycleSorter
+
+FrameForm = Literal["plain", "compact"]
 
 DEFAULT_HAND = "allegro"
 
@@ -50,10 +52,11 @@ class Skin:
     delivered. A hub that starts anew is greeted and started again.
     """
 
-    def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None) -> None:
+    def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameForm = "plain") -> None:
         self.hand = hand
         self.hub = HubClient(link)
         self._rate_hz = rate_hz
+        self._compact = frames == "compact"
         self._stream = self.hub.stream
         self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
         self._sorter = CycleSorter(len(hand.boards))
@@ -71,13 +74,13 @@ class Skin:
         for address, fields in sorted(self.hub.boards.items()):
             self._check_board(address, fields)
         self.hub.set_rate(self._rate_hz)
-        self.hub.start()
+        self.hub.start(self._compact)
 
     def _resume(self) -> None:
         """The hub has started anew, by itself or because somebody asked it to: go on as before."""
         self.hub.greet()
         self.hub.set_rate(self._rate_hz)
-        self.hub.start()
+        self.hub.start(self._compact)
 
     def _discover(self) -> None:
         now_s = clock_of(self._stream.link)
@@ -232,16 +235,37 @@ class Skin:
         self.close()
 
 
-def open_skin(url: str, hand: Hand | str | os.PathLike[str] | None = None, rate_hz: float | None = None) -> Skin:
+def _split_frames(url: str, frames: FrameForm | None) -> tuple[str, FrameForm]:
+    """The URL without its option `frames`, and what it says; an argument that is given goes before it."""
+    head, mark, query = url.partition("?")
+    if not mark or url.startswith("file:"):
+        return url, frames or "plain"
+    options = query.split("&")
+    asked = [option.removeprefix("frames=") for option in options if option.startswith("frames=")]
+    if asked and asked[-1] not in get_args(FrameForm):
+        raise LinkError(url, f"option 'frames' must be {' or '.join(get_args(FrameForm))}, found '{asked[-1]}'")
+    rest = "&".join(option for option in options if not option.startswith("frames="))
+    return head + (f"?{rest}" if rest else ""), frames or (cast(FrameForm, asked[-1]) if asked else "plain")
+
+
+def open_skin(
+    url: str,
+    hand: Hand | str | os.PathLike[str] | None = None,
+    rate_hz: float | None = None,
+    frames: FrameForm | None = None,
+) -> Skin:
     """Open the skin at `url` and start it.
 
     `url`: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`, see docs), `file:capture.bin`, `file:skin.mcap`, or
     any pyserial URL. `hand`: a packaged description's name, a file, or a `Hand`; None: the one that a recording
-    carries, else "allegro". `rate_hz`: at most so many scans a second; None: all that the bus gives. Raises
-    `TaxelError` with one line: port missing, no hub, another protocol version, a board that the hand does not have.
+    carries, else "allegro". `rate_hz`: at most so many scans a second; None: all that the bus gives. `frames`: "plain"
+    (16-bit counts) or "compact" (the same counts in fewer bytes, from boards and a hub that have them; also
+    `frames=compact` in the URL): what comes out is the same. Raises `TaxelError` with one line: port missing, no hub,
+    another protocol version, a board that the hand does not have.
     """
+    url, form = _split_frames(url, frames)
     link, description = open_source(url, hand)
-    return Skin(link, description, rate_hz)
+    return Skin(link, description, rate_hz, form)
 
 
 def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:

@@ -4,9 +4,18 @@ from dataclasses import dataclass
 
 from construct import Bytes, GreedyBytes, Int8ul, Int16ul, Int32ul, Int64ul, Struct, this
 
-from taxel_protocol.limits import LOG_TEXT_MAX, PAYLOAD_MAX, SNAPSHOT_OVERHEAD, TAXELS_MAX, TRANSFER_MAX
+from taxel_protocol.limits import (
+    ACKNOWLEDGE_MAX,
+    COMPACT_OVERHEAD_CODED,
+    COMPACT_SIZE_MAX,
+    LOG_TEXT_MAX,
+    PAYLOAD_MAX,
+    SNAPSHOT_OVERHEAD,
+    TAXELS_MAX,
+    TRANSFER_MAX,
+)
 from taxel_protocol.names import FrameType
-from taxel_protocol.registers import Identity, ScanSettings, snapshot
+from taxel_protocol.registers import CompactHeader, Identity, ScanSettings, snapshot
 
 HostHello = Struct(
     "tag" / Int8ul,
@@ -43,6 +52,13 @@ Taxels = Struct(
     "snapshot" / snapshot(this._.header.taxel_count),
 )
 """One board's snapshot as the board sent it, its own CRC-32 included."""
+
+CompactTaxels = Struct(
+    "header" / TaxelHeader,
+    "snapshot" / CompactHeader,
+    "rest" / GreedyBytes,
+)
+"""One board's compact snapshot as the board sent it, without its length byte, its own CRC-32 included."""
 
 HubStatus = Struct(
     "uptime_us" / Int64ul,
@@ -129,6 +145,19 @@ CommandPayload = Struct(
 )
 """tag: chosen by the host, repeated in the reply."""
 
+Acknowledgement = Struct(
+    "address" / Int8ul,
+    "reference" / Int16ul,
+)
+"""For one board. Bit 7 of address: forget the reference; `reference` then means nothing. Else the low 16 bits of the
+CRC-32 of the candidate that was decoded."""
+
+Acknowledge = Struct("acknowledgements" / GreedyBytes)
+"""1 to ACKNOWLEDGE_MAX times Acknowledgement; there is no reply."""
+
+StartArguments = Struct("flags" / Int8ul)
+"""START, from version 2 on; without arguments: flags 0. Bits: StartFlag."""
+
 SetRateArguments = Struct("period_us" / Int32ul)
 """SET_RATE: shortest time from the start of one poll cycle to the next; 0: as fast as the bus allows."""
 
@@ -176,6 +205,7 @@ def _fixed(payload: Struct, has_address: bool = False) -> FrameSpec:
 FRAMES: dict[FrameType, FrameSpec] = {
     FrameType.HUB_HELLO: _fixed(HubHello),
     FrameType.TAXELS: FrameSpec(Taxels, 8 + SNAPSHOT_OVERHEAD + 2, 8 + SNAPSHOT_OVERHEAD + 2 * TAXELS_MAX, True),
+    FrameType.COMPACT_TAXELS: FrameSpec(CompactTaxels, 8 + COMPACT_OVERHEAD_CODED, 8 + COMPACT_SIZE_MAX, True),
     FrameType.HUB_STATUS: _fixed(HubStatus),
     FrameType.BOARD_STATUS: _fixed(BoardStatus, has_address=True),
     FrameType.BOARD_INFO: _fixed(BoardInfo),
@@ -185,7 +215,9 @@ FRAMES: dict[FrameType, FrameSpec] = {
     FrameType.REPLY: FrameSpec(Reply, 3, 3 + 128),
     FrameType.HOST_HELLO: _fixed(HostHello),
     FrameType.COMMAND: FrameSpec(CommandPayload, 2, 4 + TRANSFER_MAX),
+    FrameType.ACKNOWLEDGE: FrameSpec(Acknowledge, 3, 3 * ACKNOWLEDGE_MAX),
 }
-"""Every frame type of this version. Compact taxel frames are reserved: a decoder of version 1 refuses them."""
+"""Every frame type of this version. COMPACT_TAXELS and ACKNOWLEDGE came with version 2: a decoder of version 1 refuses
+them."""
 
 assert max(spec.maximum for spec in FRAMES.values()) == PAYLOAD_MAX

@@ -1,13 +1,16 @@
 """Numbers that both sides agree on. The generator copies every upper-case name of this module into the C header."""
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 """Version that this package speaks; a hub answers HELLO with the highest version both know."""
 
 PROTOCOL_VERSION_MIN = 1
 """Oldest version that this package still speaks."""
 
-REGISTER_MAP_VERSION = 1
-"""Version of the board's I2C register map."""
+REGISTER_MAP_VERSION = 2
+"""Version of the board's I2C register map: 2 has compact snapshots."""
+
+REGISTER_MAP_VERSION_MIN = 1
+"""Oldest map that a hub still polls, and that of a board without compact snapshots."""
 
 WHO_AM_I = 0x54
 """First register of every sensor board (ASCII 'T')."""
@@ -30,6 +33,40 @@ CROSSING_MAP_SIZE = 32
 
 SNAPSHOT_OVERHEAD = 10
 """Bytes of a snapshot beside its counts: sequence 2, timestamp 4, CRC-32 4."""
+
+COMPACT_OVERHEAD_MIN = 11
+"""Bytes of a compact snapshot beside its packed counts: header 3, timestamp 4, CRC-32 4."""
+
+COMPACT_OVERHEAD_CODED = 12
+"""Bytes of a compact snapshot beside its coded counts: header 3, reference 2, timestamp 3, CRC-32 4."""
+
+COMPACT_TAXELS_MAX = 238
+"""Taxels of a board with compact snapshots: the longest one then takes no more room than the longest plain one."""
+
+COMPACT_SIZE_MAX = 488
+"""Longest compact snapshot in bytes: COMPACT_TAXELS_MAX counts of 16 bits."""
+
+COMPACT_LENGTH_FINE = 0x80
+"""Lengths below it are bytes; from it on, the low seven bits count COMPACT_LENGTH_STEP bytes each."""
+
+COMPACT_LENGTH_STEP = 4
+
+COMPACT_WIDTH_MASK = 0x1F
+"""Bits of a compact snapshot's `form` that say how many bits a packed count has; 0: coded against a reference."""
+
+COMPACT_START_MASK = 0x60
+"""Bits of `form` of a packed candidate: from which scale its reference begins."""
+
+COMPACT_START_SHIFT = 5
+
+COMPACT_CANDIDATE = 0x80
+"""Bit of `form`: acknowledged, this snapshot makes the next reference."""
+
+ACKNOWLEDGE_FORGET = 0x80
+"""Bit of an acknowledgement's address: the host has no reference of this board."""
+
+ACKNOWLEDGE_MAX = 22
+"""Acknowledgements in one frame."""
 
 TRANSFER_MAX = 64
 """Bytes written, or read, in one I2C pass-through command."""
@@ -67,5 +104,4 @@ REGISTER_COMMAND = 0x70
 REGISTER_SNAPSHOT = 0x80
 REGISTER_SNAPSHOT_LAST = 0x8F
 REGISTER_COMPACT = 0xA0
-REGISTER_COMPACT_LAST = 0xAF
-"""Register addresses; 0xA0..0xAF is reserved for compact snapshots."""
+"""Register addresses."""

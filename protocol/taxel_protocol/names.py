@@ -8,8 +8,7 @@ class FrameType(IntEnum):
 
     HUB_HELLO = 0x01
     TAXELS = 0x02
-    COMPACT_FIRST = 0x03  # 0x03..0x07 are reserved for compact taxel frames
-    COMPACT_LAST = 0x07
+    COMPACT_TAXELS = 0x03  # 0x04..0x07 are reserved for taxel frames
     HUB_STATUS = 0x08
     BOARD_STATUS = 0x09
     BOARD_INFO = 0x0A
@@ -19,6 +18,7 @@ class FrameType(IntEnum):
     REPLY = 0x0E
     HOST_HELLO = 0x81
     COMMAND = 0x82
+    ACKNOWLEDGE = 0x83
 
 
 class Command(IntEnum):
@@ -35,6 +35,12 @@ class Command(IntEnum):
     GET_BOARD_INFO = 9
     GET_TIME = 10
     ENTER_BOOTLOADER = 11
+
+
+class StartFlag(IntEnum):
+    """Bits of START's argument."""
+
+    COMPACT = 1
 
 
 class ReplyStatus(IntEnum):

@@ -7,7 +7,7 @@ bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k
 
 from construct import Array, Bytes, Const, Int8ul, Int16ul, Int32ul, Struct, this
 
-from taxel_protocol.limits import CROSSING_MAP_SIZE, WHO_AM_I
+from taxel_protocol.limits import COMPACT_LENGTH_FINE, COMPACT_LENGTH_STEP, CROSSING_MAP_SIZE, WHO_AM_I
 
 Identity = Struct(
     "who_am_i" / Const(WHO_AM_I, Int8ul),
@@ -75,6 +75,40 @@ SnapshotHeader = Struct(
     "timestamp_us" / Int32ul,
 )
 """sequence: scans since boot, modulo 65536. timestamp_us: the board's clock when the scan began."""
+
+
+CompactHeader = Struct(
+    "sequence" / Int16ul,
+    "form" / Int8ul,
+)
+"""How every compact snapshot begins. form: width of a packed count (0: coded), and whether it is a candidate."""
+
+CompactPacked = Struct(
+    "sequence" / Int16ul,
+    "form" / Int8ul,
+    "timestamp_us" / Int32ul,
+)
+"""Head of a compact snapshot that needs no reference: counts of 1 to 16 bits follow, then crc32."""
+
+CompactCoded = Struct(
+    "sequence" / Int16ul,
+    "form" / Int8ul,
+    "reference" / Int16ul,
+    "timestamp_low" / Bytes(3),
+)
+"""Head of a compact snapshot coded against a reference, which is named by the low 16 bits of the CRC-32 of the snapshot
+that made it. timestamp_low: bits 0 to 23; the others follow from the reference's timestamp, 0 to 2^24 - 1 us earlier.
+"""
+
+CompactAcknowledge = Struct("reference" / Int16ul)
+"""Written to register 0xA0: the candidate with these low 16 bits of CRC-32 was decoded."""
+
+
+def compact_size(length: int) -> int:
+    """Bytes of the compact snapshot whose first byte on the bus is `length`."""
+    if length < COMPACT_LENGTH_FINE:
+        return length
+    return COMPACT_LENGTH_STEP * (length - COMPACT_LENGTH_FINE)
 
 
 def snapshot(taxel_count: int | object = this._.taxel_count) -> Struct:

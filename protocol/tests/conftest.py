@@ -210,6 +210,9 @@ class Codec:
                 crc = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
                 is_right = crc == int.from_bytes(payload[-4:], "little")
                 batch.taxels.append(Taxels(sequence, payload[:-4], is_right))
+            elif frame_type == FrameType.COMPACT_TAXELS:  # of arbitrary bytes: its own CRC is wrong, it has no counts
+                head = payload[:1] + b"\0" + payload[2:10] + bytes(4)
+                batch.taxels.append(Taxels(sequence, head, False))
             else:
                 batch.others.append((frame_type, sequence, payload))
         return batch
@@ -230,6 +233,14 @@ def library_path() -> Path:
             " build firmware with CMake and set it, or install the package"
         )
     return path
+
+
+@pytest.fixture(scope="session")
+def codec_library_path() -> str:
+    try:
+        return str(library_path())
+    except FileNotFoundError as missing:
+        pytest.fail(str(missing))
 
 
 @pytest.fixture(scope="session")

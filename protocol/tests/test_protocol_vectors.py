@@ -20,6 +20,8 @@ from taxel_protocol.wire import WireFrame
 ROOT = Path(__file__).resolve().parents[2]
 GENERATORS = ("c_header.py", "vectors.py")
 INNER = {
+    "acknowledgement": frames.Acknowledgement,
+    "start_arguments": frames.StartArguments,
     "set_rate_arguments": frames.SetRateArguments,
     "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
@@ -32,6 +34,9 @@ REGISTERS = {
     "status": registers.Status,
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
+    "compact_packed": registers.CompactPacked,
+    "compact_coded": registers.CompactCoded,
+    "compact_acknowledge": registers.CompactAcknowledge,
 }
 
 

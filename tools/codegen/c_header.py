@@ -10,7 +10,7 @@ from pathlib import Path
 
 from construct import Struct
 
-from taxel_protocol import frames, limits, names, registers
+from taxel_protocol import compact_tables, frames, limits, names, registers
 from taxel_protocol.layout import Field, fields_of
 
 HEADER = Path(__file__).resolve().parents[2] / "firmware" / "generated" / "taxel_protocol.h"
@@ -22,6 +22,10 @@ STRUCTS: dict[str, Struct] = {
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
     "snapshot_header": registers.SnapshotHeader,
+    "compact_header": registers.CompactHeader,
+    "compact_packed": registers.CompactPacked,
+    "compact_coded": registers.CompactCoded,
+    "compact_acknowledge": registers.CompactAcknowledge,
     "host_hello": frames.HostHello,
     "hub_hello": frames.HubHello,
     "taxel_header": frames.TaxelHeader,
@@ -33,6 +37,8 @@ STRUCTS: dict[str, Struct] = {
     "log_header": frames.Log,
     "reply_header": frames.Reply,
     "command_header": frames.CommandPayload,
+    "acknowledgement": frames.Acknowledgement,
+    "start_arguments": frames.StartArguments,
     "set_rate_arguments": frames.SetRateArguments,
     "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
@@ -43,6 +49,7 @@ STRUCTS: dict[str, Struct] = {
 ENUMS: tuple[type[IntEnum], ...] = (
     names.FrameType,
     names.Command,
+    names.StartFlag,
     names.ReplyStatus,
     names.BoardState,
     names.BoardFault,
@@ -61,12 +68,19 @@ def snake(name: str) -> str:
 
 
 def constants() -> list[str]:
-    """The limits as #defines."""
+    """The limits and the compact code's tables as #defines."""
     lines = []
-    for name, value in vars(limits).items():
-        if name.isupper():
+    for name, value in (vars(limits) | vars(compact_tables)).items():
+        if name.isupper() and isinstance(value, tuple):
+            lines += [f"#define TAXEL_{name} \\", *_table(value)]
+        elif name.isupper():
             lines.append(f"#define TAXEL_{name} {value}u")
     return lines
+
+
+def _table(values: tuple[int, ...]) -> list[str]:
+    rows = [", ".join(str(value) for value in values[i : i + 16]) for i in range(0, len(values), 16)]
+    return ["    {" + ", \\\n     ".join(rows) + "}"]
 
 
 def enumeration(enum: type[IntEnum]) -> list[str]:
@@ -170,6 +184,13 @@ static inline uint32_t taxel_get_u32(const uint8_t *bytes)
 static inline uint64_t taxel_get_u64(const uint8_t *bytes)
 {
     return (uint64_t)taxel_get_u32(bytes) | ((uint64_t)taxel_get_u32(bytes + 4) << 32);
+}
+
+/* Bytes of the compact snapshot whose first byte on the bus is `length`. */
+static inline uint16_t taxel_compact_size(uint8_t length)
+{
+    const unsigned steps = length - TAXEL_COMPACT_LENGTH_FINE;
+    return (uint16_t)(length < TAXEL_COMPACT_LENGTH_FINE ? length : steps * TAXEL_COMPACT_LENGTH_STEP);
 }
 """
 

@@ -169,7 +169,7 @@ class Streams:
             "taxel_count_too_high": raw_frame(FrameType.TAXELS, small[:1] + b"\2" + small[2:]),
             "taxel_count_zero": raw_frame(FrameType.TAXELS, small[:1] + b"\0" + small[2:-2]),
         }
-        for reserved in range(FrameType.COMPACT_FIRST, FrameType.COMPACT_LAST + 1):
+        for reserved in range(FrameType.COMPACT_TAXELS + 1, FrameType.HUB_STATUS):
             cases[f"reserved_type_0x{reserved:02X}"] = raw_frame(reserved, time_sync)
         for name, refused in cases.items():
             self.add(name, [b, c], b.wire + refused + c.wire, [0, 1], BOTH_WAYS)

@@ -16,6 +16,8 @@ from taxel_protocol.names import FrameType
 HEADER = Path(__file__).resolve().parents[2] / "firmware" / "tests" / "generated_fields.h"
 
 INNER: dict[str, Struct] = {
+    "acknowledgement": frames.Acknowledgement,
+    "start_arguments": frames.StartArguments,
     "set_rate_arguments": frames.SetRateArguments,
     "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
@@ -31,6 +33,9 @@ REGISTERS: dict[str, Struct] = {
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
     "snapshot_header": registers.SnapshotHeader,
+    "compact_packed": registers.CompactPacked,
+    "compact_coded": registers.CompactCoded,
+    "compact_acknowledge": registers.CompactAcknowledge,
 }
 
 PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
@@ -38,6 +43,10 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
     FrameType.TAXELS: (
         ("taxel_header", "header_", frames.TaxelHeader),
         ("snapshot_header", "snapshot_header_", registers.SnapshotHeader),
+    ),
+    FrameType.COMPACT_TAXELS: (
+        ("taxel_header", "header_", frames.TaxelHeader),
+        ("compact_header", "snapshot_", registers.CompactHeader),
     ),
     FrameType.HUB_STATUS: (("hub_status", "", frames.HubStatus),),
     FrameType.BOARD_STATUS: (("board_status", "", frames.BoardStatus),),
@@ -48,6 +57,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
     FrameType.REPLY: (("reply_header", "", frames.Reply),),
     FrameType.HOST_HELLO: (("host_hello", "", frames.HostHello),),
     FrameType.COMMAND: (("command_header", "", frames.CommandPayload),),
+    FrameType.ACKNOWLEDGE: (),
 }
 """Structs at the front of each payload: name in C, prefix of their fields' flat names, definition."""
 

@@ -51,5 +51,6 @@ def filled(fields: Sequence[Field], value: Callable[[Field], int], has_address: 
         number = value(field)
         values[field.name] = number.to_bytes(field.size, "little") if field.is_bytes else number
     if has_address:
-        values["address"] = min(max(values["address"], ADDRESS_MIN), ADDRESS_MAX)
+        first = fields[0].name
+        values[first] = min(max(values[first], ADDRESS_MIN), ADDRESS_MAX)
     return values

@@ -18,6 +18,9 @@ REGISTERS: dict[str, Struct] = {
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
     "snapshot_header": registers.SnapshotHeader,
+    "compact_packed": registers.CompactPacked,
+    "compact_coded": registers.CompactCoded,
+    "compact_acknowledge": registers.CompactAcknowledge,
 }
 
 
@@ -60,6 +63,18 @@ def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence
     }
 
 
+def _compact() -> list[dict[str, Any]]:
+    rng = random.Random(SEED + 1)  # its own generator: vectors of version 1 do not change
+    vectors = []
+    for name in ("compact_packed", "compact_coded", "compact_acknowledge"):
+        fields = fields_of(REGISTERS[name])
+        drawn = {
+            field.name: rng.randbytes(3) if field.is_bytes else rng.getrandbits(8 * field.size) for field in fields
+        }
+        vectors.append(register_vector(name, name, limits.REGISTER_COMPACT, drawn))
+    return vectors
+
+
 def all_registers() -> list[dict[str, Any]]:
     """What registers.json holds."""
     rng = random.Random(SEED)
@@ -93,4 +108,5 @@ def all_registers() -> list[dict[str, Any]]:
         _snapshot("snapshot", 0x20, (1234, 56_789_012), counts[:63]),
         _snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
         _snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
+        *_compact(),
     ]

@@ -3,7 +3,8 @@
 python tools/codegen/vectors.py            write them
 python tools/codegen/vectors.py --check    exit status 1 if a file on disk is stale
 
-This module makes frames.json and registers.json, and then runs `damaged_streams.py` and `field_tables.py`.
+This module makes frames.json and registers.json, and then runs `damaged_streams.py`, `field_tables.py` and
+`compact_vectors.py`.
 Everything is made of fixed numbers and a seeded generator: the same definitions give the same files.
 """
 
@@ -25,13 +26,15 @@ from taxel_protocol.frames import FRAMES
 from taxel_protocol.framing import whiten
 from taxel_protocol.layout import Field, fields_of
 from taxel_protocol.limits import BOOTLOADER_KEY
-from taxel_protocol.names import Command, FrameType
+from taxel_protocol.names import Command, FrameType, StartFlag
 from taxel_protocol.wire import Body, WireFrame
 
 HERE = Path(__file__).resolve().parent
 VECTORS = HERE.parents[1] / "protocol" / "vectors"
 
 INNER: dict[str, Struct] = {
+    "acknowledgement": frames.Acknowledgement,
+    "start_arguments": frames.StartArguments,
     "set_rate_arguments": frames.SetRateArguments,
     "enter_bootloader_arguments": frames.EnterBootloaderArguments,
     "transfer_arguments": frames.TransferArguments,
@@ -123,25 +126,32 @@ def taxels(
     return Sample(vector | _bytes_of(FrameType.TAXELS, sequence, nest(payload, flat)))
 
 
-def every_type(rng: random.Random) -> list[Sample]:
-    """Each type but TAXELS: zeros, ones, arbitrary numbers; with the shortest and the longest tail."""
+VERSION_1 = tuple(kind for kind in FRAMES if kind not in (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE))
+VERSION_2 = (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE)
+"""Drawn from generators of their own: vectors of a version that is out do not change."""
+
+
+def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
+    """Each of `types` but TAXELS: zeros, ones, arbitrary numbers; with the shortest and the longest tail."""
     samples = []
     fillings: tuple[tuple[str, Callable[[Field], int], int], ...] = (
         ("zeros", lambda field: 0, 0),
         ("ones", lambda field: (1 << (8 * field.size)) - 1, 0xFFFF),
         ("arbitrary", lambda field: rng.getrandbits(8 * field.size), 0x1234),
     )
-    for frame_type, spec in FRAMES.items():
+    for frame_type in types:
         if frame_type == FrameType.TAXELS:
             continue
+        spec = FRAMES[frame_type]
         fields = fields_of(spec.payload)
-        longest = spec.maximum - spec.minimum
+        fixed = sum(field.size for field in fields)
+        shortest, longest = spec.minimum - fixed, spec.maximum - fixed
         for filling, value, sequence in fillings:
             name = f"{frame_type.name.lower()}_{filling}"
             values = filled(fields, value, spec.has_address)
-            samples.append(sample(name, frame_type, sequence, values))
-            if longest:
-                tail = bytes(value(Field("", "B", 0, 1)) for _ in range(longest))
+            tail = bytes(value(Field("", "B", 0, 1)) for _ in range(longest))
+            samples.append(sample(name, frame_type, sequence, values, tail[:shortest]))
+            if longest > shortest:
                 samples.append(sample(f"{name}_longest", frame_type, sequence, values, tail))
     return samples
 
@@ -170,8 +180,13 @@ def every_command() -> list[Sample]:
     for tag, (command, (tail, inner)) in enumerate(arguments.items()):
         values = {"tag": tag, "command": int(command)}
         samples.append(sample(f"command_{command.name.lower()}", FrameType.COMMAND, tag, values, tail, inner))
-    tail, inner = _inner("get_time_reply", {"hub_time_us": 4_295_000_000})
     values = {"tag": 9, "command": int(Command.GET_TIME), "status": 0}
+    tail, inner = _inner("start_arguments", {"flags": int(StartFlag.COMPACT)})
+    started = {"tag": 10, "command": int(Command.START)}
+    samples.append(sample("command_start_compact", FrameType.COMMAND, 78, started, tail, inner))
+    tail, inner = _inner("acknowledgement", {"address": 0x20, "reference": 0xBEEF})
+    samples.append(sample("acknowledge_one", FrameType.ACKNOWLEDGE, 79, {}, tail, inner))
+    tail, inner = _inner("get_time_reply", {"hub_time_us": 4_295_000_000})
     return [*samples, sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
 
 
@@ -255,8 +270,9 @@ def quotations(quoted: Sample) -> list[Sample]:
 def all_frames() -> list[Sample]:
     """What frames.json holds."""
     rng = random.Random(SEED)
-    samples = [*every_type(rng), *every_command(), *taxel_frames(rng), *stuffing_edges()]
-    return samples + quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
+    samples = [*every_type(rng, VERSION_1), *every_command(), *taxel_frames(rng), *stuffing_edges()]
+    samples += quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
+    return [*samples, *every_type(random.Random(SEED + 1), VERSION_2)]
 
 
 def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
@@ -269,7 +285,7 @@ def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str
 
 
 def main() -> int:
-    """Write or check the files, then those of the two generators that build on them."""
+    """Write or check the files, then those of the other generators."""
     texts = {
         "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
         "registers.json": json_text("registers", "I2C registers: fields and bytes", all_registers()),
@@ -282,7 +298,7 @@ def main() -> int:
         elif not path.exists() or path.read_text() != text:
             print(f"{name} is stale: run `make generate`", file=sys.stderr)
             return 1
-    others = (HERE / "damaged_streams.py", HERE / "field_tables.py")
+    others = (HERE / "damaged_streams.py", HERE / "field_tables.py", HERE / "compact_vectors.py")
     return max(subprocess.run([sys.executable, str(other), *sys.argv[1:]]).returncode for other in others)
 
 

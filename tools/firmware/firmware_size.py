@@ -43,8 +43,7 @@ frame, of the time from frame to frame while it streams 17 boards (all kinds: [f
 `make size` fails when flash, stack, RAM or cycles exceed their budget.
 {compiler}
 
-The hub may take all of the part's RAM: the counters of 17 boards, two transfer buffers and a transmit ring that holds
-more than one frame do not fit into 3 KiB. All others keep to 3 KiB.
+All of them keep to 3 KiB of the part's 4 KiB.
 
 {table}
 

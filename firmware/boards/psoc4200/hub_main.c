@@ -4,23 +4,20 @@
 #include "boards/psoc4200/clocks.h"
 #include "boards/psoc4200/i2c_master.h"
 #include "boards/psoc4200/regs/core.h"
-#include "boards/psoc4200/regs/core.h"
+#include "boards/psoc4200/regs/sflash.h"
 #include "boards/psoc4200/reset.h"
 #include "boards/psoc4200/self.h"
 #include "boards/psoc4200/ticks.h"
 #include "boards/psoc4200/uart.h"
 #include "boards/psoc4200/watchdog.h"
-#include "hub/hub.h"
+#include "hub/internal.h"
 
 #define SLOTS 17u /* boards of the hand */
-#define TRANSFER_BUFFER (TAXEL_SNAPSHOT_OVERHEAD + 2u * BOARD_TAXELS_MAX)
-#ifndef TRANSMIT_RING
-#define TRANSMIT_RING 608u /* a frame of the largest board, one of 52 taxels, and the reserve for answers */
-#endif
+#define TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_MIN + 2u * BOARD_TAXELS_MAX + 3u) & ~3u)
+#define TRANSMIT_RING 256u /* a frame of status, or of 25 taxels, and the reserve for answers */
 #define NEVER UINT64_MAX
 
 static struct taxel_hub hub;
-static struct taxel_hub_config config;
 static struct taxel_hub_slot slots[SLOTS];
 static uint8_t transfer_buffers[2][TRANSFER_BUFFER];
 static uint8_t transmit_ring[TRANSMIT_RING];
@@ -114,6 +111,19 @@ static const struct taxel_hub_hal hal = {
     .enter_bootloader = on_enter_bootloader,
 };
 
+const struct taxel_hub_config taxel_hub_fixed_config = {
+    .hal = &hal,
+    .firmware_version = SELF_VERSION,
+    .unique_id = SFLASH->die,
+    .scl_hz = BUS_SCL_HZ,
+    .slots = slots,
+    .slot_capacity = SLOTS,
+    .transfer_buffers = {transfer_buffers[0], transfer_buffers[1]},
+    .transfer_buffer_size = TRANSFER_BUFFER,
+    .transmit_ring = transmit_ring,
+    .transmit_ring_size = TRANSMIT_RING,
+};
+
 void i2c_master_on_done(int8_t result)
 {
     taxel_hub_on_i2c_done(&hub, result);
@@ -134,22 +144,6 @@ void uart_on_lost_byte(void)
 size_t uart_pull(uint8_t *bytes, size_t size)
 {
     return taxel_hub_uart_pull(&hub, bytes, size);
-}
-
-static void configure(void)
-{
-    config.hal = &hal;
-    config.scl_hz = BUS_SCL_HZ;
-    config.slots = slots;
-    config.slot_capacity = SLOTS;
-    config.transfer_buffers[0] = transfer_buffers[0];
-    config.transfer_buffers[1] = transfer_buffers[1];
-    config.transfer_buffer_size = TRANSFER_BUFFER;
-    config.transmit_ring = transmit_ring;
-    config.transmit_ring_size = TRANSMIT_RING;
-    config.reset_cause = reset_cause();
-    memcpy(config.firmware_version, self_version(), sizeof config.firmware_version);
-    reset_unique_id(config.unique_id);
 }
 
 /* A row takes 20 ms without interrupts: no transfer may be under way, and the host is asked to hold back. */
@@ -184,9 +178,8 @@ int main(void)
     watchdog_start();
     ticks_init();
     i2c_master_init();
-    configure();
     uart_init();
-    taxel_hub_init(&hub, &config);
+    taxel_hub_init(&hub, &taxel_hub_fixed_config, reset_cause());
     bool on_trial = self_is_on_trial();
     for (;;) {
         watchdog_feed();

@@ -138,21 +138,29 @@ static void take_acknowledge(void)
     }
 }
 
-static void take_byte(void)
+/* A byte right after an address whose acknowledge came while the interrupt ran waits for that to be taken, which is next. */
+static void take_byte_if_any(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
+    if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {
+        return;
+    }
     const uint8_t byte = (uint8_t)SCB0->rx_fifo_rd;
     SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
     if (master.state != READING) {
         return;
     }
-    *transfer->read_bytes++ = byte;
+    if (transfer->counted) {
+        transfer->counted = false;
+        transfer->read_size = 1u + taxel_i2c_counted_rest(transfer, byte);
+    }
     transfer->read_size--;
     if (transfer->read_size) {
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK;
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first: SCL is held until then */
     } else {
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
     }
+    *transfer->read_bytes++ = byte;
 }
 
 /* SCL is held low after each acknowledge and each byte until a command or a byte to send comes, so there is one event
@@ -161,6 +169,10 @@ void scb0_handler(void);
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_m_masked;
+    if (!events) { /* most often: one more byte, and the bus waits */
+        take_byte_if_any();
+        return;
+    }
     SCB0->intr_m = events;
     if (events & (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)) {
         const bool was_idle = i2c_master_is_idle();
@@ -177,10 +189,7 @@ void scb0_handler(void)
     } else if (is_sending() && (events & SCB_INTR_I2C_ACK)) {
         take_acknowledge();
     }
-    /* A byte right after an address whose acknowledge came while this ran waits for that to be taken, which is next. */
-    if (SCB0->intr_rx_masked && master.state != ADDRESS_TO_READ) {
-        take_byte();
-    }
+    take_byte_if_any();
     if ((events & SCB_INTR_I2C_STOP) && master.state == STOPPING) {
         end(master.result);
     }

@@ -3,8 +3,6 @@
 #include "boards/psoc4200/flash_rows.h"
 #include "boards/psoc4200/ticks.h"
 
-extern const uint8_t image_header[]; /* by the linker: where the slot begins */
-
 static int write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -22,11 +20,6 @@ const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_l
 #else
 const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board};
 #endif
-
-const uint8_t *self_version(void)
-{
-    return image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR;
-}
 
 static uint8_t slot(void)
 {

@@ -10,7 +10,8 @@
 extern const struct taxel_boot_flash self_flash;
 
 /* Major, minor, patch. */
-const uint8_t *self_version(void);
+extern const uint8_t image_header[]; /* by the linker: where the slot begins */
+#define SELF_VERSION (image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR)
 
 /* Whether taxel_boot_confirm() has still to be called, and the call, with interrupts off. */
 bool self_is_on_trial(void);

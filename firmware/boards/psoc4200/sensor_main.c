@@ -1,5 +1,5 @@
-/* A sensor board: everything happens in two interrupts of one priority, conversion and I2C; the main loop feeds the
- * watchdog and confirms the image. */
+/* A sensor board: everything happens in two interrupts of one priority, conversion and I2C; the main loop codes
+ * compact snapshots, feeds the watchdog and confirms the image. */
 #include <stdatomic.h>
 
 #include "board_pins.h"
@@ -19,6 +19,9 @@
 static struct taxel_sensor sensor;
 static struct taxel_sensor_config config;
 static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(BOARD_TAXELS_MAX)];
+static taxel_compact_state compact_states[BOARD_TAXELS_MAX];
+static uint8_t compact_residuals[BOARD_TAXELS_MAX];
+static uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(BOARD_TAXELS_MAX)];
 
 /* What a board is that nobody has told: one crossing that means nothing, so that it can be asked, configured and given
  * another image. */
@@ -124,7 +127,7 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
         configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
     config.kind = kind->code;
     config.reset_cause = reset_cause();
-    memcpy(config.firmware_version, self_version(), sizeof config.firmware_version);
+    memcpy(config.firmware_version, SELF_VERSION, sizeof config.firmware_version);
     reset_unique_id(config.unique_id);
     config.rows = kind->rows;
     config.columns = kind->columns;
@@ -134,6 +137,11 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
     for (unsigned i = 0; i < 3u; i++) {
         config.snapshots[i] = snapshots[i];
     }
+    config.compact = (struct taxel_compact_memory){
+        .states = compact_states,
+        .residuals = compact_residuals,
+        .buffers = {compact_buffers[0], compact_buffers[1]},
+    };
 }
 
 /* The front end after the bus, whose port it has a pin on. */
@@ -165,6 +173,12 @@ static bool try_confirm(void)
     return now;
 }
 
+/* Not part of main(): its frame would lie under the deepest chain, that of writing to flash. */
+static __attribute__((noinline)) void code_compact(void)
+{
+    taxel_sensor_run(&sensor);
+}
+
 int main(void)
 {
     clocks_init();
@@ -182,6 +196,7 @@ int main(void)
         if (on_trial && has_proven_itself()) {
             on_trial = !try_confirm();
         }
+        code_compact();
         wait_for_interrupt(); /* SysTick's at the latest, within 4 ms */
     }
 }

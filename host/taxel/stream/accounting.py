@@ -54,9 +54,18 @@ class LossAccount:
     @property
     def boards(self) -> dict[int, BoardCount]:
         """Counts of every board that has sent a frame, by address."""
-        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(3, ADDRESSES)
-        seen = np.flatnonzero(table[0] + table[2])
-        return {int(a): BoardCount(*(int(count) for count in table[:, a])) for a in seen.tolist()}
+        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
+        seen = np.flatnonzero(table[0] + table[2] + table[3])
+        return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in seen.tolist()}
+
+    @property
+    def undecoded(self) -> dict[int, int]:
+        """Compact frames that arrived whole, but coded against a reference that this host does not have, by address.
+
+        A few, when a host begins in the middle of a stream or a board was exchanged; boards without any are left out.
+        """
+        table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
+        return {int(a): int(table[3, a]) for a in np.flatnonzero(table[3]).tolist()}
 
     def __repr__(self) -> str:
         return f"LossAccount(received={self.received}, lost_on_wire={self.lost_on_wire}, restarts={self.restarts})"

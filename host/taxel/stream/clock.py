@@ -36,8 +36,8 @@ RESTART_US = 100_000
 AGE_MAX_US = 2_000_000
 """No snapshot is older than this when it is read; a board time that says so is that of another start of the board."""
 
-WIRE_OVERHEAD = 30
-"""Bytes of a taxel frame beside its counts: header, snapshot, CRCs, stuffing and delimiters."""
+WIRE_OVERHEAD = 12
+"""Bytes of a frame beside its payload: header, CRC, stuffing and delimiters."""
 
 _WRAP = 1 << 32
 
@@ -230,7 +230,7 @@ class ClockMap:
             return
         read_us = self._read_us[taxels["address"]]
         read_us[np.isinf(read_us)] = 0.0
-        departed = begun + read_us + (2.0 * taxels["size"] + WIRE_OVERHEAD) * self._byte_us
+        departed = begun + read_us + (taxels["length"] + float(WIRE_OVERHEAD)) * self._byte_us
         late = taxel_arrivals_s - departed * 1e-6
         starts = np.flatnonzero(np.diff(departed // BIN_US, prepend=-1.0))
         for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(taxels)], strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.stream.native import ROW_SIZE, BatchOutput, codec_library
+from taxel_protocol.limits import ACKNOWLEDGE_MAX
 
 ROW = np.dtype(
     [
@@ -24,6 +25,7 @@ ROW = np.dtype(
         ("address", "u1"),
         ("flags", "u1"),
         ("reserved", "u1"),
+        ("length", "<u2"),
     ],
     align=True,
 )
@@ -33,7 +35,7 @@ BOARD_CRC_BAD = 1
 """Row flag: hub and wire were right, but the board's own CRC-32 is not."""
 
 ADDRESSES = 128
-TOTALS = 3 + 3 * ADDRESSES
+TOTALS = 3 + 4 * ADDRESSES
 
 _ROWS = 4096
 _COUNTS = 1 << 18
@@ -42,6 +44,11 @@ _PAYLOADS = 1 << 16
 
 HUB_RESTARTED = 2
 """Row flag: the hub has started anew and counts from 0 again."""
+
+NO_REFERENCE = 4
+"""Row flag: a compact snapshot, coded against a reference that this host does not have: it has no counts."""
+
+_ANSWERS = 3 * ACKNOWLEDGE_MAX
 
 
 class Batch(NamedTuple):
@@ -79,11 +86,12 @@ class StreamDecoder:
         self._counts_found = np.ctypeslib.as_array(
             (ctypes.c_uint64 * 4).from_buffer(self._output, ctypes.sizeof(BatchOutput) - 32)  # the last four members
         )
+        self._answers = ctypes.create_string_buffer(_ANSWERS)
         self._library.taxel_batch_init(self._state, 1)
 
     @property
     def totals(self) -> NDArray[np.uint64]:
-        """`struct taxel_batch_totals` of firmware/codec/batch.h as it is now: frames, lost, restarts, then 3 x 128 by
+        """`struct taxel_batch_totals` of firmware/codec/batch.h as it is now: frames, lost, restarts, then 4 x 128 by
         address.
         """
         address = self._library.taxel_batch_totals(self._state)
@@ -97,6 +105,14 @@ class StreamDecoder:
     def forget_cycles(self) -> None:
         """The stream is about to be started again: boards that the cut cycle had not come to are not missing."""
         self._library.taxel_batch_forget_cycles(self._state)
+
+    def answers(self) -> bytes:
+        """Payload of an ACKNOWLEDGE frame with what boards of compact snapshots wait for; empty: nothing to say.
+
+        What was fetched counts as sent.
+        """
+        size = self._library.taxel_batch_answers(self._state, self._answers, _ANSWERS)
+        return self._answers.raw[:size] if size else b""
 
     def push(self, data: bytes) -> list[Batch]:
         """Frames completed by `data`: usually one batch, more when there is very much of it."""

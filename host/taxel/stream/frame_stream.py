@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from taxel.link import Chunk, Link, SteppedLink
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
-from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, Batch, StreamDecoder
+from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, NO_REFERENCE, Batch, StreamDecoder
 from taxel.stream.frames import HubMessage, TaxelFrame, messages_of, taxel_frames_of
 from taxel.stream.pump import Pump
 from taxel.stream.ring import RingBuffer
@@ -33,16 +33,24 @@ class FrameStream:
     """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
 
     A link in real time is read by a thread of its own into a ring buffer; a recording, and a link whose time goes on
-    only while it is read, are read when they are asked for.
+    only while it is read, are read when they are asked for. `on_answers` gets what boards of compact snapshots wait
+    for, payloads of ACKNOWLEDGE frames; without it they get no answer, and come to code less and less well.
     """
 
-    def __init__(self, link: Link, on_message: Callable[[HubMessage], None], ring_capacity: int = 1 << 22) -> None:
+    def __init__(
+        self,
+        link: Link,
+        on_message: Callable[[HubMessage], None],
+        ring_capacity: int = 1 << 22,
+        on_answers: Callable[[bytes], None] | None = None,
+    ) -> None:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
         self._is_stepped = isinstance(link, SteppedLink)
         self.clock = ClockMap(link.baud, has_arrivals(link))
         self.bytes_received = 0
         self._on_message = on_message
+        self._on_answers = on_answers
         self._decoder = StreamDecoder()
         self.losses = LossAccount(self._decoder)
         self._arrival_ends: list[int] = []
@@ -90,6 +98,8 @@ class FrameStream:
             return False
         for batch in self._decoder.push(self._note_arrivals(chunks)):
             self._take(batch)
+        while self._on_answers is not None and (answers := self._decoder.answers()):
+            self._on_answers(answers)
         return True
 
     def _read(self, timeout_s: float) -> list[Chunk]:
@@ -147,9 +157,9 @@ class FrameStream:
         self.clock.take_arrivals(taxels, self._arrivals_s(taxels), others[others["type"] == FrameType.TIME_SYNC], syncs)
         if not len(taxels):
             return
-        damaged = taxels["flags"] & BOARD_CRC_BAD
-        if damaged.any():
-            taxels = taxels[damaged == 0]
+        useless = taxels["flags"] & (BOARD_CRC_BAD | NO_REFERENCE)
+        if useless.any():
+            taxels = taxels[useless == 0]
         times = self.clock.host_times_s(self.clock.hub_times_us(taxels))
         self.frames.extend(taxel_frames_of(batch, taxels, times))
 

@@ -51,7 +51,7 @@ def messages_of(batch: Batch) -> list[HubMessage]:
 
 
 def taxel_frames_of(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
-    """Taxel frames of `rows` (rows of the batch with type TAXELS), which began at `times_s` [k] seconds."""
+    """Taxel frames of `rows` (rows of the batch's `taxels` that have counts), which began at `times_s` [k] seconds."""
     counts = batch.counts
     starts = rows["offset"].tolist()
     ends = (rows["offset"] + rows["size"]).tolist()

@@ -21,14 +21,18 @@ from taxel_protocol.frames import (
     HostHello,
     SetRateArguments,
     SetScanSettingsArguments,
+    StartArguments,
     TransferArguments,
 )
 from taxel_protocol.layout import pack
+from taxel_protocol.names import StartFlag
 
 REPLY_TIMEOUT_S = 1.0
 ATTEMPTS = 4
 REBOOT_TIMEOUT_S = 5.0
 KEPT_MESSAGES = 1024
+COMPACT_VERSION = 2
+"""First version of the protocol with compact snapshots."""
 RATE_MIN_HZ, RATE_MAX_HZ = 1e-3, 1e6  # a period of 1 us to 1000 s
 
 _GREETING_OF_ITS_OWN = 0  # key of the HUB_HELLO that nobody asked for: tag 0
@@ -47,13 +51,14 @@ class HubClient:
 
     `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS;
     `status` is the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
-    `is_greeted`: host and hub have agreed on a version, and the hub has not started anew since.
+    `is_greeted`: host and hub have agreed on a version, and the hub has not started anew since. `version`: that one.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._now_s = clock_of(link)
-        self.stream = FrameStream(link, self._take)
+        self.stream = FrameStream(link, self._take, on_answers=None if link.is_recorded else self._answer)
+        self.version = 0
         self.hello: dict[str, Any] | None = None
         self.is_greeted = False
         self.status: dict[str, Any] | None = None
@@ -83,6 +88,9 @@ class HubClient:
             self.faults.append(fields)
         elif message.type is FrameType.LOG:
             self.logs.append(message.tail.decode("ascii", errors="replace"))
+
+    def _answer(self, payload: bytes) -> None:
+        self._send(FrameType.ACKNOWLEDGE, payload)
 
     def _send(self, frame_type: FrameType, payload: bytes) -> None:
         self._link.write(encode_frame(frame_type, self._sequence, payload))
@@ -125,7 +133,8 @@ class HubClient:
                 f"{self._link.name}: the hub speaks protocol {fields['version_min']} to {fields['version_max']}, this "
                 f"program {PROTOCOL_VERSION_MIN} to {PROTOCOL_VERSION}; update the older of the two"
             )
-        return int(fields["version_chosen"])
+        self.version = int(fields["version_chosen"])
+        return self.version
 
     def command(self, command: Command | int, arguments: bytes = b"") -> bytes:
         """Send a command and wait for its reply; returns the reply's data. Raises `HubError` with the hub's reason.
@@ -142,10 +151,18 @@ class HubClient:
             raise HubError(f"{self._link.name}: the hub refused {asked}: {name.lower().replace('_', ' ')}")
         return reply.tail
 
-    def start(self) -> None:
-        """Begin to stream."""
+    def start(self, compact: bool = False) -> None:
+        """Begin to stream; `compact`: compact snapshots from the boards that have them.
+
+        Raises `HubError` if the hub has no compact snapshots.
+        """
+        if compact and self.version < COMPACT_VERSION:
+            raise HubError(
+                f"{self._link.name}: compact frames need a hub with protocol {COMPACT_VERSION}, this one agreed on "
+                f"{self.version}; update its firmware or open it with frames=plain"
+            )
         self.stream.begin_anew()
-        self.command(Command.START)
+        self.command(Command.START, pack(StartArguments, {"flags": int(StartFlag.COMPACT)}) if compact else b"")
 
     def stop(self) -> None:
         """End the stream after the frame under way."""

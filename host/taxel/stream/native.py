@@ -48,6 +48,8 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_finish.restype = ctypes.c_bool
     library.taxel_batch_forget_cycles.argtypes = [pointer]
     library.taxel_batch_forget_cycles.restype = None
+    library.taxel_batch_answers.argtypes = [pointer, pointer, size]
+    library.taxel_batch_answers.restype = size
     library.taxel_batch_totals.argtypes = [pointer]
     library.taxel_batch_totals.restype = pointer
     library.taxel_batch_discarded_bytes.argtypes = [pointer]

@@ -62,13 +62,15 @@ static inline void wait_for_interrupt(void)
     __asm__ volatile("wfi" ::: "memory");
 }
 
-/* Peripherals interrupt at level 1, all of them: none cuts into another. SysTick stays at 0 and may cut into them.
- * In the bootloader all are at 0, as a reset leaves them. */
+/* On a board, peripherals interrupt at level 1, all of them: none cuts into another. SysTick stays at 0 and may cut into
+ * them. In the hub and the bootloaders all are at 0, as a reset leaves them, which takes less stack. */
 static inline void interrupt_enable(unsigned number)
 {
-#ifdef IMAGE_IN_SLOT
+#if defined IMAGE_IN_SLOT && IMAGE_DEVICE == 1
     volatile uint32_t *const word = &NVIC_PRIORITY[number >> 2];
     *word = (*word & ~(0xFFu << (8u * (number & 3u)))) | (0x40u << (8u * (number & 3u)));
+#endif
+#ifdef IMAGE_IN_SLOT
     NVIC_PENDING_CLEAR = 1u << number;
 #endif
     NVIC_ENABLE_SET = 1u << number;

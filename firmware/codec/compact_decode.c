@@ -1,0 +1,120 @@
+/* Bytes to counts, for the host. Whatever the bytes are, nothing is read beyond them and every count is one of 16 bits. */
+#include "codec/compact.h"
+
+#define TOP 0x1000000u
+#define COUNT_MAX 0xFFFFu
+#define EXPONENT_BITS 4u
+
+struct range_decoder {
+    const uint8_t *bytes;
+    size_t size;
+    size_t position;
+    uint32_t code;
+    uint32_t range;
+};
+
+static void shift(struct range_decoder *decoder)
+{
+    const uint8_t byte = decoder->position < decoder->size ? decoder->bytes[decoder->position] : 0;
+    decoder->position++;
+    decoder->code = decoder->code << 8 | byte;
+}
+
+static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
+{
+    const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
+    return target < last ? target : last; /* what the division leaves over belongs to nobody: damage can point there */
+}
+
+static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, uint8_t bits)
+{
+    const uint32_t share = decoder->range >> bits;
+    decoder->code -= first * share;
+    decoder->range = size * share;
+    while (decoder->range < TOP) {
+        shift(decoder);
+        decoder->range <<= 8;
+    }
+}
+
+static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
+{
+    const uint32_t value = peek(decoder, bits);
+    take(decoder, value, 1, bits);
+    return value;
+}
+
+static bool take_escape(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
+{
+    take(decoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS);
+    const uint32_t head = take_bits(decoder, EXPONENT_BITS + 1u);
+    const uint8_t exponent = (uint8_t)(head >> 1);
+    const uint32_t size = (1u << exponent) + take_bits(decoder, exponent);
+    const uint32_t centre = taxel_compact_centre(state);
+    if (head & 1u ? size > centre : size > COUNT_MAX - centre) {
+        return false;
+    }
+    *count = (uint16_t)(head & 1u ? centre - size : centre + size);
+    return true;
+}
+
+static bool take_count(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
+{
+    const uint32_t target = peek(decoder, TAXEL_COMPACT_TOTAL_BITS);
+    if (target < TAXEL_COMPACT_ESCAPE) {
+        return take_escape(decoder, state, count);
+    }
+    const uint8_t raw_bits = taxel_compact_raw_bits(state);
+    /* Nothing is expected further off than eight scales, which are less than 2^(octave + 1) counts. */
+    const uint32_t centre = taxel_compact_centre(state), half = 2u + (2u << ((state & TAXEL_COMPACT_LEVEL_MAX) >> 6));
+    uint32_t low = (centre > half ? centre - half : 0u) >> raw_bits;
+    uint32_t high = (centre + half < COUNT_MAX ? centre + half : COUNT_MAX) >> raw_bits;
+    while (low < high) {
+        const uint32_t middle = (low + high + 1u) / 2u;
+        if (taxel_compact_cumulative(state, middle) <= target) {
+            low = middle;
+        } else {
+            high = middle - 1u;
+        }
+    }
+    const uint32_t first = taxel_compact_cumulative(state, low);
+    const uint32_t size = taxel_compact_cumulative(state, low + 1u) - first;
+    if (target < first || target - first >= size) {
+        return false;
+    }
+    take(decoder, first, size, TAXEL_COMPACT_TOTAL_BITS);
+    *count = (uint16_t)(low << raw_bits);
+    if (raw_bits) {
+        *count = (uint16_t)(*count | take_bits(decoder, raw_bits));
+    }
+    return true;
+}
+
+bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, const uint8_t *bytes, size_t size,
+                          uint16_t *counts)
+{
+    struct range_decoder decoder = {.bytes = bytes, .size = size, .range = 0xFFFFFFFFu};
+    for (int i = 0; i < 4; i++) {
+        shift(&decoder);
+    }
+    for (size_t i = 0; i < taxels; i++) {
+        if (!take_count(&decoder, states[i], &counts[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+void taxel_compact_unpack(const uint8_t *bytes, size_t taxels, uint8_t width, uint16_t *counts)
+{
+    uint32_t waiting = 0;
+    uint8_t bits = 0;
+    for (size_t i = 0; i < taxels; i++) {
+        for (; bits < width; bits = (uint8_t)(bits + 8u)) {
+            waiting |= (uint32_t)*bytes++ << bits;
+        }
+        counts[i] = (uint16_t)(waiting & ((1u << width) - 1u));
+        waiting >>= width;
+        bits = (uint8_t)(bits - width);
+    }
+}

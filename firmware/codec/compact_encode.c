@@ -1,0 +1,144 @@
+/* Counts to bytes: a range coder (Martin, 1979) without division, 32 bits wide, that carries into the bytes it has written. */
+#include "codec/compact.h"
+
+#define TOP 0x1000000u /* the range stays above it */
+#define EXPONENT_BITS 4u
+
+struct range_encoder {
+    uint8_t *bytes;
+    size_t size;
+    size_t capacity;
+    uint32_t low;
+    uint32_t range;
+};
+
+static void carry(struct range_encoder *encoder)
+{
+    for (size_t i = encoder->size; i-- && ++encoder->bytes[i] == 0;) {
+    }
+}
+
+/* Narrow to [first, first + size) of 2^bits equal shares. False: the bytes are full. */
+static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, uint8_t bits)
+{
+    const uint32_t share = encoder->range >> bits;
+    const uint32_t low = encoder->low + first * share;
+    if (low < encoder->low) {
+        carry(encoder);
+    }
+    encoder->low = low;
+    encoder->range = size * share;
+    while (encoder->range < TOP) {
+        if (encoder->size == encoder->capacity) {
+            return false;
+        }
+        encoder->bytes[encoder->size++] = (uint8_t)(encoder->low >> 24);
+        encoder->low <<= 8;
+        encoder->range <<= 8;
+    }
+    return true;
+}
+
+static bool put_escape(struct range_encoder *encoder, taxel_compact_state state, uint16_t count)
+{
+    const uint16_t centre = taxel_compact_centre(state);
+    const bool negative = count < centre;
+    const uint32_t size = (uint32_t)(negative ? centre - count : count - centre);
+    uint8_t exponent = 0;
+    while (size >> (exponent + 1u)) {
+        exponent++;
+    }
+    return put(encoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS) &&
+           put(encoder, 2u * exponent + negative, 1, EXPONENT_BITS + 1u) &&
+           put(encoder, size - (1u << exponent), 1, exponent);
+}
+
+static bool put_count(struct range_encoder *encoder, taxel_compact_state state, uint16_t count)
+{
+    const struct taxel_compact_interval interval = taxel_compact_interval(state, count);
+    if (!interval.size) {
+        return put_escape(encoder, state, count);
+    }
+    return put(encoder, interval.first, interval.size, TAXEL_COMPACT_TOTAL_BITS) &&
+           (!interval.raw_bits || put(encoder, count & ((1u << interval.raw_bits) - 1u), 1, interval.raw_bits));
+}
+
+/* The fewest bytes that stand for the interval; a reader takes zeros for what is left out. */
+static bool finish(struct range_encoder *encoder)
+{
+    unsigned kept = 0;
+    uint32_t value = 0;
+    for (; kept < 4u; kept++) {
+        const uint32_t below = kept ? (1u << (32u - 8u * kept)) - 1u : 0xFFFFFFFFu;
+        value = (encoder->low + below) & ~below; /* may wrap: then it is a carry and zeros */
+        if (value - encoder->low < encoder->range) {
+            break;
+        }
+    }
+    if (kept == 4u) {
+        value = encoder->low;
+    }
+    if (value < encoder->low) {
+        carry(encoder);
+    }
+    for (; kept; kept--, value <<= 8) {
+        if (encoder->size == encoder->capacity) {
+            return false;
+        }
+        encoder->bytes[encoder->size++] = (uint8_t)(value >> 24);
+    }
+    while (encoder->size && !encoder->bytes[encoder->size - 1u]) {
+        encoder->size--;
+    }
+    return true;
+}
+
+bool taxel_compact_encode(const taxel_compact_state *states, const uint8_t *counts, size_t taxels, uint8_t *bytes,
+                          size_t capacity, size_t *size)
+{
+    struct range_encoder encoder = {.bytes = bytes, .capacity = capacity, .range = 0xFFFFFFFFu};
+    for (size_t i = 0; i < taxels; i++) {
+        if (!put_count(&encoder, states[i], taxel_get_u16(counts + 2u * i))) {
+            return false;
+        }
+    }
+    if (!finish(&encoder)) {
+        return false;
+    }
+    *size = encoder.size;
+    return true;
+}
+
+uint8_t taxel_compact_width(const uint8_t *counts, size_t taxels)
+{
+    unsigned all = 1;
+    for (size_t i = 0; i < taxels; i++) {
+        all |= taxel_get_u16(counts + 2u * i);
+    }
+    uint8_t width = 0;
+    for (; all; all >>= 1) {
+        width++;
+    }
+    return width;
+}
+
+size_t taxel_compact_packed_size(uint8_t width, size_t taxels)
+{
+    return (width * taxels + 7u) >> 3;
+}
+
+void taxel_compact_pack(const uint8_t *counts, size_t taxels, uint8_t width, uint8_t *bytes)
+{
+    uint32_t waiting = 0;
+    uint8_t bits = 0;
+    for (size_t i = 0; i < taxels; i++) {
+        waiting |= (uint32_t)taxel_get_u16(counts + 2u * i) << bits;
+        for (bits = (uint8_t)(bits + width); bits >= 8u; bits = (uint8_t)(bits - 8u)) {
+            *bytes++ = (uint8_t)waiting;
+            waiting >>= 8;
+        }
+    }
+    if (bits) {
+        *bytes = (uint8_t)waiting;
+    }
+}

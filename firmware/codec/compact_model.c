@@ -1,0 +1,128 @@
+/* What is expected of a taxel's next count, and what a candidate teaches. Numbers and rounding are part of the protocol: both
+ * sides must come to the same state. */
+#include "codec/compact.h"
+
+#define COUNT_MAX 0xFFFFu
+#define HALF_COUNT (1u << (TAXEL_COMPACT_FRACTION_BITS - 1u))
+#define EXACT_RESIDUALS 64u /* smaller ones are remembered as they are */
+#define RESIDUAL_NEGATIVE 0x80u
+
+static const uint16_t cumulative[] = TAXEL_COMPACT_CUMULATIVE;
+static const uint16_t multipliers[] = TAXEL_COMPACT_MULTIPLIERS;
+static const uint8_t gains[] = TAXEL_COMPACT_GAINS;
+
+static uint32_t mean_of(taxel_compact_state state)
+{
+    return state >> TAXEL_COMPACT_LEVEL_BITS;
+}
+
+static uint32_t level_of(taxel_compact_state state)
+{
+    return state & TAXEL_COMPACT_LEVEL_MAX;
+}
+
+/* Difference in 64ths of a count to 1024ths of the scale. */
+static uint32_t distance(taxel_compact_state state, uint32_t difference)
+{
+    const uint32_t level = level_of(state);
+    return (difference * multipliers[(level >> 3) & 7u]) >> (level >> 6);
+}
+
+taxel_compact_state taxel_compact_begin(uint16_t count, uint8_t form)
+{
+    const uint32_t start = (form & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
+    return ((uint32_t)count << (TAXEL_COMPACT_FRACTION_BITS + TAXEL_COMPACT_LEVEL_BITS)) |
+           (TAXEL_COMPACT_LEVEL_START + TAXEL_COMPACT_LEVEL_START_STEP * start);
+}
+
+uint16_t taxel_compact_centre(taxel_compact_state state)
+{
+    const uint32_t centre = (mean_of(state) + HALF_COUNT) >> TAXEL_COMPACT_FRACTION_BITS;
+    return (uint16_t)(centre > COUNT_MAX ? COUNT_MAX : centre);
+}
+
+uint8_t taxel_compact_raw_bits(taxel_compact_state state)
+{
+    const uint32_t octave = level_of(state) >> 6;
+    return (uint8_t)(octave > TAXEL_COMPACT_COARSE_OCTAVE ? octave - TAXEL_COMPACT_COARSE_OCTAVE : 0u);
+}
+
+uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
+{
+    const uint32_t middle = TAXEL_COMPACT_ESCAPE + cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
+    const uint32_t edge = symbol << (taxel_compact_raw_bits(state) + TAXEL_COMPACT_FRACTION_BITS);
+    const uint32_t from = mean_of(state) + HALF_COUNT;
+    const bool below = edge < from;
+    const uint32_t size = distance(state, below ? from - edge : edge - from);
+    uint32_t share = cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
+    if (size < TAXEL_COMPACT_REACH) {
+        const uint16_t *corner = &cumulative[size >> TAXEL_COMPACT_STEP_BITS];
+        const uint32_t rest = size & ((1u << TAXEL_COMPACT_STEP_BITS) - 1u);
+        share = corner[0] + (((uint32_t)(corner[1] - corner[0]) * rest) >> TAXEL_COMPACT_STEP_BITS);
+    }
+    return below ? middle - share : middle + share;
+}
+
+struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, uint16_t count)
+{
+    const uint8_t raw_bits = taxel_compact_raw_bits(state);
+    const uint32_t symbol = (uint32_t)count >> raw_bits;
+    const uint32_t first = taxel_compact_cumulative(state, symbol);
+    return (struct taxel_compact_interval){first, taxel_compact_cumulative(state, symbol + 1u) - first, raw_bits};
+}
+
+uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
+{
+    const uint16_t centre = taxel_compact_centre(state);
+    const uint8_t sign = count < centre ? RESIDUAL_NEGATIVE : 0u;
+    uint32_t size = (uint32_t)(count < centre ? centre - count : count - centre);
+    if (size < EXACT_RESIDUALS) {
+        return (uint8_t)(sign | size);
+    }
+    uint8_t code = EXACT_RESIDUALS; /* a quarter of an octave each, from 64 on */
+    while (size >= 2u * EXACT_RESIDUALS) {
+        size >>= 1;
+        code = (uint8_t)(code + 4u);
+    }
+    return (uint8_t)(sign | (code + ((size >> 4) & 3u)));
+}
+
+/* The middle of what that byte stands for. */
+static uint32_t size_of(uint8_t residual)
+{
+    const uint32_t code = residual & ~RESIDUAL_NEGATIVE;
+    if (code < EXACT_RESIDUALS) {
+        return code;
+    }
+    return (72u + 16u * (code & 3u)) << ((code - EXACT_RESIDUALS) >> 2);
+}
+
+static uint32_t moved(uint32_t value, bool down, uint32_t by, uint32_t largest)
+{
+    if (down) {
+        return value > by ? value - by : 0u;
+    }
+    return by < largest - value ? value + by : largest;
+}
+
+taxel_compact_state taxel_compact_learn(taxel_compact_state state, uint8_t residual, uint8_t updates)
+{
+    const uint32_t gain = gains[updates - 1u], mean = mean_of(state);
+    const uint32_t from = ((uint32_t)taxel_compact_centre(state)) << TAXEL_COMPACT_FRACTION_BITS;
+    const uint32_t by = size_of(residual) << TAXEL_COMPACT_FRACTION_BITS;
+    /* What the board remembers may lie below 0 or beyond the largest count: 32 bits wrap, and the sign is the top one. */
+    const uint32_t difference = (residual & RESIDUAL_NEGATIVE ? from - by : from + by) - mean;
+    const bool down = difference >> 31;
+    const uint32_t size = down ? 0u - difference : difference;
+    const uint32_t scales = distance(state, size);
+    uint32_t level = level_of(state);
+    if (scales >= TAXEL_COMPACT_JUMP) {
+        return (moved(mean, down, size, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
+    }
+    const uint32_t clipped = scales < TAXEL_COMPACT_CLIP ? scales : TAXEL_COMPACT_CLIP;
+    const uint32_t found = (clipped * TAXEL_COMPACT_MEAN_DEVIATION) >> 10;
+    const bool smaller = found < TAXEL_COMPACT_UNIT;
+    const uint32_t excess = smaller ? TAXEL_COMPACT_UNIT - found : found - TAXEL_COMPACT_UNIT;
+    level = moved(level, smaller, (excess * gain * TAXEL_COMPACT_LEVEL_STEP + (1u << 17)) >> 18, TAXEL_COMPACT_LEVEL_MAX);
+    return (moved(mean, down, (size * gain + 128u) >> 8, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
+}

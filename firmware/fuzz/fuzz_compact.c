@@ -1,0 +1,323 @@
+/* A board that codes compact snapshots and a host that decodes them, with everything between them that can go wrong.
+ *
+ * The first bytes of the input draw the board; the rest are events: scans (quiet, noisy, with jumps, of any counts), passes of the
+ * main loop, polls with and without the pointer, answers that arrive, are lost or come late, restarts of either side, plain reads
+ * in between, bytes of the snapshot damaged, and snapshots that nobody sent, with a right CRC. Invariants:
+ *   - a snapshot that the host decodes has the counts and the time of the scan with its sequence;
+ *   - what a board says has a right CRC and is no longer than packed;
+ *   - host and board mean the same by a reference's name: their states are equal;
+ *   - damage is refused; of a forged snapshot nothing is read or written out of bounds. */
+#include "codec/compact_receiver.h"
+#include "fuzz/fuzz.h"
+#include "sensor/sensor.h"
+
+#define EVENTS_MAX 160u
+#define TAXELS_MAX 40u
+#define HISTORY 4u
+#define FRAME_MAX (TAXEL_COMPACT_BUFFER_SIZE(TAXELS_MAX) + 8u)
+
+struct scan {
+    bool known;
+    uint16_t sequence;
+    uint32_t started_us;
+    uint16_t counts[TAXELS_MAX];
+};
+
+static struct taxel_sensor sensor;
+static struct taxel_sensor_config config;
+static struct taxel_compact_receiver host;
+static struct taxel_compact_snapshot decoded;
+static struct scan history[HISTORY];
+static uint16_t counts[TAXELS_MAX];
+static uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
+static uint32_t now_us;
+static uint8_t late_answer[3], late_size;
+
+static void on_configure(void *context, const struct taxel_scan_settings *settings)
+{
+    (void)context;
+    (void)settings;
+}
+
+static void on_start(void *context, uint8_t tx, uint8_t rx)
+{
+    (void)context;
+    (void)tx;
+    (void)rx;
+}
+
+static uint32_t on_clock(void *context)
+{
+    (void)context;
+    return now_us;
+}
+
+static uint32_t on_disable(void *context)
+{
+    (void)context;
+    return 1;
+}
+
+static void on_restore(void *context, uint32_t state)
+{
+    (void)context;
+    (void)state;
+}
+
+static void on_restart(void *context)
+{
+    (void)context;
+}
+
+static const struct taxel_sensor_hal hal = {
+    .front_end_configure = on_configure,
+    .conversion_start = on_start,
+    .clock_us = on_clock,
+    .interrupts_disable = on_disable,
+    .interrupts_restore = on_restore,
+    .restart = on_restart,
+    .enter_bootloader = on_restart,
+};
+
+static void boot(void)
+{
+    FUZZ_CHECK(taxel_sensor_init(&sensor, &config) == 0);
+    memset(history, 0, sizeof history);
+    taxel_scan_start(&sensor);
+}
+
+static void scan(uint8_t kind, uint64_t *state)
+{
+    struct scan *slot = &history[sensor.scan.scans % HISTORY];
+    slot->known = true;
+    slot->sequence = (uint16_t)sensor.scan.scans;
+    slot->started_us = sensor.scan.started_us;
+    for (uint16_t i = 0; i < config.taxel_count; i++) {
+        const uint8_t drawn = fuzz_next(state);
+        const uint16_t any = (uint16_t)(drawn | fuzz_next(state) << 8);
+        const bool jumps = (kind & 3u) == 3u || ((kind & 3u) == 2u && drawn < 16u);
+        counts[i] = jumps ? any : (uint16_t)(counts[i] + (kind & 3u ? (drawn % 7u) : 0u) - (kind & 3u ? 3u : 0u));
+        slot->counts[i] = counts[i];
+        now_us += 1u + (kind >> 2);
+        taxel_sensor_on_conversion(&sensor, counts[i]);
+    }
+}
+
+static void write(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
+{
+    FUZZ_CHECK(taxel_sensor_on_address(&sensor, false));
+    FUZZ_CHECK(taxel_sensor_on_write(&sensor, pointer));
+    for (size_t i = 0; i < size; i++) {
+        (void)taxel_sensor_on_write(&sensor, bytes[i]);
+    }
+    if (stop) {
+        taxel_sensor_on_stop(&sensor);
+    }
+}
+
+static void answer(uint8_t what)
+{
+    uint8_t bytes[3] = {0};
+    uint8_t size = 0;
+    if (host.answer == TAXEL_COMPACT_ANSWER_ACKNOWLEDGE) {
+        taxel_put_u16(bytes, host.candidate.name);
+        size = 2;
+    } else if (host.answer == TAXEL_COMPACT_ANSWER_FORGET) {
+        size = 1;
+    }
+    host.answer = TAXEL_COMPACT_ANSWER_NONE;
+    if ((what & 3u) == 3u && late_size) { /* the one before this arrives now */
+        write(TAXEL_REGISTER_COMPACT, late_answer, late_size, true);
+        late_size = 0;
+    } else if ((what & 3u) == 2u && size) {
+        memcpy(late_answer, bytes, size);
+        late_size = size;
+    } else if ((what & 3u) == 0 && size) {
+        write(TAXEL_REGISTER_COMPACT, bytes, size, true);
+    }
+}
+
+static void check_states(void)
+{
+    const struct taxel_compact *compact = &sensor.compact;
+    const struct taxel_compact_reference *known = &host.reference;
+    if (!compact->has_reference || !known->known || known->name != compact->reference_name) {
+        return;
+    }
+    FUZZ_CHECK(known->updates == compact->updates && known->timestamp_us == compact->reference_us);
+    FUZZ_CHECK(memcmp(known->states, config.compact.states, config.taxel_count * sizeof known->states[0]) == 0);
+}
+
+static void take(const uint8_t *bytes, size_t size, uint8_t damage)
+{
+    uint8_t *copy = malloc(size); /* as long as it claims: a sanitizer sees the byte beyond */
+    memcpy(copy, bytes, size);
+    FUZZ_CHECK(size >= TAXEL_COMPACT_OVERHEAD_CODED);
+    FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_MIN + 2u * config.taxel_count + 3u) & ~3u) || config.taxel_count < 2u);
+    if (damage) {
+        copy[damage % size] ^= damage;
+        const struct taxel_compact_receiver before = host;
+        FUZZ_CHECK(taxel_compact_receive(&host, config.address, (uint8_t)config.taxel_count, copy, size, &decoded) ==
+                   TAXEL_COMPACT_DAMAGED);
+        FUZZ_CHECK(memcmp(&before, &host, sizeof host) == 0);
+    } else {
+        const enum taxel_compact_result result =
+            taxel_compact_receive(&host, config.address, (uint8_t)config.taxel_count, copy, size, &decoded);
+        FUZZ_CHECK(result != TAXEL_COMPACT_DAMAGED);
+        const struct scan *said = &history[decoded.sequence % HISTORY];
+        if (result == TAXEL_COMPACT_OK && said->known && said->sequence == decoded.sequence) {
+            FUZZ_CHECK(memcmp(decoded.counts, said->counts, config.taxel_count * sizeof counts[0]) == 0);
+            FUZZ_CHECK(decoded.timestamp_us == said->started_us);
+        }
+    }
+    free(copy);
+}
+
+static void poll(bool again, uint8_t damage)
+{
+    uint8_t bytes[FRAME_MAX];
+    if (again) {
+        write(TAXEL_REGISTER_COMPACT, NULL, 0, false);
+    } else if (sensor.slave.pointer != TAXEL_REGISTER_COMPACT) {
+        write(TAXEL_REGISTER_COMPACT, NULL, 0, true);
+    }
+    FUZZ_CHECK(taxel_sensor_on_address(&sensor, true));
+    const size_t size = taxel_compact_size(taxel_sensor_on_read(&sensor));
+    FUZZ_CHECK(size <= sizeof bytes);
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] = taxel_sensor_on_read(&sensor);
+        if (i == size / 2u) {
+            taxel_sensor_run(&sensor); /* the main loop goes on during a read */
+        }
+    }
+    FUZZ_CHECK(taxel_sensor_on_read(&sensor) == 0xFF);
+    taxel_sensor_on_stop(&sensor);
+    if (size) {
+        take(bytes, size, damage);
+    }
+}
+
+/* A snapshot that no board sent, to a host whose state is put back afterwards. */
+static void forge(struct fuzz_input *input)
+{
+    const struct taxel_compact_receiver before = host;
+    const uint8_t address = fuzz_u8(input), taxels = fuzz_u8(input), form = fuzz_u8(input);
+    const size_t size = TAXEL_COMPACT_OVERHEAD_CODED + fuzz_u8(input) % 64u;
+    uint64_t state = form;
+    uint8_t *bytes = malloc(size);
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] = fuzz_next(&state);
+    }
+    bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] = form;
+    taxel_put_u16(bytes + TAXEL_COMPACT_CODED_OFFSET_REFERENCE, form & 0x40u ? host.candidate.name : host.reference.name);
+    fuzz_put_u32(bytes + size - 4u, fuzz_crc32(fuzz_crc32(0, &address, 1), bytes, size - 4u));
+    (void)taxel_compact_receive(&host, address, taxels, bytes, size, &decoded);
+    (void)taxel_compact_receive(&host, address, taxels, bytes, size, &decoded);
+    free(bytes);
+    host = before;
+}
+
+static void read_plain(uint8_t blocks)
+{
+    write((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (blocks & 3u)), NULL, 0, false);
+    if (taxel_sensor_on_address(&sensor, true)) {
+        for (unsigned i = 0; i < 8u * blocks; i++) {
+            (void)taxel_sensor_on_read(&sensor);
+        }
+    }
+    taxel_sensor_on_stop(&sensor);
+}
+
+static void event(struct fuzz_input *input, uint64_t *state)
+{
+    const uint8_t op = fuzz_u8(input), high = op >> 4;
+    switch (op & 15u) {
+    case 0:
+    case 1:
+    case 2:
+    case 3:
+        scan(high, state);
+        break;
+    case 4:
+    case 5:
+        taxel_sensor_run(&sensor);
+        break;
+    case 6: /* what an undisturbed skin does */
+        scan(high & 1u, state);
+        taxel_sensor_run(&sensor);
+        answer(0);
+        poll(false, 0);
+        break;
+    case 7:
+    case 8:
+        poll(high & 1u, 0);
+        break;
+    case 9:
+        poll(high & 1u, fuzz_u8(input));
+        break;
+    case 10:
+    case 11:
+        answer(high);
+        break;
+    case 12:
+        memset(&host, 0, sizeof host); /* another host */
+        break;
+    case 13:
+        if (high == 15u) {
+            boot();
+        } else {
+            read_plain(high);
+        }
+        break;
+    case 14:
+        forge(input);
+        break;
+    default:
+        now_us += (uint32_t)fuzz_u16(input) << high;
+        break;
+    }
+    check_states();
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
+{
+    struct fuzz_input input = {bytes, size};
+    uint64_t state = fuzz_u16(&input);
+    const uint8_t taxels = (uint8_t)(1u + fuzz_u8(&input) % TAXELS_MAX);
+    memset(crossing_map, 0, sizeof crossing_map);
+    for (unsigned i = 0; i < taxels; i++) {
+        crossing_map[i / 8u] |= (uint8_t)(1u << i % 8u);
+        counts[i] = (uint16_t)(2000u + i);
+    }
+    config = (struct taxel_sensor_config){
+        .hal = &hal,
+        .address = 0x20,
+        .rows = 5,
+        .columns = 8,
+        .taxel_count = taxels,
+        .crossing_map = crossing_map,
+        .settings = {.sub_conversions = 160, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 96},
+        .compact = {.states = malloc(taxels * sizeof(taxel_compact_state)), .residuals = malloc(taxels)},
+    };
+    for (size_t i = 0; i < 3u; i++) {
+        config.snapshots[i] = malloc(TAXEL_SNAPSHOT_SIZE((size_t)taxels));
+    }
+    for (size_t i = 0; i < 2u; i++) {
+        config.compact.buffers[i] = malloc(TAXEL_COMPACT_BUFFER_SIZE((size_t)taxels));
+    }
+    memset(&host, 0, sizeof host);
+    late_size = 0;
+    now_us = (uint32_t)state << 16;
+    boot();
+    for (unsigned i = 0; input.left && i < EVENTS_MAX; i++) {
+        event(&input, &state);
+    }
+    for (size_t i = 0; i < 3u; i++) {
+        free(config.snapshots[i]);
+    }
+    free(config.compact.buffers[0]);
+    free(config.compact.buffers[1]);
+    free(config.compact.states);
+    free(config.compact.residuals);
+    return 0;
+}

@@ -1,0 +1,289 @@
+/* What the host says: hello and commands. One command at a time, whose payload stays in the inbox until it is answered. */
+#include "hub/internal.h"
+
+#define VERSION_OF_COMPACT 2u
+#define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
+
+void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
+{
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
+    uint8_t bytes[TAXEL_HUB_HELLO_SIZE];
+    struct taxel_hub_hello hello = {
+        .tag = tag,
+        .version_min = TAXEL_PROTOCOL_VERSION_MIN,
+        .version_max = TAXEL_PROTOCOL_VERSION,
+        .version_chosen = version,
+        .reset_cause = hub->reset_cause,
+        .firmware_major = config->firmware_version[0],
+        .firmware_minor = config->firmware_version[1],
+        .firmware_patch = config->firmware_version[2],
+        .uptime_us = taxel_hub_clock(hub),
+    };
+    memcpy(hello.unique_id, config->unique_id, sizeof hello.unique_id);
+    taxel_hub_hello_pack(&hello, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_HUB_HELLO, bytes, sizeof bytes, NULL, 0);
+}
+
+void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size)
+{
+    uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
+    const struct taxel_reply_header header = {
+        .tag = hub->command.tag,
+        .command = hub->command.command,
+        .status = status,
+    };
+    taxel_reply_header_pack(&header, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_REPLY, bytes, sizeof bytes, data, size);
+    hub->command.active = false;
+    if (status != TAXEL_REPLY_STATUS_OK) {
+        hub->inbox.commands_rejected++;
+    }
+}
+
+void taxel_hub_take_hello(struct taxel_hub *hub)
+{
+    struct taxel_host_hello hello;
+    taxel_host_hello_unpack(&hello, hub->inbox.payload);
+    const uint8_t highest =
+        hello.version_max < TAXEL_PROTOCOL_VERSION ? hello.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
+    const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= hello.version_min;
+    hub->version = agreed ? highest : 0;
+    taxel_hub_want_compact(hub, hub->compact && hub->version >= VERSION_OF_COMPACT);
+    taxel_hub_send_hello(hub, hello.tag, hub->version);
+}
+
+static void done(struct taxel_hub *hub)
+{
+    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
+}
+
+static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
+{
+    struct taxel_set_rate_arguments arguments;
+    taxel_set_rate_arguments_unpack(&arguments, bytes);
+    hub->cycle.period_us = arguments.period_us;
+    done(hub);
+}
+
+static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
+{
+    struct taxel_command_in_progress *command = &hub->command;
+    struct taxel_transfer_arguments arguments;
+    taxel_transfer_arguments_unpack(&arguments, bytes);
+    if (arguments.address < TAXEL_ADDRESS_MIN || arguments.address > TAXEL_ADDRESS_MAX ||
+        arguments.read_length > TAXEL_TRANSFER_MAX || arguments.read_length > taxel_hub_read_max(hub)) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
+        return;
+    }
+    command->address = arguments.address;
+    command->transfer_read = arguments.read_length;
+    command->transfer_size = (uint8_t)(size - TAXEL_TRANSFER_ARGUMENTS_SIZE);
+}
+
+static void start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
+{
+    const uint8_t flags = size ? bytes[TAXEL_START_ARGUMENTS_OFFSET_FLAGS] : 0;
+    if (flags & ~TAXEL_START_FLAG_COMPACT || (size && hub->version < VERSION_OF_COMPACT)) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
+        return;
+    }
+    taxel_hub_want_compact(hub, flags & TAXEL_START_FLAG_COMPACT);
+    taxel_hub_start_streaming(hub);
+    done(hub);
+}
+
+void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference)
+{
+    const uint8_t slot = taxel_hub_slot_of(hub, address & (uint8_t)~TAXEL_ACKNOWLEDGE_FORGET);
+    if (slot == TAXEL_NO_SLOT || !hub->compact) {
+        return;
+    }
+    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, slot);
+    board->forget = address & TAXEL_ACKNOWLEDGE_FORGET;
+    board->acknowledge = !board->forget;
+    board->reference = reference;
+}
+
+static bool is_chosen(uint8_t wanted, const struct taxel_hub_slot *board)
+{
+    return wanted == 0 || board->address == wanted;
+}
+
+static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
+{
+    hub->command.address = bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS];
+    bool any = false;
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
+        if (!is_chosen(hub->command.address, board)) {
+            continue;
+        }
+        board->settings_rejected = false;
+        if (board->state == TAXEL_BOARD_STATE_STREAMING) {
+            taxel_scan_settings_unpack(&board->settings, bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
+            board->has_settings = true;
+            board->settings_dirty = true;
+            any = true;
+        }
+    }
+    if (!any) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_UNKNOWN_BOARD, NULL, 0);
+    }
+}
+
+static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
+{
+    bool any = false;
+    hub->command.address = bytes[0];
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
+        if (is_chosen(hub->command.address, board) && board->state == TAXEL_BOARD_STATE_STREAMING) {
+            board->info_wanted = true;
+            any = true;
+        }
+    }
+    if (!any && hub->command.address != 0) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_UNKNOWN_BOARD, NULL, 0);
+    }
+}
+
+/* Commands that the poll cycle works off: is there anything left to do? */
+void taxel_hub_end_finished_command(struct taxel_hub *hub)
+{
+    bool rejected = false;
+    if (hub->command.command != TAXEL_COMMAND_SET_SCAN_SETTINGS && hub->command.command != TAXEL_COMMAND_GET_BOARD_INFO) {
+        return;
+    }
+    if (hub->unframed.waits) {
+        return; /* it may be the BOARD_INFO that is asked for */
+    }
+    for (uint8_t i = 0; i < hub->slot_count; i++) {
+        const struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
+        if (is_chosen(hub->command.address, board)) {
+            if (board->state == TAXEL_BOARD_STATE_STREAMING && (board->settings_dirty || board->info_wanted)) {
+                return;
+            }
+            rejected = rejected || board->settings_rejected;
+        }
+    }
+    const bool settings = hub->command.command == TAXEL_COMMAND_SET_SCAN_SETTINGS;
+    taxel_hub_reply(hub, settings && rejected ? TAXEL_REPLY_STATUS_REJECTED_BY_BOARD : TAXEL_REPLY_STATUS_OK, NULL, 0);
+}
+
+TAXEL_OWN_FRAME static void get_time(struct taxel_hub *hub)
+{
+    uint8_t bytes[TAXEL_GET_TIME_REPLY_SIZE];
+    const struct taxel_get_time_reply reply = {.hub_time_us = taxel_hub_clock(hub)};
+    taxel_get_time_reply_pack(&reply, bytes);
+    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, bytes, sizeof bytes);
+}
+
+/* Shortest and longest arguments of each command, in bytes. */
+struct argument_rule {
+    uint8_t command;
+    uint8_t minimum;
+    uint8_t maximum;
+};
+
+static const struct argument_rule argument_rules[] = {
+    {TAXEL_COMMAND_START, 0, TAXEL_START_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_STOP, 0, 0},
+    {TAXEL_COMMAND_SET_RATE, TAXEL_SET_RATE_ARGUMENTS_SIZE, TAXEL_SET_RATE_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_SCAN_BUS, 0, 0},
+    {TAXEL_COMMAND_I2C_TRANSFER, TAXEL_TRANSFER_ARGUMENTS_SIZE, TAXEL_TRANSFER_ARGUMENTS_SIZE + TAXEL_TRANSFER_MAX},
+    {TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE, TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_REBOOT, 0, 0},
+    {TAXEL_COMMAND_GET_STATUS, 0, 0},
+    {TAXEL_COMMAND_GET_BOARD_INFO, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE, TAXEL_GET_BOARD_INFO_ARGUMENTS_SIZE},
+    {TAXEL_COMMAND_GET_TIME, 0, 0},
+    {TAXEL_COMMAND_ENTER_BOOTLOADER, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE},
+};
+
+static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
+{
+    if (!hub->version) {
+        return TAXEL_REPLY_STATUS_NO_HELLO;
+    }
+    for (size_t i = 0; i < sizeof argument_rules / sizeof argument_rules[0]; i++) {
+        if (argument_rules[i].command == command) {
+            const bool fits = size >= argument_rules[i].minimum && size <= argument_rules[i].maximum;
+            return fits ? TAXEL_REPLY_STATUS_OK : TAXEL_REPLY_STATUS_BAD_ARGUMENTS;
+        }
+    }
+    return TAXEL_REPLY_STATUS_UNKNOWN_COMMAND;
+}
+
+static void restart(struct taxel_hub *hub)
+{
+    hub->restart_wanted = true;
+    hub->restart_by_us = taxel_hub_now(hub) + RESTART_PATIENCE_US;
+    done(hub);
+}
+
+static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
+{
+    if (taxel_get_u32(arguments) != TAXEL_BOOTLOADER_KEY) {
+        taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
+        return;
+    }
+    hub->bootloader_wanted = true;
+    restart(hub);
+}
+
+static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *arguments, size_t size)
+{
+    switch (command) {
+    case TAXEL_COMMAND_START:
+        start(hub, arguments, size);
+        break;
+    case TAXEL_COMMAND_STOP:
+        hub->streaming = false;
+        done(hub);
+        break;
+    case TAXEL_COMMAND_SET_RATE:
+        set_rate(hub, arguments);
+        break;
+    case TAXEL_COMMAND_SCAN_BUS:
+        taxel_hub_start_sweep(hub, true);
+        break;
+    case TAXEL_COMMAND_I2C_TRANSFER:
+        transfer(hub, arguments, size);
+        break;
+    case TAXEL_COMMAND_SET_SCAN_SETTINGS:
+        set_scan_settings(hub, arguments);
+        break;
+    case TAXEL_COMMAND_REBOOT:
+        restart(hub);
+        break;
+    case TAXEL_COMMAND_ENTER_BOOTLOADER:
+        enter_bootloader(hub, arguments);
+        break;
+    case TAXEL_COMMAND_GET_STATUS:
+        taxel_hub_start_report(hub, true);
+        break;
+    case TAXEL_COMMAND_GET_BOARD_INFO:
+        get_board_info(hub, arguments);
+        break;
+    default:
+        get_time(hub);
+        break;
+    }
+}
+
+void taxel_hub_take_command(struct taxel_hub *hub, size_t size)
+{
+    struct taxel_command_header header;
+    const uint8_t *payload = hub->inbox.payload;
+    taxel_command_header_unpack(&header, payload);
+    hub->command.active = true;
+    hub->command.tag = header.tag;
+    hub->command.command = header.command;
+    hub->inbox.commands++;
+    size -= TAXEL_COMMAND_HEADER_SIZE;
+    const uint8_t status = check(hub, header.command, size);
+    if (status != TAXEL_REPLY_STATUS_OK) {
+        taxel_hub_reply(hub, status, NULL, 0);
+        return;
+    }
+    execute(hub, header.command, payload + TAXEL_COMMAND_HEADER_SIZE, size);
+}

@@ -1,0 +1,343 @@
+/* Compact snapshots through the hub: it forwards them unread, and takes acknowledgements to the boards. */
+#include "check.h"
+#include "codec/compact_receiver.h"
+#include "codec/encoder.h"
+#include "fake_hub.h"
+
+#define FIRST 0x20
+#define BOARDS 3u
+#define TAXELS 10u
+
+static struct fake_hub fake;
+static struct fake_sensor sensors[BOARDS];
+static struct taxel_compact_receiver receivers[BOARDS];
+static taxel_compact_state states[BOARDS][TAXELS];
+static uint8_t residuals[BOARDS][TAXELS];
+static uint8_t buffers[BOARDS][2][TAXEL_COMPACT_BUFFER_SIZE(TAXELS)];
+static unsigned decoded, packed, coded, unknown;
+static bool is_deaf; /* the host acknowledges nothing */
+
+/* A quiet skin: what no code for whole counts is needed for. */
+static uint16_t quiet(uint16_t scan, uint16_t taxel)
+{
+    return (uint16_t)(3000u + 20u * taxel + (scan * 40503u + taxel * 9973u) % 65521u % 5u);
+}
+
+static uint16_t count_of(struct fake_sensor *sensor)
+{
+    return quiet((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
+}
+
+/* The boards' main loops have time between two transfers. */
+static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
+{
+    (void)hub;
+    (void)transfer;
+    for (size_t i = 0; i < BOARDS; i++) {
+        while (taxel_sensor_has_work(&sensors[i].sensor)) {
+            taxel_sensor_run(&sensors[i].sensor);
+        }
+    }
+    return FAKE_PROCEED;
+}
+
+static void boot_board(size_t i)
+{
+    CHECK_EQUAL(fake_sensor_boot(&sensors[i]), 0);
+    fake_scan(&sensors[i], 1);
+}
+
+/* The last board is an old one, without compact snapshots. */
+static void begin(void)
+{
+    fake_hub_init(&fake);
+    fake_hub_add_boards(&fake, sensors, FIRST, BOARDS);
+    memset(receivers, 0, sizeof receivers);
+    for (size_t i = 0; i < BOARDS; i++) {
+        sensors[i].count_of = count_of;
+        if (i != BOARDS - 1u) {
+            sensors[i].config.compact = (struct taxel_compact_memory){
+                .states = states[i],
+                .residuals = residuals[i],
+                .buffers = {buffers[i][0], buffers[i][1]},
+            };
+        }
+        boot_board(i);
+    }
+    fake.script = run_boards;
+    is_deaf = false;
+    CHECK(fake_hub_start(&fake));
+}
+
+static void end(void)
+{
+    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK_EQUAL(fake.sequence_gaps, 0);
+    fake_hub_free_boards(&fake);
+}
+
+static int start(uint8_t flags)
+{
+    return fake_hub_command(&fake, TAXEL_COMMAND_START, &flags, 1);
+}
+
+static void acknowledge(uint8_t address, uint16_t reference)
+{
+    uint8_t bytes[TAXEL_ACKNOWLEDGEMENT_SIZE] = {address};
+    taxel_put_u16(bytes + 1, reference);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_ACKNOWLEDGE, bytes, sizeof bytes);
+}
+
+static void answer(size_t board)
+{
+    struct taxel_compact_receiver *receiver = &receivers[board];
+    if (receiver->answer && !is_deaf) {
+        const bool forget = receiver->answer == TAXEL_COMPACT_ANSWER_FORGET;
+        acknowledge((uint8_t)(FIRST + board) | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u), receiver->candidate.name);
+    }
+    receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
+}
+
+static void take(const struct fake_frame *frame)
+{
+    const size_t board = frame->payload[0] - FIRST;
+    const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
+    struct taxel_compact_snapshot snapshot;
+    const enum taxel_compact_result result = taxel_compact_receive(
+        &receivers[board], frame->payload[0], TAXELS, bytes, frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot);
+    CHECK(result != TAXEL_COMPACT_DAMAGED);
+    unknown += result == TAXEL_COMPACT_UNKNOWN;
+    if (result == TAXEL_COMPACT_OK) {
+        decoded++;
+        packed += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) != 0;
+        coded += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) == 0;
+        for (uint16_t i = 0; i < TAXELS; i++) {
+            CHECK_EQUAL(snapshot.counts[i], quiet(snapshot.sequence, i));
+        }
+    }
+    answer(board);
+}
+
+/* The host decodes what has come, and answers, cycle after cycle. */
+static void listen(unsigned cycles)
+{
+    decoded = packed = coded = unknown = 0;
+    while (cycles--) {
+        CHECK(fake_hub_run_cycles(&fake, 1));
+        for (size_t i = 0; i < fake.frame_count; i++) {
+            if (fake.frames[i].type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
+                take(&fake.frames[i]);
+            }
+        }
+        fake_hub_forget_frames(&fake);
+    }
+}
+
+static void compact_snapshots_carry_the_counts_of_their_scans(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(40);
+    CHECK(decoded >= 2u * 37u);
+    CHECK(coded >= 2u * 33u);
+    CHECK_EQUAL(unknown, 0);
+    CHECK(fake_hub_run_cycles(&fake, 1));
+    const struct fake_frame *last = fake_hub_last(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS);
+    if (CHECK(last)) {
+        CHECK(last->length < TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXELS - 8u);
+    }
+    end();
+}
+
+static void a_board_without_them_is_polled_as_ever(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    fake_hub_forget_frames(&fake);
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST + BOARDS - 1u), 9, 10);
+    CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS, FIRST + BOARDS - 1u), 0);
+    CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST), 0, 1); /* the poll that was under way */
+    end();
+}
+
+static void each_start_says_anew_what_is_wanted(void)
+{
+    begin();
+    fake_hub_forget_frames(&fake);
+    CHECK(fake_hub_run_cycles(&fake, 5));
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS), 0);
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    CHECK(fake_hub_run_cycles(&fake, 5));
+    CHECK(fake_hub_count(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS) > 4);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_START, NULL, 0), 0);
+    CHECK(fake_hub_run_cycles(&fake, 1));
+    fake_hub_forget_frames(&fake);
+    CHECK(fake_hub_run_cycles(&fake, 5));
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS), 0);
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST) >= 4);
+    CHECK_EQUAL(start(0x02), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    end();
+}
+
+static void a_host_of_version_1_sees_nothing_of_it(void)
+{
+    const uint8_t hello[TAXEL_HOST_HELLO_SIZE] = {9, 1, 1};
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+    CHECK(fake_hub_run_cycles(&fake, 1)); /* one may be under way */
+    fake_hub_forget_frames(&fake);
+    CHECK(fake_hub_run_cycles(&fake, 5));
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS), 0);
+    CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST) >= 4);
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    CHECK_EQUAL(start(0), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    end();
+}
+
+static void without_acknowledgements_boards_go_on_packing(void)
+{
+    begin();
+    is_deaf = true;
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(20);
+    CHECK(decoded > 30);
+    CHECK_EQUAL(coded, 0);
+    end();
+}
+
+static void a_host_that_has_lost_its_references_gets_new_ones(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(20);
+    memset(receivers, 0, sizeof receivers);
+    listen(20);
+    CHECK_BETWEEN(unknown, 2, 2 * 4);
+    CHECK(coded > 20);
+    listen(10);
+    CHECK_EQUAL(unknown, 0);
+    CHECK(coded >= 18);
+    end();
+}
+
+static void a_damaged_compact_snapshot_is_read_again(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(20);
+    const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST);
+    for (unsigned i = 0; i < 10; i++) {
+        fake.devices[0].corrupt = 1;
+        listen(2);
+        CHECK_EQUAL(unknown, 0);
+        CHECK_EQUAL(fake.devices[0].corrupt, 0);
+    }
+    const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
+    CHECK_BETWEEN(after.retries - before.retries, 8, 10); /* or the damage met a reading of the clock */
+    CHECK_EQUAL(after.crc_errors, 0);
+    CHECK(after.forwarded - before.forwarded >= 18u);
+    end();
+}
+
+static void what_is_not_new_is_not_sent(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(10);
+    const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST);
+    fake.devices[0].held_scans = 5;
+    listen(10);
+    const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
+    CHECK_BETWEEN(after.repeated - before.repeated, 4, 5); /* one may have met a reading of the clock */
+    CHECK_EQUAL(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10);
+    end();
+}
+
+static void a_restarted_board_is_reported_and_goes_on(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    fake.now_us += 5000000u;
+    listen(20);
+    boot_board(0);
+    fake.devices[0].clock_offset_us = 0u - (uint32_t)fake.now_us;
+    sensors[0].clock_us = 0;
+    CHECK(fake_hub_run_cycles(&fake, 6));
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_RESTARTED), 1);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 1);
+    listen(20);
+    CHECK(coded >= 30);
+    end();
+}
+
+/* A board that only sends coded snapshots shows 24 bits of its clock: an hour of them, and a clock that is a percent slow. */
+static void an_hour_of_coded_snapshots_is_no_restart(void)
+{
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    listen(20);
+    for (unsigned i = 0; i < 6u * 130u; i++) {
+        fake.now_us += 10000000u;
+        fake.devices[0].clock_offset_us -= 100000u;
+        sensors[0].clock_us += 9900000u;
+        listen(2);
+    }
+    fake_hub_forget_frames(&fake);
+    acknowledge(FIRST | TAXEL_ACKNOWLEDGE_FORGET, 0); /* from now on it packs: all of its clock is seen again */
+    CHECK(fake_hub_run_cycles(&fake, 10));
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
+    end();
+}
+
+static void acknowledgements_are_taken_while_a_command_is_worked_off(void)
+{
+    const uint8_t scan[2] = {50, TAXEL_COMMAND_SCAN_BUS}, time[2] = {51, TAXEL_COMMAND_GET_TIME};
+    begin();
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    fake_hub_forget_frames(&fake);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, scan, sizeof scan);
+    CHECK(fake.hub.command.active);
+    acknowledge(FIRST + 1, 0x1234);
+    CHECK(fake.hub.command.active);
+    CHECK(fake_hub_slot(&fake, FIRST + 1)->acknowledge);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->reference, 0x1234);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, time, sizeof time);
+    fake_hub_run(&fake, 100000);
+    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), 2);
+    CHECK(!fake_hub_slot(&fake, FIRST + 1)->acknowledge);
+    end();
+}
+
+static void acknowledgements_for_boards_that_are_not_polled_so_are_dropped(void)
+{
+    begin();
+    acknowledge(FIRST, 1); /* nobody is: no START has asked for it */
+    CHECK(!fake_hub_slot(&fake, FIRST)->acknowledge);
+    CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
+    const uint64_t transfers = fake.transfers;
+    acknowledge(FIRST + BOARDS - 1u, 1);
+    acknowledge(0x50, 1);
+    CHECK(fake_hub_run_cycles(&fake, 2));
+    CHECK(fake.transfers > transfers);
+    CHECK_EQUAL(fake_status(&sensors[BOARDS - 1u]).rejected_writes, 0);
+    end();
+}
+
+int main(void)
+{
+    RUN(compact_snapshots_carry_the_counts_of_their_scans);
+    RUN(a_board_without_them_is_polled_as_ever);
+    RUN(each_start_says_anew_what_is_wanted);
+    RUN(a_host_of_version_1_sees_nothing_of_it);
+    RUN(without_acknowledgements_boards_go_on_packing);
+    RUN(a_host_that_has_lost_its_references_gets_new_ones);
+    RUN(a_damaged_compact_snapshot_is_read_again);
+    RUN(what_is_not_new_is_not_sent);
+    RUN(a_restarted_board_is_reported_and_goes_on);
+    RUN(an_hour_of_coded_snapshots_is_no_restart);
+    RUN(acknowledgements_are_taken_while_a_command_is_worked_off);
+    RUN(acknowledgements_for_boards_that_are_not_polled_so_are_dropped);
+    return check_summary();
+}
