@@ -25,7 +25,7 @@ from taxel.cli.main import app
 
 ALL = os.environ.get("TAXEL_DOCS") == "all"
 EXAMPLE = re.compile(r"\bExamples?: (.*?)(?:\n\n|\Z)", re.DOTALL)
-QUICK = ("taxel record", "taxel replay", "taxel provision", "taxel scan")
+QUICK = ("taxel provision", "taxel scan")
 ELSEWHERE = ("taxel bench", "taxel flash", "taxel import", "taxel cloud convert")
 """Commands whose examples take up the reader's own files: other tests run them on such."""
 
