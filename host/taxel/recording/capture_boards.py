@@ -54,7 +54,7 @@ def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]
     A board that is exchanged for one of another size begins a new piece. Raises `CaptureError` (see `CaptureDecoder`).
     """
     source = CaptureDecoder(path)
-    clock = RowClock(ClockMap(source.baud, has_arrivals=True), lambda message: None)
+    clock = RowClock(ClockMap(source.baud, source.has_arrivals), lambda message: None)
     for batch, arrivals in source:
         for rows, time_s in clock.take(batch, arrivals["end"], arrivals["time_ns"]):
             yield from _by_board(rows, time_s, batch.counts)

@@ -31,13 +31,14 @@ class CapturedBatch(NamedTuple):
 class CaptureDecoder:
     """Decodes a capture once: iterate over it. Its memory does not grow with the file.
 
-    `decoder` counts losses as it goes on (see `LossAccount`). Iterating raises `CaptureError`, after everything before
-    it was given, if the file is damaged or cut short; making one, if it is no capture.
+    `decoder` counts losses as it goes on (see `LossAccount`). `has_arrivals`: the times of arrival mean something.
+    Iterating raises `CaptureError`, after everything before it was given, if the file is damaged or cut short; making
+    one, if it is no capture.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._link = CaptureLink(path)
-        self.header, self.baud = self._link.header, self._link.baud
+        self.header, self.baud, self.has_arrivals = self._link.header, self._link.baud, self._link.has_arrivals
         self.decoder = StreamDecoder()
         self._gather = codec_library().taxel_capture_gather
         self._found = np.zeros(_BLOCK_VALUES, dtype=np.uint64)
