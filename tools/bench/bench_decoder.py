@@ -69,7 +69,7 @@ def _measured(capture: Path) -> list[Figure]:
 
     def memory() -> None:
         np.copyto(target, file)
-        zlib.crc32(target)
+        zlib.crc32(target.data)
 
     def capture_as_batches() -> None:
         for _ in decode_capture(capture):

@@ -70,7 +70,9 @@ def host_s_of_a_frame(capture: Path) -> float:
     """Processor time from a frame's bytes to what is active in it, one frame at a time; the median."""
     with CaptureLink(capture) as link:
         data = b"".join(link.read().data for _ in range(3000))
-    decoder, clock, judges, taken = StreamDecoder(), ClockMap(1e6, has_arrivals=False), {}, []
+    decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
+    judges: dict[int, Activation] = {}
+    taken: list[float] = []
     for chunk in data.split(b"\0\0"):
         begun = time.perf_counter()
         for batch in decoder.push(chunk + b"\0"):

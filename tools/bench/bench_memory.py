@@ -8,7 +8,7 @@ from pathlib import Path
 from figures import Figure
 from recorded import record
 
-SHORT_S, TIMES = 15.0, 10
+SHORT_S, TIMES = 10.0, 10
 GROWTH = 1.1
 PROGRAMS = {
     "batch decode": "from taxel.stream import decode_capture\nfor _ in decode_capture(sys.argv[1]): pass",
