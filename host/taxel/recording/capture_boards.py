@@ -33,11 +33,16 @@ class BoardFrames(NamedTuple):
 
     def part(self, rows: slice) -> "BoardFrames":
         """Some of them."""
-        return BoardFrames(*(array[rows] for array in self))
+        return BoardFrames(self.time_s[rows], self.raw_counts[rows], self.sequence[rows], self.cycle[rows])
 
     def then(self, later: "BoardFrames") -> "BoardFrames":
         """These, and those that came later. Raises ValueError if that board has another number of taxels."""
-        return BoardFrames(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
+        return BoardFrames(
+            np.concatenate([self.time_s, later.time_s]),
+            np.concatenate([self.raw_counts, later.raw_counts]),
+            np.concatenate([self.sequence, later.sequence]),
+            np.concatenate([self.cycle, later.cycle]),
+        )
 
 
 class BoardActivity(NamedTuple):
