@@ -20,7 +20,7 @@ SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/na
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench firmware size generate docs docs-test format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -86,6 +86,9 @@ lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
 
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py
+
+bench-page: $(STAMP)  ## the same, written to docs/benchmarks.md with the commit
+	@$(BIN)/python tools/bench/run.py --page docs/benchmarks.md
 
 firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images for the PSoC 4200 in build/psoc4200/images
 	@$(CMAKE) -S firmware -B $(BUILD)/release > /dev/null

@@ -98,8 +98,7 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
         if (end > size || length + code - 1u > capacity) {
             return 0;
         }
-        memcpy(body + length, bytes + position + 1, code - 1u);
-        taxel_whiten(body + length, length, code - 1u);
+        taxel_whiten(body + length, bytes + position + 1, length, code - 1u);
         length += code - 1u;
         position = end;
         if (!expected && length >= TAXEL_FRAME_HEADER_SIZE) {
@@ -120,7 +119,7 @@ static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, 
                 return 0;
             }
             body[length] = 0;
-            taxel_whiten(body + length, length, 1);
+            taxel_whiten(body + length, body + length, length, 1);
             length++;
         }
     }

@@ -5,7 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* XOR `size` bytes with the sequence from its element `first` on. whitening_small.c: no table; whitening_fast.c: for PCs. */
-void taxel_whiten(uint8_t *bytes, size_t first, size_t size);
+/* XOR `size` bytes with the sequence from its element `first` on; `out` may be `bytes`. whitening_small.c: no table;
+ * whitening_fast.c: for PCs. */
+void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size);
 
 #endif

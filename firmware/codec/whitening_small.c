@@ -18,11 +18,11 @@ static uint8_t element(size_t index)
     return value;
 }
 
-void taxel_whiten(uint8_t *bytes, size_t first, size_t size)
+void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size)
 {
     uint8_t value = element(first);
     for (size_t i = 0; i < size; i++) {
-        bytes[i] ^= value;
+        out[i] = bytes[i] ^ value;
         value = (uint8_t)(TAXEL_WHITENING_FACTOR * value + TAXEL_WHITENING_INCREMENT);
     }
 }

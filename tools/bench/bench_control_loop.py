@@ -11,6 +11,7 @@ import threading
 
 import can
 import numpy as np
+from figures import Figure
 
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
 from taxel.hand.control_loop import ControlLoop
@@ -50,7 +51,17 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
     }
 
 
-def measure(seconds: float = 5.0) -> dict[str, float]:
+def measure() -> list[Figure]:
+    """Periods met, over those that an empty loop met."""
+    loop = counts()
+    met, empty = loop["periods"] - loop["missed"], loop["periods"] - loop["empty_loop_missed"]
+    detail = f"333 Hz: {loop['missed']:.0f} of {loop['periods']:.0f} missed, empty loop {loop['empty_loop_missed']:.0f}"
+    return [
+        Figure("Allegro control loop, periods met", met / max(empty, 1.0), None, "a loop that does nothing", detail)
+    ]
+
+
+def counts(seconds: float = 5.0) -> dict[str, float]:
     """Periods, missed periods, and lateness of the ticks in microseconds, of so many seconds of control.
 
     `empty_loop_missed` is what a loop that does nothing misses right after, for as long: the share of the machine.
@@ -76,4 +87,4 @@ def _measured(seconds: float) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(measure(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0), indent=2))
+    print(json.dumps(counts(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0), indent=2))

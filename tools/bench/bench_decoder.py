@@ -1,58 +1,112 @@
-"""The host's streaming decoder against construct's own uncompiled parse of the same taxel frames."""
+"""The host's decoders against construct's own uncompiled parse of the same frames, and against memcpy + CRC-32."""
 
 import tempfile
+import zlib
 from pathlib import Path
 
-from figures import Figure, seconds
+import numpy as np
+from figures import Figure, compared
 from recorded import record
 
 from taxel.link import CaptureLink
-from taxel.stream import LossAccount, StreamDecoder
+from taxel.stream import LossAccount, StreamDecoder, decode_capture
 from taxel.stream.clock import ClockMap
 from taxel.stream.frames import taxel_frames_of
 from taxel_protocol import FrameType
 from taxel_protocol.framing import cobs_decode, whiten
 from taxel_protocol.wire import Body
 
+VIRTUAL_S = 60.0
 CHUNK = 4096
-CONSTRUCT_FRAMES = 600
+CONSTRUCT_FRAMES = 200
 
 
 def _stream(path: Path) -> bytes:
-    link = CaptureLink(path)
     data = bytearray()
-    try:
-        while True:
-            data += link.read().data
-    except EOFError:
-        link.close()
-    return bytes(data)
+    with CaptureLink(path) as link:
+        try:
+            while True:
+                data += link.read().data
+        except EOFError:
+            return bytes(data)
 
 
-def _decode(data: bytes) -> int:
-    """As the host does: chunks in, `TaxelFrame` objects out, CRCs checked, losses counted, times mapped."""
+def _as_batches(data: bytes) -> None:
+    """As the host does: chunks in; search, unstuffing, both CRCs, losses; arrays out."""
+    decoder = StreamDecoder()
+    for start in range(0, len(data), CHUNK):
+        decoder.push(data[start : start + CHUNK])
+    assert LossAccount(decoder).lost_on_wire == 0
+
+
+def _as_frames(data: bytes) -> None:
+    """The same, with mapped times and one `TaxelFrame` object a frame."""
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
-    frames = 0
     for start in range(0, len(data), CHUNK):
         for batch in decoder.push(data[start : start + CHUNK]):
             rows = batch.taxels
-            frames += len(taxel_frames_of(batch, rows, clock.host_times_s(clock.hub_times_us(rows))))
-    assert LossAccount(decoder).lost_on_wire == 0
-    return frames
+            taxel_frames_of(batch, rows, clock.host_times_s(clock.hub_times_us(rows)))
 
 
 def measure() -> list[Figure]:
-    """Taxel frames a second, ours over construct's."""
+    """Taxel frames a second, ours over construct's; bytes a second, ours over memcpy and CRC-32."""
     with tempfile.TemporaryDirectory() as name:
-        capture, _ = record(Path(name), 120.0)
-        data = _stream(capture)
+        capture, _ = record(Path(name), VIRTUAL_S)
+        return _measured(capture)
+
+
+def _measured(capture: Path) -> list[Figure]:
+    data, file = _stream(capture), np.fromfile(capture, dtype=np.uint8)
     bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last is cut off
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]
     sample = bodies[:CONSTRUCT_FRAMES]
-    # construct is given the unstuffed, unwhitened bodies: only its own work counts.
-    construct = len(sample) / seconds(lambda: [Body.parse(body) for body in sample], repeats=3)
-    ours = len(bodies) / seconds(lambda: _decode(data))
-    detail = (
-        f"{ours:,.0f} against {construct:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes a frame, chunks of {CHUNK}"
-    )
-    return [Figure("streaming decode to TaxelFrame objects", ours / construct, 40.0, "construct, uncompiled", detail)]
+    target = np.empty_like(file)
+
+    def construct() -> None:
+        # Given the unstuffed, unwhitened bodies: only its own work counts.
+        for body in sample:
+            Body.parse(body)
+
+    def memory() -> None:
+        np.copyto(target, file)
+        zlib.crc32(target.data)
+
+    def capture_as_batches() -> None:
+        for _ in decode_capture(capture):
+            pass
+
+    share = len(bodies) / len(sample)
+    batches, frames = compared(lambda: _as_batches(data), construct), compared(lambda: _as_frames(data), construct)
+    whole, against_memory = compared(capture_as_batches, construct), compared(capture_as_batches, memory, rounds=41)
+    rate = f"construct {len(sample) / batches.reference_s:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes a frame"
+    return [
+        Figure(
+            "streaming decode to batches",
+            batches.ratio * share,
+            100.0,
+            "construct, uncompiled",
+            f"{len(bodies) / batches.ours_s:,.0f} frames/s, chunks of {CHUNK}; {rate}",
+        ),
+        Figure(
+            "streaming decode to TaxelFrame objects",
+            frames.ratio * share,
+            40.0,
+            "construct, uncompiled",
+            f"{len(bodies) / frames.ours_s:,.0f} frames/s, chunks of {CHUNK}",
+        ),
+        Figure(
+            "batch decode of a capture",
+            whole.ratio * share,
+            200.0,
+            "construct, uncompiled",
+            f"{len(bodies) / whole.ours_s:,.0f} frames/s, file read included",
+        ),
+        Figure(
+            "batch decode of a capture",
+            against_memory.ratio,
+            0.3,
+            "memcpy + zlib.crc32",
+            f"of the file's {len(file) / 1e6:.1f} MB: {len(file) / against_memory.ours_s / 1e6:,.0f} against "
+            f"{len(file) / against_memory.reference_s / 1e6:,.0f} MB/s; {len(data) / 1e6:.1f} MB of them are stream",
+        ),
+    ]

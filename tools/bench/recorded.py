@@ -1,4 +1,4 @@
-"""A recording of the emulated default hand for the benchmarks."""
+"""Recordings of the emulated default hand for the benchmarks."""
 
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,15 @@ from taxel.link import run_emulator
 from taxel.stream.start_script import write_start_script
 
 
-def record(folder: Path, seconds: float, stimulus: Path | None = None) -> tuple[Path, dict[str, Any]]:
-    """(capture, statistics) of 17 boards at 400 kHz for so many virtual seconds."""
+def record(
+    folder: Path,
+    seconds: float,
+    stimulus: Path | None = None,
+    settings: WorldSettings | None = None,
+    world: str | None = None,
+) -> tuple[Path, dict[str, Any]]:
+    """(capture, statistics) of 17 boards, at 400 kHz unless `settings` say otherwise, for so many virtual seconds."""
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)
-    statistics = run_emulator(world_text(load_hand("allegro"), WorldSettings()), capture, seconds, script, stimulus)
-    return capture, statistics
+    text = world or world_text(load_hand("allegro"), settings or WorldSettings())
+    return capture, run_emulator(text, capture, seconds, script, stimulus)

@@ -1,6 +1,7 @@
 """Captures: the hub's bytes as they arrived, with their arrival times. The format is in protocol/SPEC.md."""
 
 import contextlib
+import io
 import json
 import os
 import struct
@@ -18,6 +19,7 @@ HEADER_MAX = 1 << 20
 RECORD_MAX = 1 << 24
 _START = struct.Struct("<8sHHI")
 _RECORD = struct.Struct("<QI")
+RECORD_HEAD = _RECORD.size
 
 
 class CaptureWriter:
@@ -94,7 +96,7 @@ class CaptureLink:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.name = str(path)
         try:
-            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
+            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         try:
@@ -132,11 +134,36 @@ class CaptureLink:
         if len(head) == _RECORD.size:
             time_ns, size = _RECORD.unpack(head)
             if size > RECORD_MAX:
-                raise CaptureError(self.name, f"is damaged at byte {offset}; everything before it was read")
+                raise self.broken(offset, is_cut=False)
             data = self._file.read(size)
             if len(data) == size:
                 return Chunk(data, time_ns)
-        raise CaptureError(self.name, f"is cut short in a record at byte {offset}; everything before it was read")
+        raise self.broken(offset, is_cut=True)
+
+    def broken(self, offset: int, is_cut: bool) -> CaptureError:
+        """What to raise for a record at byte `offset` that is cut short, or damaged."""
+        how = "is cut short in a record" if is_cut else "is damaged"
+        return CaptureError(self.name, f"{how} at byte {offset}; everything before it was read")
+
+    def read_into(self, buffer: memoryview) -> int:
+        """Fill `buffer` with the file's next bytes, heads of records and all; how many, 0 at the end.
+
+        For a reader that takes the records apart itself; not to be mixed with `read`. Raises `CaptureError`.
+        """
+        try:
+            return self._file.readinto(buffer)
+        except OSError as error:
+            raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
+
+    @property
+    def position(self) -> int:
+        """Bytes of the file that were read."""
+        return self._file.tell()
+
+    @property
+    def bytes_left(self) -> int:
+        """Bytes of the file that are still to be read."""
+        return max(os.fstat(self._file.fileno()).st_size - self.position, 0)
 
     def write(self, data: bytes) -> None:
         """Refused: nobody answers in a capture."""
@@ -145,3 +172,11 @@ class CaptureLink:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def __enter__(self) -> "CaptureLink":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

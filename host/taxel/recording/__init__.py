@@ -7,6 +7,7 @@
 """
 
 from taxel.recording.capfingerid import TouchRecording, load_recording, recordings
+from taxel.recording.capture_boards import BoardActivity, BoardFrames, activity_of, read_boards
 from taxel.recording.errors import DatasetError, RecordingError
 from taxel.recording.from_arrays import write_from_arrays
 from taxel.recording.grasp import Grasp
@@ -19,6 +20,8 @@ from taxel.recording.grasp_writer import GraspDatasetWriter
 from taxel.recording.tiling import Tiling
 
 __all__ = [
+    "BoardActivity",
+    "BoardFrames",
     "DatasetError",
     "Grasp",
     "GraspDataset",
@@ -32,7 +35,9 @@ __all__ = [
     "TaxelTable",
     "Tiling",
     "TouchRecording",
+    "activity_of",
     "load_recording",
+    "read_boards",
     "recordings",
     "write_from_arrays",
 ]

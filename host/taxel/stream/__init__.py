@@ -1,6 +1,7 @@
 """From bytes to taxel frames, with every loss counted and every time on the host's clock."""
 
 from taxel.stream.accounting import BoardCount, LossAccount
+from taxel.stream.capture_decoder import CapturedBatch, CaptureDecoder, decode_capture
 from taxel.stream.clock import ClockMap
 from taxel.stream.decoder import Batch, StreamDecoder
 from taxel.stream.frame_stream import FrameStream
@@ -13,6 +14,8 @@ from taxel.stream.ring import RingBuffer
 __all__ = [
     "Batch",
     "BoardCount",
+    "CaptureDecoder",
+    "CapturedBatch",
     "ClockMap",
     "FrameStream",
     "HubClient",
@@ -25,4 +28,5 @@ __all__ = [
     "StreamDecoder",
     "TaxelFrame",
     "VersionError",
+    "decode_capture",
 ]

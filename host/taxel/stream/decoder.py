@@ -114,14 +114,18 @@ class StreamDecoder:
         size = self._library.taxel_batch_answers(self._state, self._answers, _ANSWERS)
         return self._answers.raw[:size] if size else b""
 
-    def push(self, data: bytes) -> list[Batch]:
+    def push(self, data: bytes | NDArray[np.uint8]) -> list[Batch]:
         """Frames completed by `data`: usually one batch, more when there is very much of it."""
         batches: list[Batch] = []
-        view = data
-        while view:
-            taken = self._library.taxel_batch_decode(self._state, view, len(view), self._output_address)
+        source: bytes | int = data if isinstance(data, bytes) else data.ctypes.data
+        left = len(data)
+        while left:
+            taken = self._library.taxel_batch_decode(self._state, source, left, self._output_address)
             self._take(batches)
-            view = view[taken:]
+            left -= taken
+            if left:  # an address is dear, and hardly ever needed
+                start = source if isinstance(source, int) else np.frombuffer(source, dtype=np.uint8).ctypes.data
+                source = start + taken
         return batches
 
     def finish(self) -> list[Batch]:

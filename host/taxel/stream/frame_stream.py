@@ -3,17 +3,14 @@
 from collections import deque
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.link import Chunk, Link, SteppedLink
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
-from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, NO_REFERENCE, Batch, StreamDecoder
-from taxel.stream.frames import HubMessage, TaxelFrame, messages_of, taxel_frames_of
+from taxel.stream.decoder import Batch, StreamDecoder
+from taxel.stream.frames import HubMessage, TaxelFrame, taxel_frames_of
 from taxel.stream.pump import Pump
 from taxel.stream.ring import RingBuffer
-from taxel_protocol import FrameType
+from taxel.stream.row_clock import RowClock
 
 RECORDED_BYTES_AT_ONCE = 1 << 17
 """A recording is decoded in pieces of this size: large enough for speed, small enough for constant memory."""
@@ -49,7 +46,7 @@ class FrameStream:
         self._is_stepped = isinstance(link, SteppedLink)
         self.clock = ClockMap(link.baud, has_arrivals(link))
         self.bytes_received = 0
-        self._on_message = on_message
+        self._rows = RowClock(self.clock, on_message)
         self._on_answers = on_answers
         self._decoder = StreamDecoder()
         self.losses = LossAccount(self._decoder)
@@ -136,39 +133,8 @@ class FrameStream:
         return b"".join(chunk.data for chunk in chunks)
 
     def _take(self, batch: Batch) -> None:
-        """Take in a batch in parts that end where the hub was restarted: its clock begins anew there."""
-        messages = messages_of(batch)
-        taxel_ends, other_ends = batch.taxels["stream_position"], batch.others["stream_position"]
-        first_taxel = first_other = 0
-        for cut in [*other_ends[(batch.others["flags"] & HUB_RESTARTED) != 0].tolist(), np.iinfo(np.uint64).max]:
-            last_taxel = int(np.searchsorted(taxel_ends, np.uint64(cut)))
-            last_other = int(np.searchsorted(other_ends, np.uint64(cut)))
-            others = batch.others[first_other:last_other]
-            self._take_part(batch, batch.taxels[first_taxel:last_taxel], others, messages[first_other:last_other])
-            first_taxel, first_other = last_taxel, last_other
-
-    def _take_part(
-        self, batch: Batch, taxels: NDArray[np.void], others: NDArray[np.void], messages: list[HubMessage]
-    ) -> None:
-        for message in messages:
-            self.clock.take_message(message)
-            self._on_message(message)
-        syncs = [m.fields["hub_time_us"] for m in messages if m.type is FrameType.TIME_SYNC]
-        self.clock.take_arrivals(taxels, self._arrivals_s(taxels), others[others["type"] == FrameType.TIME_SYNC], syncs)
-        if not len(taxels):
-            return
-        useless = taxels["flags"] & (BOARD_CRC_BAD | NO_REFERENCE)
-        if useless.any():
-            taxels = taxels[useless == 0]
-        times = self.clock.host_times_s(self.clock.hub_times_us(taxels))
-        self.frames.extend(taxel_frames_of(batch, taxels, times))
-
-    def _arrivals_s(self, taxels: NDArray[np.void]) -> NDArray[np.float64]:
-        if not self._arrival_ends:
-            return np.zeros(len(taxels))
-        index = np.searchsorted(self._arrival_ends, taxels["stream_position"], side="left")
-        index = np.minimum(index, len(self._arrival_ends) - 1)
-        return np.asarray(self._arrival_ns)[index] * 1e-9
+        for rows, times_s in self._rows.take(batch, self._arrival_ends, self._arrival_ns):
+            self.frames.extend(taxel_frames_of(batch, rows, times_s))
 
     def release(self) -> None:
         """Stop reading; the link stays open for others. What they do not read is lost to this stream."""

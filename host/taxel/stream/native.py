@@ -42,7 +42,7 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_row_size.restype = size
     library.taxel_batch_init.argtypes = [pointer, ctypes.c_uint8]
     library.taxel_batch_init.restype = None
-    library.taxel_batch_decode.argtypes = [pointer, ctypes.c_char_p, size, pointer]
+    library.taxel_batch_decode.argtypes = [pointer, pointer, size, pointer]
     library.taxel_batch_decode.restype = size
     library.taxel_batch_finish.argtypes = [pointer, pointer]
     library.taxel_batch_finish.restype = ctypes.c_bool
@@ -54,6 +54,8 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_totals.restype = pointer
     library.taxel_batch_discarded_bytes.argtypes = [pointer]
     library.taxel_batch_discarded_bytes.restype = ctypes.c_uint64
+    library.taxel_capture_gather.argtypes = [pointer, size, ctypes.c_uint64, pointer, pointer]
+    library.taxel_capture_gather.restype = None
     if library.taxel_batch_row_size() != ROW_SIZE:
         raise NativeLibraryError(
             "the compiled codec belongs to another version of the package; install taxel again (pip install .)"

@@ -1,0 +1,49 @@
+#include "codec/capture.h"
+
+#include <string.h>
+
+/* A USB adapter's packet has 62 bytes, and most records are one: copied as a whole, which the head leaves room for. */
+#define PACKET 64u
+
+/* Captures are little-endian, and so may be read by machines that are not. */
+static uint64_t get(const uint8_t *bytes, size_t size)
+{
+    uint64_t value = 0;
+    for (size_t i = size; i; i--) {
+        value = value << 8 | bytes[i - 1u];
+    }
+    return value;
+}
+
+static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t readable)
+{
+    if (length <= PACKET && length + TAXEL_CAPTURE_RECORD_HEAD >= PACKET && readable >= PACKET) {
+        uint8_t packet[PACKET];
+        memcpy(packet, from, PACKET);
+        memcpy(to, packet, PACKET);
+    } else {
+        memmove(to, from, length);
+    }
+}
+
+void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,
+                          struct taxel_capture_block *block)
+{
+    size_t used = 0, payload = 0, records = 0;
+    block->wanted = 0;
+    while (size - used >= TAXEL_CAPTURE_RECORD_HEAD) {
+        const uint64_t time_ns = get(bytes + used, 8);
+        const size_t length = (size_t)get(bytes + used + 8, 4);
+        if (length > TAXEL_CAPTURE_RECORD_MAX || length > size - used - TAXEL_CAPTURE_RECORD_HEAD) {
+            block->wanted = (uint64_t)length + TAXEL_CAPTURE_RECORD_HEAD;
+            break;
+        }
+        move_down(bytes + payload, bytes + used + TAXEL_CAPTURE_RECORD_HEAD, length, size - used - TAXEL_CAPTURE_RECORD_HEAD);
+        payload += length;
+        used += length + TAXEL_CAPTURE_RECORD_HEAD;
+        arrivals[records++] = (struct taxel_capture_arrival){position + payload, time_ns};
+    }
+    block->used = used;
+    block->payload = payload;
+    block->records = records;
+}

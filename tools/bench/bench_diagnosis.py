@@ -1,0 +1,44 @@
+"""How long the diagnosis of a whole campaign takes, against a minute. Its campaign is made once, into out/bench."""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+from figures import Figure
+
+from taxel.campaign.emulated import run_emulated
+from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.simulated import SimSettings, run_simulated
+from taxel.gap.diagnosis import diagnose
+from taxel.grasp.plan import thesis_plan
+
+ALLOWED_S, GRASPS = 60.0, 144
+SEED = 1
+FOLDER = Path("out/bench")
+
+
+def make_campaign(folder: Path = FOLDER) -> None:
+    """Both datasets of 144 grasps, with the default effects: some minutes, gone on with where it was cut."""
+    folder.mkdir(parents=True, exist_ok=True)
+    plan = thesis_plan(SEED)[:GRASPS]
+    run_emulated(folder / "real.h5", plan, EmulatedSettings(), resume=(folder / "real.h5").exists())
+    run_simulated(folder / "sim.h5", plan, SimSettings(), resume=(folder / "sim.h5").exists())
+    (folder / "made.json").write_text(json.dumps({"grasps": len(plan)}))
+
+
+def measure() -> list[Figure]:
+    """Seconds allowed over seconds taken; None where the campaign was not made."""
+    name, reference = f"diagnosis of {GRASPS} grasps", f"{ALLOWED_S:g} s"
+    if not (FOLDER / "made.json").exists():
+        made = "not measured: python tools/bench/bench_diagnosis.py makes its campaign"
+        return [Figure(name, None, None, reference, made)]
+    begun = time.perf_counter()
+    diagnose(FOLDER / "real.h5", FOLDER / "sim.h5")
+    taken = time.perf_counter() - begun
+    return [Figure(name, ALLOWED_S / taken, 1.0, reference, f"{taken:.1f} s, default effects")]
+
+
+if __name__ == "__main__":
+    make_campaign()
+    print(*measure(), file=sys.stdout)

@@ -1,0 +1,39 @@
+"""The table as a page of docs/: made by `make bench-page`, never by hand."""
+
+import os
+import platform
+import subprocess
+from pathlib import Path
+
+from figures import Figure
+
+TEMPLATE = Path(__file__).parent / "benchmarks.template.md"
+
+
+def _commit() -> str:
+    """The commit that was measured, and whether files differed from it."""
+    head = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
+    changed = subprocess.run(
+        ["git", "status", "--porcelain", "--untracked-files=no", "--", "firmware", "host", "protocol", "tools"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return head.stdout.strip() + (" with changes that are not in it" if changed.stdout.strip() else "")
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.2f}" if value < 10 else f"{value:,.0f}"
+
+
+def page_text(figures: list[Figure]) -> str:
+    """Markdown: where it was measured, one row a figure, and what the figures contain."""
+    machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
+    rows = [
+        f"| {f.name} | {_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "
+        f"{'' if f.target is None else 'yes' if f.is_met else 'no'} | {f.reference} | {f.detail} |"
+        for f in figures
+    ]
+    return TEMPLATE.read_text().format(commit=_commit(), machine=machine, rows="\n".join(rows))
