@@ -307,7 +307,7 @@ static void check_arithmetic(void)
     memcpy(fast, data, size);
     memcpy(small, data, size);
     taxel_whiten(fast + first, fast + first, first, size - first);
-    small_whiten(small + first, first, size - first);
+    small_whiten(small + first, small + first, first, size - first);
     FUZZ_CHECK(memcmp(fast, small, size) == 0);
 }
 

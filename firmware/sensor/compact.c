@@ -311,7 +311,7 @@ void taxel_sensor_run(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
     uint8_t latches = 0;
-    if (!taxel_sensor_has_compact(sensor)) {
+    if (!taxel_sensor_has_work(sensor)) { /* the usual case, which must not keep interrupts out */
         return;
     }
     take_answers(sensor);

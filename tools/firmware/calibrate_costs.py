@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from compact_costs import measure_compact
 from costs_page import costs_of, costs_page
 from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, scanning
 from firmware_cycles import measure
@@ -223,7 +224,10 @@ def header(board: Costs, hub: Costs) -> str:
     ]
     slave = [define(name, board[name]) for name in board if name.startswith("slave_")]
     slave.append(define("slave_fifo", 8))
-    blocks = ["\n".join(block) for block in (conversion, tick, slave, [define(name, hub[name]) for name in hub])]
+    compact = [define(name, board[name]) for name in ("compact", "compact_taxel")]
+    blocks = [
+        "\n".join(block) for block in (conversion, tick, slave, compact, [define(name, hub[name]) for name in hub])
+    ]
     return HEAD + "\n\n".join(blocks) + "\n\n#endif\n"
 
 
@@ -234,7 +238,8 @@ def main() -> int:
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")
     options = parser.parse_args()
     try:
-        costs = measure_board(options.images / BOARD_IMAGE), measure_hub(options.images / HUB_IMAGE)
+        board = options.images / BOARD_IMAGE
+        costs = measure_board(board) | measure_compact(board), measure_hub(options.images / HUB_IMAGE)
         texts = {COSTS: header(*costs), PAGE: costs_page(costs_of(header(*costs)), measure(options.images))}
     except (TaxelError, OSError, ValueError) as error:
         print(f"calibrate_costs: {error}", file=sys.stderr)

@@ -35,6 +35,11 @@ MEANINGS: Final[dict[str, tuple[str, str]]] = {
     "SLAVE_REFILL": ("four bytes more into the FIFO; SCL is not held", "a read of 6 bytes against one of 2"),
     "SLAVE_STOP": ("a stop condition", "the cheapest interrupt of the slave"),
     "SLAVE_FIFO": ("bytes in the FIFO", "the block"),
+    "COMPACT": (
+        "a compact snapshot, coded by the board's main loop",
+        "two boards, streamed compact and plain",
+    ),
+    "COMPACT_TAXEL": ("besides, each of its taxels (noise of 4 counts)", "as before"),
     "MASTER_DONE": ("the hub's I2C interrupt that ends a transfer", "the cheapest of its I2C interrupts"),
     "MASTER_BYTE": (
         "the hub's I2C interrupt of a byte: SCL is held (charged only with hub_byte_us)",

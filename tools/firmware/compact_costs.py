@@ -1,0 +1,55 @@
+"""Count what coding compact snapshots costs a board's processor, in an executed image: a snapshot, and each taxel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from executed_world import BOARD_IMAGE, image_line, lone_board
+
+from taxel.hand import load_hand
+from taxel.hand.world import WorldSettings
+from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
+from taxel.skin import Skin
+
+BOARDS: Final = (0x2C, 0x20)
+"""A small and a large one of the allegro hand."""
+NOISE_COUNTS: Final = 4.0
+SETTLE_S, RUN_S = 2.0, 4.0
+
+
+def busy_per_scan(image: Path, address: int, frames: str) -> float:
+    """Cycles of the main loop in a scan, while a hub streams the board in that form."""
+    hand = load_hand("allegro")
+    text = lone_board(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + image_line(address)
+    with (
+        VirtualWorld(text, files={BOARD_IMAGE: image}) as world,
+        Skin(VirtualMemoryLink(world), hand, frames=frames) as skin,
+    ):
+
+        def run(seconds: float) -> None:
+            end = world.now_s + seconds
+            while world.now_s < end:
+                skin.poll(0.01)
+
+        run(SETTLE_S)
+        counts = [_busy(world, address)]
+        run(RUN_S)
+        counts.append(_busy(world, address))
+        scans = (counts[1][1] - counts[0][1]) / hand.board(address).kind.taxel_count
+        return (counts[1][0] - counts[0][0]) / scans
+
+
+def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
+    """(cycles awake outside interrupts, conversions)."""
+    processor, handlers = world.processor(address), world.handler_costs(address)
+    return processor.cycles - processor.slept - sum(one.own for one in handlers.values()), handlers["CSD"].count
+
+
+def measure_compact(image: Path) -> dict[str, int | list[int]]:
+    """`compact` and `compact_taxel` of costs.h: what coding adds to the main loop, on a straight line of two boards."""
+    hand = load_hand("allegro")
+    taxels = [hand.board(address).kind.taxel_count for address in BOARDS]
+    added = [busy_per_scan(image, one, "compact") - busy_per_scan(image, one, "plain") for one in BOARDS]
+    each = (added[1] - added[0]) / (taxels[1] - taxels[0])
+    return {"compact": round(added[0] - each * taxels[0]), "compact_taxel": round(each)}
