@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 
 ADDRESS, PROXIMAL, MEDIAL = 0x2C, 0x28, 0x30
 AGREE_US = 50
-READS = 80
+READS = 40
 FIRST_SCAN_S, SCAN_S = 391e-6, 4019e-6
 """Of the board above, on its own clock."""
 
