@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from executed_world import BOARD_IMAGE, image_line, lone_board
 
@@ -18,7 +18,7 @@ NOISE_COUNTS: Final = 4.0
 SETTLE_S, RUN_S = 2.0, 4.0
 
 
-def busy_per_scan(image: Path, address: int, frames: str) -> float:
+def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
     """Cycles of the main loop in a scan, while a hub streams the board in that form."""
     hand = load_hand("allegro")
     text = lone_board(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + image_line(address)
