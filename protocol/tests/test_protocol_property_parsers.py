@@ -134,8 +134,11 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
     """Fields of any frame that may be sent."""
     kind = draw(st.sampled_from(list(FRAMES)))
     payload = draw(taxel_fields() if kind == FrameType.TAXELS else values_of(FRAMES[kind].payload))
+    if kind == FrameType.COMPACT_TAXELS:
+        fixed = len(FRAMES[kind].payload.build(payload | {"rest": b""}))
+        payload["rest"] = payload["rest"].ljust(FRAMES[kind].minimum - fixed, b"\0")
     if FRAMES[kind].has_address:
-        inner = payload["header"] if kind == FrameType.TAXELS else payload
+        inner = payload.get("header", payload)
         inner["address"] = ADDRESS_MIN + inner["address"] % (ADDRESS_MAX - ADDRESS_MIN + 1)
     return {"type": int(kind), "sequence": draw(st.integers(0, 65535)), "payload": payload}
 

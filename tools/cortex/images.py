@@ -28,7 +28,8 @@ LONGEST = 1 << 34
 SOURCES: dict[str, tuple[str, ...]] = {
     "firmware": (
         *(f"codec/{name}.c" for name in ("crc32_small", "whitening_small", "encoder", "deframer")),
-        *(f"sensor/{name}.c" for name in ("sensor", "scan", "slave")),
+        *(f"codec/{name}.c" for name in ("compact_model", "compact_encode")),
+        *(f"sensor/{name}.c" for name in ("sensor", "scan", "slave", "compact")),
     ),
     "bootloader": (
         "codec/crc32_small.c",

@@ -104,8 +104,8 @@ class Losses:
     damaged: dict[int, int] = field(default_factory=dict)
 
     def totals(self) -> list[int]:
-        """As `struct taxel_batch_totals` has them: 3 numbers, then 3 x 128 by address."""
-        totals = [self.frames, self.lost, self.restarts] + [0] * (3 * 128)
+        """As `struct taxel_batch_totals` has them: 3 numbers, then 4 x 128 by address; of no compact frames."""
+        totals = [self.frames, self.lost, self.restarts] + [0] * (4 * 128)
         for number, table in enumerate((self.received, self.missing, self.damaged)):
             for address, count in table.items():
                 totals[3 + 128 * number + address] = count

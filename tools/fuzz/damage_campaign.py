@@ -35,7 +35,12 @@ from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 CONSTRUCT_EVERY = 100
 BLOCK = 2_000
 DAMAGES = ("flip", "byte", "insert", "delete", "repeat", "burst", "cut", "remove")
-TYPES = (*(kind for kind in FRAMES if kind < 0x80), FrameType.TAXELS, FrameType.TAXELS, FrameType.TAXELS)
+TYPES = (
+    *(kind for kind in FRAMES if kind < 0x80 and kind != FrameType.COMPACT_TAXELS),
+    FrameType.TAXELS,
+    FrameType.TAXELS,
+    FrameType.TAXELS,
+)
 
 
 class Decoders:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import sys
 from unittest import mock
 
@@ -11,7 +12,10 @@ from taxel.generate.cluster import Cluster, check_releases
 from taxel.generate.errors import ClusterError
 from taxel.generate.run import generate
 
+PICKLED = dict(copyreg.dispatch_table)
 distributed = pytest.importorskip("distributed")
+copyreg.dispatch_table.clear()  # distributed has every exception of the process pickled with its traceback
+copyreg.dispatch_table.update(PICKLED)
 
 
 @pytest.fixture(scope="module")

@@ -158,7 +158,7 @@ def test_a_port_that_only_echoes_is_no_hub(monkeypatch):
 
 def test_a_hub_of_another_protocol_version_is_one_line(fake_hub):
     hub = fake_hub(version_chosen=0, version_min=2, version_max=5)
-    with pytest.raises(VersionError, match="protocol 2 to 5, this program 1 to 1; update the older") as caught:
+    with pytest.raises(VersionError, match="protocol 2 to 5, this program 1 to 2; update the older") as caught:
         taxel.open(hub.url, "flat8")
     assert hub.url.removeprefix("serial://") in one_line(caught.value)
     assert hub.commands == []

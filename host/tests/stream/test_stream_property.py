@@ -29,6 +29,9 @@ bounded = settings(
 )  # fmt: skip
 
 
+TAXEL_KINDS = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
+
+
 @pytest.fixture(scope="module")
 def tool():
     sys.path.insert(0, str(FOLDER))
@@ -40,7 +43,7 @@ def tool():
 @st.composite
 def messages(draw):
     """(type, sequence, payload) of any frame of a hub that is no taxel frame."""
-    kind = draw(st.sampled_from([kind for kind in FRAMES if kind < 0x80 and kind != FrameType.TAXELS]))
+    kind = draw(st.sampled_from([kind for kind in FRAMES if kind < 0x80 and kind not in TAXEL_KINDS]))
     spec = FRAMES[kind]
     payload = bytearray(draw(st.binary(min_size=spec.minimum, max_size=spec.maximum)))
     if spec.has_address:

@@ -133,7 +133,7 @@ def test_damage_on_the_wire_costs_time_and_nothing_else(worlds, hub, make_firmwa
 def test_a_burst_gives_every_outcome_in_order(worlds, open_wire):
     wire = open_wire(worlds(boards=2))
     reads = (Transfer(0x50, b"\x00", 1), Transfer(0x50, b"\x06", 1), Transfer(0x50, b"\x01", 1))
-    assert run(wire, burst_of(*reads)) == [b"\x54", b"\x50", b"\x01"]
+    assert run(wire, burst_of(*reads)) == [b"\x54", b"\x50", b"\x02"]
 
 
 def test_an_adapter_ends_a_burst_with_the_first_that_fails(worlds, adapter):

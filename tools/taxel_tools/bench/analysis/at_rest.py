@@ -136,11 +136,15 @@ def _joined(rest: AtRest, missing: NDArray[np.bool_], least: float) -> tuple[lis
     """Neighbouring lines that measure the same."""
     explained = np.zeros(len(missing), dtype=bool)
     hardware, error, relative = rest.grid(rest.hardware), rest.grid(rest.error), rest.grid(rest.relative)
+    grid_of_missing = rest.grid(missing.astype(np.float64))
     faults = []
     for axis in Axis:
         tables = [table if axis is Axis.TX else table.T for table in (hardware, error, relative)]
         for index in range(len(tables[0]) - 1):
-            chance, level = _chance_of_sameness(rest, [table[index : index + 2] for table in tables])
+            apart = ~_open_elsewhere(grid_of_missing if axis is Axis.TX else grid_of_missing.T, index)
+            chance, level = _chance_of_sameness(
+                rest, [np.where(apart, one[index : index + 2], np.nan) for one in tables]
+            )
             if chance > CHANCE:
                 continue
             lines = lines_of(rest.kind, axis)
@@ -149,6 +153,15 @@ def _joined(rest: AtRest, missing: NDArray[np.bool_], least: float) -> tuple[lis
             text = f"measure the same at every crossing ({level:.0%} of the median): look between {first} and {second}"
             faults.append(Fault("short", lines_name(axis, index, index + 1), text, float("inf")))
     return faults, explained
+
+
+def _open_elsewhere(missing: NDArray[np.float64], index: int) -> NDArray[np.bool_]:
+    """Crossing lines that are missing everywhere but on two lines, bool[crossing lines]: on those they say nothing.
+
+    missing: [lines, crossing lines], NaN where there is no taxel.
+    """
+    others = np.delete(missing, [index, index + 1], axis=0)
+    return np.asarray(np.isfinite(others).any(axis=0) & (np.nan_to_num(others, nan=1.0) == 1.0).all(axis=0))
 
 
 def _chance_of_sameness(rest: AtRest, pair: list[NDArray[np.float64]]) -> tuple[float, float]:
