@@ -17,13 +17,18 @@ from taxel.hand.kinematics import kinematics_of
 from taxel.recording.grasp_dataset import GraspDataset
 
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "how-to-record.md"
-BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
+BLOCK = re.compile(r"(<!-- run: no.*?-->\n)?```(\w+)\n(.*?)```", re.DOTALL)
 EXAMPLE = re.compile(r"Example: (taxel .*?)\s*(?:│|╭|\n\s*\n|$)")
 
 
 def commands(kind):
     """Every line of the guide's blocks of a kind."""
-    return [line for found, text in BLOCK.findall(GUIDE.read_text()) if found == kind for line in text.splitlines()]
+    return [
+        line
+        for left_out, found, text in BLOCK.findall(GUIDE.read_text())
+        if found == kind and not left_out
+        for line in text.splitlines()
+    ]
 
 
 def example(command):
