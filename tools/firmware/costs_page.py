@@ -42,8 +42,8 @@ MEANINGS: Final[dict[str, tuple[str, str]]] = {
     "COMPACT_TAXEL": ("besides, each of its taxels (noise of 4 counts)", "as before"),
     "MASTER_DONE": ("the hub's I2C interrupt that ends a transfer", "the cheapest of its I2C interrupts"),
     "MASTER_BYTE": (
-        "the hub's I2C interrupt of a byte: SCL is held (charged only with hub_byte_us)",
-        "length of the bus's bytes while it streams",
+        "the hub's I2C interrupts, for each byte on the bus: SCL is seldom held (not charged)",
+        "their sum over the bytes while it streams a board",
     ),
     "HUB_PASS": ("a pass of the hub's main loop that starts a transfer", "between two probes of empty addresses"),
     "HUB_FRAME_BYTE": (

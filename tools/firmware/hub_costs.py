@@ -22,9 +22,7 @@ BOARD: Final = 0x20
 PROBE_US: Final = 11 * 2.5
 """An address that nobody acknowledges: start, nine clocks, stop."""
 PROBES: Final = 10
-BYTE_US: Final = 9 * 2.5
-BYTES, BYTE_SAMPLES = 200, 40_000
-"""Of its 252; one interrupt each."""
+BYTES_S: Final = 0.08
 FRAMING: Final = ("put_body", "emit", "taxel_crc32", "taxel_encoder_put", "taxel_encoder_begin", "taxel_encoder_end")
 SAMPLE_S, SAMPLES = 2.03e-6, 60_000
 
@@ -44,16 +42,10 @@ def pass_cycles(world: VirtualWorld) -> int:
 
 
 def byte_cycles(world: VirtualWorld) -> int:
-    """How long SCL is held after a byte of a snapshot: what the bus's bytes take beyond their nine clocks."""
-    times: list[float] = []
-    interrupts = world.handler_costs(0)["SCB0"].count
-    for _ in range(BYTE_SAMPLES):
-        world.run(2e-6)
-        now = world.handler_costs(0)["SCB0"].count
-        times += [world.now_s] * (now - interrupts)
-        interrupts = now
-    densest = min(end - begin for begin, end in zip(times, times[BYTES:], strict=False))
-    return round((densest * 1e6 / BYTES - BYTE_US) * CYCLES_PER_US)
+    """Of the I2C interrupts, for each byte on the bus while it streams."""
+    cycles, count = world.handler_costs(0)["SCB0"].own, int(world.statistics()["bus_bytes"])
+    world.run(BYTES_S)
+    return round((world.handler_costs(0)["SCB0"].own - cycles) / (int(world.statistics()["bus_bytes"]) - count))
 
 
 def streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
@@ -92,5 +84,5 @@ def measure_hub(image: Path) -> Costs:
             while world.now_s < end:
                 skin.poll(0.01)
             found = streaming(world, skin, image.parents[1] / "hub-a.elf")
-            held = byte_cycles(world)
-    return {"master_done": done, "master_byte": held, "hub_pass": gap - done} | found
+            byte = byte_cycles(world)
+    return {"master_done": done, "master_byte": byte, "hub_pass": gap - done} | found

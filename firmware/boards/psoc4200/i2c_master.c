@@ -8,6 +8,9 @@
 #define MASTER_EVENTS                                                                        \
     (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ACK | SCB_INTR_I2C_STOP | SCB_INTR_I2C_BUS_ERROR)
 
+#define CONTROL (SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_LOW_PHASE(BUS_LOW_PHASE) | SCB_I2C_CTRL_HIGH_PHASE(BUS_HIGH_PHASE))
+#define DRAIN_ABOVE 4u /* bytes: three more can come before the bus has to wait */
+
 enum state { IDLE, ADDRESS_TO_WRITE, ADDRESS_TO_READ, WRITING, READING, STOPPING };
 
 static struct {
@@ -35,14 +38,13 @@ void i2c_master_init(void)
 {
     bus_clock_init();
     bus_pins_release();
-    SCB0->i2c_ctrl =
-        SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_LOW_PHASE(BUS_LOW_PHASE) | SCB_I2C_CTRL_HIGH_PHASE(BUS_HIGH_PHASE);
+    SCB0->i2c_ctrl = CONTROL;
     SCB0->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
     SCB0->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST | SCB_RX_CTRL_MEDIAN;
     SCB0->intr_s_mask = 0;
     SCB0->intr_tx_mask = 0;
     SCB0->intr_m_mask = MASTER_EVENTS;
-    SCB0->intr_rx_mask = SCB_INTR_RX_NOT_EMPTY;
+    SCB0->intr_rx_mask = SCB_INTR_RX_TRIGGER;
     reset();
     bus_pins_connect(PIN_I2C);
     interrupt_enable(IRQ_SCB0);
@@ -72,10 +74,29 @@ void i2c_master_drive(bool scl_high, bool sda_high)
     }
 }
 
+/* Whether the SCB acknowledges what it receives. It does so until its FIFO is full, and holds SCL then, so that nothing is lost when the
+ * interrupt is late. The last bytes are left in the FIFO: they fill it, and the very last is not acknowledged. (confirm) that the byte
+ * that fills the FIFO waits for its acknowledge; the maker's own driver relies on it. */
+static bool collects(void)
+{
+    return !master.transfer.counted && master.transfer.read_size >= SCB_FIFO_SIZE;
+}
+
+static void collect_if_long(void)
+{
+    const bool is_long = collects();
+    const uint32_t level = master.transfer.read_size == SCB_FIFO_SIZE ? SCB_FIFO_SIZE - 1u : DRAIN_ABOVE;
+    SCB0->i2c_ctrl = is_long ? CONTROL | SCB_I2C_CTRL_M_READY_DATA_ACK : CONTROL;
+    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(is_long ? level : 0u);
+}
+
 /* Address first: for writing if there is something to write, or nothing at all to do. */
 static void send_address(bool reading)
 {
     master.state = reading ? ADDRESS_TO_READ : ADDRESS_TO_WRITE;
+    if (reading) {
+        collect_if_long();
+    }
     SCB0->tx_fifo_wr = ((uint32_t)master.transfer.address << 1) | reading;
 }
 
@@ -138,15 +159,36 @@ static void take_acknowledge(void)
     }
 }
 
-/* A byte right after an address whose acknowledge came while the interrupt ran waits for that to be taken, which is next. */
-static void take_byte_if_any(void)
+static void take(size_t count)
+{
+    uint8_t *bytes = master.transfer.read_bytes;
+    master.transfer.read_size -= count;
+    master.transfer.read_bytes += count;
+    while (count--) {
+        *bytes++ = (uint8_t)SCB0->rx_fifo_rd;
+    }
+}
+
+static void take_collected(void)
+{
+    const size_t count = SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED;
+    const size_t spare = master.transfer.read_size - SCB_FIFO_SIZE;
+    if (spare) {
+        take(count < spare ? count : spare);
+        if (master.transfer.read_size == SCB_FIFO_SIZE) {
+            collect_if_long();
+        }
+    } else if (count == SCB_FIFO_SIZE) {
+        SCB0->i2c_ctrl = CONTROL; /* first: room would be an acknowledge */
+        stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
+        take(SCB_FIFO_SIZE);
+    }
+}
+
+static void take_byte(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
-    if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {
-        return;
-    }
     const uint8_t byte = (uint8_t)SCB0->rx_fifo_rd;
-    SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
     if (master.state != READING) {
         return;
     }
@@ -157,20 +199,35 @@ static void take_byte_if_any(void)
     transfer->read_size--;
     if (transfer->read_size) {
         SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first: SCL is held until then */
+        collect_if_long();
     } else {
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
     }
     *transfer->read_bytes++ = byte;
 }
 
-/* SCL is held low after each acknowledge and each byte until a command or a byte to send comes, so there is one event
- * at a time. */
+/* A byte right after an address whose acknowledge came while the interrupt ran waits for that to be taken, which is next. */
+static void take_bytes_if_any(void)
+{
+    if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {
+        return;
+    }
+    if (master.state == READING && collects()) {
+        take_collected();
+    } else {
+        take_byte();
+    }
+    SCB0->intr_rx = SCB_INTR_RX_TRIGGER;
+}
+
+/* SCL is held low after each acknowledge and each byte that the SCB does not acknowledge itself, until a command or a byte to send
+ * comes, so there is one event at a time. */
 void scb0_handler(void);
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_m_masked;
     if (!events) { /* most often: one more byte, and the bus waits */
-        take_byte_if_any();
+        take_bytes_if_any();
         return;
     }
     SCB0->intr_m = events;
@@ -189,7 +246,7 @@ void scb0_handler(void)
     } else if (is_sending() && (events & SCB_INTR_I2C_ACK)) {
         take_acknowledge();
     }
-    take_byte_if_any();
+    take_bytes_if_any();
     if ((events & SCB_INTR_I2C_STOP) && master.state == STOPPING) {
         end(master.result);
     }

@@ -1,4 +1,4 @@
-/* SCB0 as an I2C master: one transfer after the other, a byte an interrupt. */
+/* SCB0 as an I2C master: one transfer after the other. A byte an interrupt, but long reads are collected in the FIFO. */
 #ifndef PSOC4200_I2C_MASTER_H
 #define PSOC4200_I2C_MASTER_H
 

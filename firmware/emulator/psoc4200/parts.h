@@ -60,6 +60,7 @@ void psoc_slave_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 void psoc_slave_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
 void psoc_master_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+void psoc_master_has_room(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* or may acknowledge by itself now */
 void psoc_master_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 
 #endif

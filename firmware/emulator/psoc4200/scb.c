@@ -34,6 +34,7 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
         scb->intr_tx |= scb->tx.count < (scb->tx_fifo_ctrl & SCB_LEVEL) ? SCB_TX_TRIGGER : 0u;
         scb->intr_tx |= scb->tx.count ? 0u : SCB_TX_EMPTY;
         scb->intr_rx |= scb->rx.count ? SCB_RX_NOT_EMPTY : 0u;
+        scb->intr_rx |= scb->rx.count > (scb->rx_fifo_ctrl & SCB_LEVEL) ? SCB_RX_TRIGGER : 0u;
     }
     const bool line = (scb->intr_m & scb->intr_m_mask) || (scb->intr_s & scb->intr_s_mask) ||
                       (scb->intr_tx & scb->intr_tx_mask) || (scb->intr_rx & scb->intr_rx_mask);
@@ -122,6 +123,7 @@ bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, str
         access->value = scb->rx.count;
     } else if (offset == SCB_RX_FIFO_RD) {
         access->value = psoc_fifo_pop(&scb->rx);
+        psoc_master_has_room(psoc, scb, access->cycle);
         psoc_scb_update(psoc, scb);
     } else {
         return false;
@@ -204,6 +206,7 @@ bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, st
         is_known &= set_ctrl(psoc, scb, value, access->cycle);
     } else if (stored) {
         is_known &= set_settings(scb, stored, offset, value);
+        psoc_master_has_room(psoc, scb, access->cycle);
     } else if (group_at(scb, offset, &group)) {
         is_known &= set_group(group, offset >> 2 & 3u, value);
     } else if (offset == SCB_TX_FIFO_WR) {

@@ -1,5 +1,8 @@
 /* An SCB as I2C master, byte by byte: after each acknowledge and each byte it holds SCL low until a command, or a byte to send. A byte
- * that comes into the transmit FIFO then is data, unless a start was commanded before. */
+ * that comes into the transmit FIFO then is data, unless a start was commanded before.
+ *
+ * With M_READY_DATA_ACK it acknowledges by itself what it receives, and reads on; the byte that fills the receive FIFO waits, SCL held,
+ * until there is room, or a command. (confirm) that also a byte that waits when the bit is set is acknowledged. */
 #include "emulator/psoc4200/parts.h"
 #include "emulator/psoc4200/scb_registers.h"
 
@@ -8,6 +11,11 @@
 static bool is_master(const struct psoc_scb *scb)
 {
     return psoc_scb_is_i2c(scb) && scb->i2c_ctrl & SCB_I2C_MASTER;
+}
+
+static bool acknowledges_itself(const struct psoc_scb *scb)
+{
+    return scb->i2c_ctrl & SCB_I2C_M_READY_DATA_ACK && scb->rx.count < PSOC_FIFO;
 }
 
 /* One period of SCL, from the settings. */
@@ -74,6 +82,22 @@ void psoc_master_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
     }
 }
 
+/* A byte that has come waits to be acknowledged. */
+static bool has_byte_waiting(const struct psoc_scb *scb)
+{
+    return scb->state == PSOC_SCB_MASTER_HOLDS && scb->reading && scb->acknowledged;
+}
+
+void psoc_master_has_room(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
+{
+    if (is_master(scb) && has_byte_waiting(scb) && acknowledges_itself(scb)) {
+        const struct psoc_wires *wires = &psoc->config.wires;
+        scb->state = PSOC_SCB_MASTER_WAITS;
+        wires->i2c_read(wires->context, psoc_time(psoc, cycle));
+        psoc_acts(psoc);
+    }
+}
+
 static void acknowledged(struct psoc *psoc, struct psoc_scb *scb, vtime now)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -89,6 +113,7 @@ static void acknowledged(struct psoc *psoc, struct psoc_scb *scb, vtime now)
 
 void psoc_i2c_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte)
 {
+    const struct psoc_wires *wires = &psoc->config.wires;
     struct psoc_scb *scb = &psoc->scb[0];
     if (!psoc->powered || scb->state != PSOC_SCB_MASTER_WAITS) {
         return;
@@ -104,7 +129,11 @@ void psoc_i2c_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uin
         break;
     case PSOC_I2C_BYTE:
         psoc_fifo_push(&scb->rx, byte);
-        scb->state = PSOC_SCB_MASTER_HOLDS;
+        if (acknowledges_itself(scb)) {
+            wires->i2c_read(wires->context, now);
+        } else {
+            scb->state = PSOC_SCB_MASTER_HOLDS;
+        }
         break;
     case PSOC_I2C_STOP:
         scb->intr_m |= SCB_STOPPED;

@@ -35,8 +35,10 @@ enum {
 #define SCB_I2C_SLAVE (1u << 30)
 #define SCB_I2C_MASTER (1u << 31)
 #define SCB_I2C_PHASES 0xFFu
+#define SCB_I2C_M_READY_DATA_ACK (1u << 8)
 #define SCB_I2C_GENERAL_IGNORE (1u << 11)
-#define SCB_I2C_CTRL_MODELLED (SCB_I2C_SLAVE | SCB_I2C_MASTER | SCB_I2C_PHASES | SCB_I2C_GENERAL_IGNORE)
+#define SCB_I2C_CTRL_MODELLED \
+    (SCB_I2C_SLAVE | SCB_I2C_MASTER | SCB_I2C_PHASES | SCB_I2C_M_READY_DATA_ACK | SCB_I2C_GENERAL_IGNORE)
 
 #define SCB_STATUS_BUS_BUSY (1u << 0)
 #define SCB_STATUS_S_READ (1u << 4)
@@ -59,6 +61,7 @@ enum {
 #define SCB_BUS_ERROR (1u << 8)
 #define SCB_TX_TRIGGER (1u << 0)
 #define SCB_TX_EMPTY (1u << 4)
+#define SCB_RX_TRIGGER (1u << 0)
 #define SCB_RX_NOT_EMPTY (1u << 2)
 #define SCB_RX_OVERFLOW (1u << 5)
 

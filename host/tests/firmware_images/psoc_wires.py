@@ -7,12 +7,13 @@ from collections.abc import Callable
 from host.tests.firmware_images.psoc_part import Part
 
 SCB0, SCB1 = 0x40060000, 0x40070000
-CTRL, I2C_STATUS, M_CMD, S_CMD = 0x000, 0x064, 0x068, 0x06C
+CTRL, I2C_CTRL, I2C_STATUS, M_CMD, S_CMD = 0x000, 0x060, 0x064, 0x068, 0x06C
 TX_FIFO_CTRL, TX_FIFO_STATUS, TX_FIFO_WR = 0x204, 0x208, 0x240
 RX_FIFO_CTRL, RX_FIFO_STATUS, RX_MATCH, RX_FIFO_RD = 0x304, 0x308, 0x310, 0x340
 INTR_M, INTR_S, INTR_TX, INTR_RX = 0xF00, 0xF40, 0xF80, 0xFC0
 MASK, MASKED = 8, 12
-ENABLED, CLEAR = 1 << 31, 1 << 16
+ENABLED, CLEAR, READY_DATA_ACK = 1 << 31, 1 << 16, 1 << 8
+FIFO = 8
 NACK, ACK, STOP, ADDRESS_MATCH, BUS_ERROR = 1 << 1, 1 << 2, 1 << 4, 1 << 6, 1 << 8
 TRIGGER, NOT_EMPTY = 1 << 0, 1 << 2
 START, START_ON_IDLE, M_ACK, M_NACK, M_STOP = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4
@@ -64,6 +65,8 @@ class Scb:
         bits = self._bits[group]
         if group == INTR_RX and self.received:
             bits |= NOT_EMPTY
+        if group == INTR_RX and len(self.received) > self.word(RX_FIFO_CTRL) & 0xF:
+            bits |= TRIGGER
         if group == INTR_TX and len(self.to_send) < self.word(TX_FIFO_CTRL) & 0xF:
             bits |= TRIGGER
         return bits
@@ -75,7 +78,7 @@ class Scb:
         self._bits[group] &= ~value
 
     def _send(self, value: int) -> None:
-        assert len(self.to_send) < 8, "the FIFO has 8 places"
+        assert len(self.to_send) < FIFO, "the FIFO has 8 places"
         self.to_send.append(value & 0xFF)
 
     def _control(self, offset: int, value: int, fifo: list[int]) -> None:
@@ -181,12 +184,23 @@ class MasterBus(Scb):
             part.on_read[0x40040004 + 0x100 * port] = lambda port=port: part.words[0x40040000 + 0x100 * port] | 3
         self.on_write(M_CMD, self._command)
         self.on_write(TX_FIFO_WR, self._byte)
+        self.on_write(I2C_CTRL, self._set_settings)
+        self._on_read(RX_FIFO_RD, self._take)
         self.on_write(CTRL, self._set_control)
 
     def _set_control(self, value: int) -> None:
         self.part.words[self.base + CTRL] = value
         if not value & ENABLED:
             self._state = "idle"
+
+    def _set_settings(self, value: int) -> None:
+        self.part.words[self.base + I2C_CTRL] = value
+        self._go_on()
+
+    def _take(self) -> int:
+        byte = self.received.pop(0)
+        self._go_on()
+        return byte
 
     def _byte(self, value: int) -> None:
         if self._state == "writing":
@@ -214,8 +228,14 @@ class MasterBus(Scb):
             self._give()
 
     def _give(self) -> None:
+        assert len(self.received) < FIFO, "a byte is lost"
         self.received.append(self._reply[0] if self._reply else 0xFF)
         self._reply = self._reply[1:]
+        self._go_on()
+
+    def _go_on(self) -> None:
+        if self._state == "reading" and self.word(I2C_CTRL) & READY_DATA_ACK and len(self.received) < FIFO:
+            self._give()
 
     def _command(self, value: int) -> None:
         if value & START_ON_IDLE:

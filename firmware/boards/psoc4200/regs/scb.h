@@ -82,6 +82,7 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 
 #define SCB_I2C_CTRL_HIGH_PHASE(cycles) ((cycles)-1u) /* of a master: clocks that SCL is high, and low */
 #define SCB_I2C_CTRL_LOW_PHASE(cycles) (((cycles)-1u) << 4)
+#define SCB_I2C_CTRL_M_READY_DATA_ACK (1u << 8) /* bytes received by a master are acknowledged as long as the RX FIFO is not full */
 #define SCB_I2C_CTRL_S_GENERAL_IGNORE (1u << 11)
 #define SCB_I2C_CTRL_SLAVE (1u << 30)
 #define SCB_I2C_CTRL_MASTER (1u << 31)
@@ -119,6 +120,7 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 
 #define SCB_INTR_TX_TRIGGER (1u << 0)
 #define SCB_INTR_TX_EMPTY (1u << 4)
+#define SCB_INTR_RX_TRIGGER (1u << 0)
 #define SCB_INTR_RX_NOT_EMPTY (1u << 2)
 #define SCB_INTR_RX_OVERFLOW (1u << 5)
 
