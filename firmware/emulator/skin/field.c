@@ -142,7 +142,7 @@ static void finish_load(struct field *field, struct field_load *load)
 static void press(struct field *field, bool touches, double (*law)(double), double *compression, struct field_load *load)
 {
     if (touches) {
-        spread_compression(&field->effects->spread, field->patch, compression);
+        spread_compression(&field->spread, &field->effects->spread, field->patch, compression);
     }
     for (size_t i = 0; i < field->patch->cell_count; i++) {
         load->pressure[i] = law(compression[i]);
