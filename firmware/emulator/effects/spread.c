@@ -167,14 +167,18 @@ static void grow_across(double *row, const double *from, const double *wall, dou
     }
 }
 
-static void grow_along(double *row, const double *wall, double drop, int columns, int direction)
+/* Returns whether the row has anything to give to others. */
+static bool grow_along(double *row, const double *wall, double drop, int columns, int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;
+    bool gives = false;
     for (int n = 0, i = first; n < columns; n++, i += direction) {
         if (row[i - direction] - drop > row[i]) { /* seldom: a jump here does not wait for the place before */
             row[i] = row[i - direction] - drop + wall[i];
         }
+        gives |= row[i] > drop;
     }
+    return gives;
 }
 
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
@@ -182,19 +186,25 @@ void spread_compression(struct spread_state *state, const struct spread_effect *
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, width = columns + 2;
     const double drop = spread->slope * CELL_SIDE_M;
+    bool gives[GRID_MAX + 2] = {false};
     if (!state->wall) {
         return;
     }
     memcpy(state->value, state->wall, (size_t)(width * (rows + 2)) * sizeof *state->value);
     for (size_t i = 0; i < patch->cell_count; i++) {
         state->value[state->place_of[i]] = compression[i];
+        gives[state->place_of[i] / width] |= compression[i] > drop;
     }
     for (int direction = 1; direction >= -1; direction -= 2) {
         for (int n = 1; n <= rows; n++) {
-            const int first = (direction > 0 ? n : rows + 1 - n) * width + 1;
+            const int number = direction > 0 ? n : rows + 1 - n, first = number * width + 1;
             double *const row = state->value + first;
-            grow_across(row, row - direction * width, state->wall + first, drop, columns);
-            grow_along(row, state->wall + first, drop, columns, direction);
+            if (gives[number - direction]) {
+                grow_across(row, row - direction * width, state->wall + first, drop, columns);
+            }
+            if (gives[number - direction] || gives[number]) {
+                gives[number] = grow_along(row, state->wall + first, drop, columns, direction);
+            }
         }
     }
     for (size_t i = 0; i < patch->cell_count; i++) {

@@ -145,7 +145,7 @@ static void press(struct field *field, bool touches, double (*law)(double), doub
         spread_compression(&field->spread, &field->effects->spread, field->patch, compression);
     }
     for (size_t i = 0; i < field->patch->cell_count; i++) {
-        load->pressure[i] = law(compression[i]);
+        load->pressure[i] = compression[i] > 0.0 ? law(compression[i]) : 0.0;
     }
     finish_load(field, load);
 }
