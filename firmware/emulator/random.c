@@ -10,11 +10,6 @@ static uint64_t splitmix64(uint64_t *state)
     return z ^ (z >> 31);
 }
 
-static uint64_t rotate_left(uint64_t value, int bits)
-{
-    return (value << bits) | (value >> (64 - bits));
-}
-
 void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
 {
     uint64_t state = seed;
@@ -23,25 +18,6 @@ void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
         source->state[i] = splitmix64(&state);
     }
     source->has_spare = false;
-}
-
-uint64_t random_u64(struct random_source *source)
-{
-    uint64_t *s = source->state;
-    const uint64_t result = rotate_left(s[0] + s[3], 23) + s[0];
-    const uint64_t t = s[1] << 17;
-    s[2] ^= s[0];
-    s[3] ^= s[1];
-    s[1] ^= s[2];
-    s[0] ^= s[3];
-    s[2] ^= t;
-    s[3] = rotate_left(s[3], 45);
-    return result;
-}
-
-double random_uniform(struct random_source *source)
-{
-    return (double)(random_u64(source) >> 11) * 0x1.0p-53;
 }
 
 /* Marsaglia's polar method (1964): two normal numbers at a time. */

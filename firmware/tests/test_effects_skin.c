@@ -69,7 +69,7 @@ static double pressed_cells(double slope)
     bench_open(&bench, line, -1);
     memset(bench.compression, 0, sizeof bench.compression);
     bench.compression[16 * MIDDLE] = 0.0004;
-    spread_compression(&bench.world.effects.spread, &bench.patch, bench.compression);
+    spread_compression(&bench.field.spread, &bench.world.effects.spread, &bench.patch, bench.compression);
     for (size_t i = 0; i < BENCH_CELLS; i++) {
         pressed += bench.compression[i] > 0.0;
         CHECK(bench.compression[i] <= 0.0004);

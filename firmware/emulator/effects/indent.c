@@ -50,10 +50,14 @@ static double set(const struct indent_effect *indent, double decay, struct inden
 static double bed(const struct indent_effect *indent, struct indent_cell *cell, double c)
 {
     if (c > cell->last) {
-        cell->work += layer_work(c) - layer_work(cell->last);
+        const double before = cell->rising ? cell->stored : layer_work(cell->last);
+        cell->stored = layer_work(c);
+        cell->work += cell->stored - before;
+        cell->bedded = expm1(-cell->work / indent->work_j_m2);
     }
+    cell->rising = c > cell->last || (cell->rising && c == cell->last);
     cell->last = c;
-    return c * (1.0 + indent->fraction * expm1(-cell->work / indent->work_j_m2));
+    return c * (1.0 + indent->fraction * cell->bedded);
 }
 
 bool indent_advance(const struct indent_effect *indent, double decay, struct indent_cell *cells, size_t count,

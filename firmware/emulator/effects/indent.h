@@ -36,6 +36,9 @@ struct indent_effect {
 struct indent_cell {
     double depth;      /* set, metres */
     double work, last; /* bedding: joule a square metre; compression at the last moment, metres */
+    double bedded;     /* exp(-work / work_j_m2) - 1 */
+    double stored;     /* the layer's work at `last` ... */
+    bool rising;       /* ... if this holds */
 };
 
 int indent_read(struct effect_line *line, struct effects *effects);

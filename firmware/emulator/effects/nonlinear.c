@@ -34,6 +34,14 @@ bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
  * in a modulator that has some noise. */
 static double locked(double share, double leak)
 {
+    int any = 0; /* nearly always none: found out for all at once, without a branch */
+    for (int q = 2; q <= DENOMINATOR_MAX; q++) {
+        const double p = (double)(int)(share * q + 0.5);
+        any |= fabs(share * q - p) <= 0.5 * leak;
+    }
+    if (!any) {
+        return share;
+    }
     for (int q = 2; q <= DENOMINATOR_MAX; q++) {
         const double p = (double)(int)(share * q + 0.5);
         if (fabs(share * q - p) <= 0.5 * leak * (1.0 - leak * (q - 1))) {

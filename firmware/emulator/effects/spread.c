@@ -60,12 +60,36 @@ static void sum_columns(const double *in, double *out, const double *keep, int r
     }
 }
 
+/* A margin of one place all around, so that every place has its eight neighbours. */
+static int init_pillars(struct spread_state *state, const struct patch *patch)
+{
+    const int width = patch->grid_columns + 2, places = width * (patch->grid_rows + 2);
+    state->wall = malloc((size_t)(2 * places) * sizeof *state->wall);
+    state->place_of = malloc(patch->cell_count * sizeof *state->place_of);
+    if (!state->wall || !state->place_of) {
+        return -1;
+    }
+    state->value = state->wall + places;
+    for (int i = 0; i < places; i++) {
+        state->wall[i] = -INFINITY;
+    }
+    for (size_t i = 0; i < patch->cell_count; i++) {
+        const int row = patch->grid_of[i] / patch->grid_columns, column = patch->grid_of[i] % patch->grid_columns;
+        state->place_of[i] = (row + 1) * width + column + 1;
+        state->wall[state->place_of[i]] = 0.0;
+    }
+    return 0;
+}
+
 int spread_init(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, places = rows * columns;
     memset(state, 0, sizeof *state);
-    if (!spread_is_on(spread) || spread->form != SPREAD_FILM) {
+    if (!spread_is_on(spread)) {
         return 0;
+    }
+    if (spread->form == SPREAD_PILLARS) {
+        return init_pillars(state, patch);
     }
     state->keep = calloc((size_t)(4 * places), sizeof *state->keep);
     if (!state->keep) {
@@ -93,6 +117,8 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
 void spread_free(struct spread_state *state)
 {
     free(state->keep);
+    free(state->wall);
+    free(state->place_of);
     memset(state, 0, sizeof *state);
 }
 
@@ -128,39 +154,60 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Chamfer passes: each place takes the larger of its own value and its neighbour's less the slope over the way. */
-static void grow(double *value, const struct patch *patch, double drop, int direction)
+/* Chamfer passes: each place takes the larger of its own value and its neighbour's less the slope over the way. `from`: the row
+ * that has been passed before; `wall` lets nothing stay at a place without a cell. */
+static void grow_across(double *row, const double *from, const double *wall, double drop, int columns)
 {
-    const int rows = patch->grid_rows, columns = patch->grid_columns;
-    for (int n = 0; n < rows * columns; n++) {
-        const int i = direction > 0 ? n : rows * columns - 1 - n;
-        const int row = i / columns, column = i % columns;
-        for (int dr = -1; dr <= 0; dr++) {
-            for (int dc = -1; dc <= (dr < 0 ? 1 : -1); dc++) {
-                const int r = row + direction * dr, c = column + direction * dc;
-                if (r < 0 || c < 0 || r >= rows || c >= columns || patch->cell_at[r * columns + c] < 0) {
-                    continue;
-                }
-                const double from = value[r * columns + c] - drop * (dr && dc ? 1.4142135623730951 : 1.0);
-                value[i] = from > value[i] ? from : value[i];
-            }
-        }
+    const double aslant = drop * 1.4142135623730951;
+    for (int i = 0; i < columns; i++) {
+        const double beside = from[i - 1] > from[i + 1] ? from[i - 1] : from[i + 1];
+        const double corner = beside - aslant, straight = from[i] - drop;
+        const double most = corner > straight ? corner : straight;
+        row[i] = (most > row[i] ? most : row[i]) + wall[i];
     }
 }
 
-void spread_compression(const struct spread_effect *spread, const struct patch *patch, double *compression)
+/* Returns whether the row has anything to give to others. */
+static bool grow_along(double *row, const double *wall, double drop, int columns, int direction)
 {
-    static double value[GRID_MAX * GRID_MAX];
-    if (spread->strength == 0.0 || spread->form != SPREAD_PILLARS) {
+    const int first = direction > 0 ? 0 : columns - 1;
+    bool gives = false;
+    for (int n = 0, i = first; n < columns; n++, i += direction) {
+        if (row[i - direction] - drop > row[i]) { /* seldom: a jump here does not wait for the place before */
+            row[i] = row[i - direction] - drop + wall[i];
+        }
+        gives |= row[i] > drop;
+    }
+    return gives;
+}
+
+void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
+                        double *compression)
+{
+    const int rows = patch->grid_rows, columns = patch->grid_columns, width = columns + 2;
+    const double drop = spread->slope * CELL_SIDE_M;
+    bool gives[GRID_MAX + 2] = {false};
+    if (!state->wall) {
         return;
     }
-    memset(value, 0, sizeof value);
+    memcpy(state->value, state->wall, (size_t)(width * (rows + 2)) * sizeof *state->value);
     for (size_t i = 0; i < patch->cell_count; i++) {
-        value[patch->grid_of[i]] = compression[i];
+        state->value[state->place_of[i]] = compression[i];
+        gives[state->place_of[i] / width] |= compression[i] > drop;
     }
-    grow(value, patch, spread->slope * CELL_SIDE_M, 1);
-    grow(value, patch, spread->slope * CELL_SIDE_M, -1);
+    for (int direction = 1; direction >= -1; direction -= 2) {
+        for (int n = 1; n <= rows; n++) {
+            const int number = direction > 0 ? n : rows + 1 - n, first = number * width + 1;
+            double *const row = state->value + first;
+            if (gives[number - direction]) {
+                grow_across(row, row - direction * width, state->wall + first, drop, columns);
+            }
+            if (gives[number - direction] || gives[number]) {
+                gives[number] = grow_along(row, state->wall + first, drop, columns, direction);
+            }
+        }
+    }
     for (size_t i = 0; i < patch->cell_count; i++) {
-        compression[i] += spread->strength * (value[patch->grid_of[i]] - compression[i]);
+        compression[i] += spread->strength * (state->value[state->place_of[i]] - compression[i]);
     }
 }

@@ -9,6 +9,7 @@
 #define EMULATOR_EFFECTS_SPREAD_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 struct effect_line;
 struct effects;
@@ -29,11 +30,13 @@ struct spread_effect {
 int spread_read(struct effect_line *line, struct effects *effects);
 bool spread_is_on(const struct spread_effect *spread);
 
-/* What the film of one board needs: all [grid places] of its patch. */
+/* What one board needs. Film: all [grid places] of its patch. Pillars: of a grid with a margin of one place around it. */
 struct spread_state {
     double *keep;                     /* of a neighbour's share, 0 without a cell; NULL: off */
     double *along_row, *along_column; /* 1 / sum of a place's weights */
     double *value;
+    double *wall;      /* 0 at a cell, -INFINITY elsewhere; NULL: no pillars */
+    int32_t *place_of; /* [cells]: where on the grid with a margin */
 };
 
 /* Returns 0, or -1 without memory. */
@@ -42,7 +45,8 @@ void spread_free(struct spread_state *state);
 
 /* Pillars: grow the compression [cells], metres. Film: smooth the pressure [cells], pascal. Each does nothing in the other
  * form or at strength 0. */
-void spread_compression(const struct spread_effect *spread, const struct patch *patch, double *compression);
+void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
+                        double *compression);
 void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch, double *pressure);
 
 #endif

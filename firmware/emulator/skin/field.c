@@ -142,10 +142,10 @@ static void finish_load(struct field *field, struct field_load *load)
 static void press(struct field *field, bool touches, double (*law)(double), double *compression, struct field_load *load)
 {
     if (touches) {
-        spread_compression(&field->effects->spread, field->patch, compression);
+        spread_compression(&field->spread, &field->effects->spread, field->patch, compression);
     }
     for (size_t i = 0; i < field->patch->cell_count; i++) {
-        load->pressure[i] = law(compression[i]);
+        load->pressure[i] = compression[i] > 0.0 ? law(compression[i]) : 0.0;
     }
     finish_load(field, load);
 }
