@@ -24,6 +24,7 @@ COMMAND = re.compile(r"^(?:taxel|make|python|pip|git) ", re.MULTILINE)
 REASONS = (
     "hardware",
     "hours",
+    "it waits for a program",
     "your own files",
     "an environment of its own",
     "part of a test file",
