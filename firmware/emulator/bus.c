@@ -1,8 +1,7 @@
-#include "emulator/bus.h"
+#include "emulator/bus_parts.h"
 
 #include <string.h>
 
-#define CLOCKS_PER_BYTE 9u /* eight bits and the acknowledge */
 #define SLAVES_MAX 32u
 
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log)
@@ -16,39 +15,14 @@ void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, do
     bus->log = log;
 }
 
-static bool sda_is_held(const struct bus *bus)
-{
-    if (!bus->may_be_held) {
-        return false; /* the common case, asked for every byte */
-    }
-    for (size_t i = 0; i < bus->board_count; i++) {
-        if (bus->boards[i].powered && bus->boards[i].hold_clocks) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Until when some board holds SCL low; 0: none does. */
-static vtime scl_held_until(const struct bus *bus)
-{
-    vtime until = 0;
-    for (size_t i = 0; bus->may_be_held && i < bus->board_count; i++) {
-        if (bus->boards[i].powered) {
-            until = vtime_max(until, bus->boards[i].scl_held_until);
-        }
-    }
-    return until;
-}
-
 bool bus_scl(const struct bus *bus, vtime now)
 {
-    return bus->scl_high && now >= scl_held_until(bus);
+    return bus->scl_high && now >= bus_scl_held_until(bus);
 }
 
 bool bus_sda(const struct bus *bus)
 {
-    return bus->sda_high && !sda_is_held(bus);
+    return bus->sda_high && !bus_sda_is_held(bus);
 }
 
 void bus_drive(struct bus *bus, bool scl_high, bool sda_high)
@@ -64,7 +38,7 @@ void bus_drive(struct bus *bus, bool scl_high, bool sda_high)
     bus->sda_high = sda_high;
 }
 
-static void begin(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
+void bus_begin(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
 {
     bus->master = master;
     bus->transfer = *transfer;
@@ -76,7 +50,7 @@ static void begin(struct bus *bus, enum bus_master master, const struct taxel_i2
     bus->transfers++;
     bus->started = now;
     bus->by_steps = false;
-    if (sda_is_held(bus) || now < scl_held_until(bus)) {
+    if (bus_sda_is_held(bus) || now < bus_scl_held_until(bus)) {
         bus->result = TAXEL_I2C_BUSY;
         bus->phase = BUS_DONE;
         bus->next = now + bus->clock;
@@ -84,7 +58,7 @@ static void begin(struct bus *bus, enum bus_master master, const struct taxel_i2
     }
     bus->result = TAXEL_I2C_OK;
     bus->phase = transfer->write_size || !transfer->read_size ? BUS_ADDRESS_WRITE : BUS_ADDRESS_READ;
-    bus->next = now + bus->clock + CLOCKS_PER_BYTE * bus->clock; /* start condition, then the address byte */
+    bus->next = now + bus->clock + BUS_CLOCKS_PER_BYTE * bus->clock; /* start condition, then the address byte */
 }
 
 void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
@@ -94,18 +68,7 @@ void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_t
         bus->waiting[master] = *transfer;
         return;
     }
-    begin(bus, master, transfer, now);
-}
-
-/* The address byte of a transfer whose length only its master knows. A start condition waits until the lines are free. */
-static void begin_steps(struct bus *bus, uint8_t address_byte, vtime now)
-{
-    const struct taxel_i2c_transfer transfer = {.address = address_byte >> 1};
-    begin(bus, BUS_HUB, &transfer, now);
-    bus->by_steps = true;
-    bus->result = TAXEL_I2C_OK;
-    bus->phase = address_byte & 1u ? BUS_ADDRESS_READ : BUS_ADDRESS_WRITE;
-    bus->next = sda_is_held(bus) ? VTIME_NEVER : vtime_max(now, scl_held_until(bus)) + bus->clock + CLOCKS_PER_BYTE * bus->clock;
+    bus_begin(bus, master, transfer, now);
 }
 
 void bus_hand_over(struct bus *bus, vtime now)
@@ -115,10 +78,10 @@ void bus_hand_over(struct bus *bus, vtime now)
     bus->next = VTIME_NEVER;
     if (bus->waits[other] && other == BUS_HUB && bus->waiting_by_steps) {
         bus->waits[other] = false;
-        begin_steps(bus, bus->byte_waiting, now);
+        bus_steps_begin(bus, bus->byte_waiting, now);
     } else if (bus->waits[other]) {
         bus->waits[other] = false;
-        begin(bus, other, &bus->waiting[other], now);
+        bus_begin(bus, other, &bus->waiting[other], now);
     }
 }
 
@@ -136,23 +99,23 @@ static void hold(struct bus *bus, enum bus_event event, vtime released)
 {
     bus->phase = BUS_HELD;
     bus->event = event;
-    bus->next = vtime_max(bus->next, vtime_max(released, scl_held_until(bus)));
+    bus->next = vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus)));
 }
 
 /* When the master goes on after a byte. */
 static vtime let_go(const struct bus *bus, vtime released)
 {
     const vtime hold = bus->master == BUS_HUB && !bus->by_steps ? bus->hold : 0;
-    return vtime_max(bus->next, vtime_max(released, scl_held_until(bus))) + hold;
+    return vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus))) + hold;
 }
 
-static void next_byte(struct bus *bus, enum bus_phase phase, vtime released)
+void bus_next_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
     bus->phase = phase;
-    bus->next = let_go(bus, released) + CLOCKS_PER_BYTE * bus->clock;
+    bus->next = let_go(bus, released) + BUS_CLOCKS_PER_BYTE * bus->clock;
 }
 
-static void stop(struct bus *bus, vtime released)
+void bus_send_stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;
     bus->next = let_go(bus, released) + bus->clock;
@@ -222,18 +185,16 @@ static bool call_slaves(struct bus *bus, uint8_t address, vtime *released)
 static void after_writing(struct bus *bus, vtime released)
 {
     if (bus->transfer.read_size) {
-        next_byte(bus, BUS_ADDRESS_READ, released + bus->clock); /* repeated start */
+        bus_next_byte(bus, BUS_ADDRESS_READ, released + bus->clock); /* repeated start */
     } else {
-        stop(bus, released);
+        bus_send_stop(bus, released);
     }
 }
 
-/* Slaves that were called for reading, by a damaged address byte, send against a master that writes or stops: the master
- * sees a line that it has let go, and a slave is left in the middle of its byte. */
-static void collide(struct bus *bus, int8_t result)
+void bus_collide(struct bus *bus, int8_t result)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {
-        bus->slaves[i]->hold_clocks = CLOCKS_PER_BYTE - 1u;
+        bus->slaves[i]->hold_clocks = BUS_CLOCKS_PER_BYTE - 1u;
         bus->may_be_held = true;
     }
     lose(bus, result);
@@ -257,16 +218,16 @@ static void end_address(struct bus *bus, bool reading)
     }
     if (!acknowledged) {
         bus->result = TAXEL_I2C_NACK_ADDRESS;
-        stop(bus, released);
+        bus_send_stop(bus, released);
         return;
     }
     bus->index = 0;
     if (reading) {
-        next_byte(bus, BUS_READ, released);
+        bus_next_byte(bus, BUS_READ, released);
     } else if (bus->transfer.write_size) {
-        next_byte(bus, BUS_WRITE, released);
+        bus_next_byte(bus, BUS_WRITE, released);
     } else if (bus->slaves_send) {
-        collide(bus, TAXEL_I2C_BUS_ERROR);
+        bus_collide(bus, TAXEL_I2C_BUS_ERROR);
     } else {
         after_writing(bus, released);
     }
@@ -282,7 +243,7 @@ static void end_write(struct bus *bus)
         return;
     }
     if (bus->slaves_send) {
-        collide(bus, TAXEL_I2C_ARBITRATION_LOST);
+        bus_collide(bus, TAXEL_I2C_ARBITRATION_LOST);
         return;
     }
     for (size_t i = 0; i < bus->slave_count; i++) {
@@ -298,9 +259,9 @@ static void end_write(struct bus *bus)
         hold(bus, acknowledged && !damage.nack ? BUS_ACKNOWLEDGED : BUS_NOT_ACKNOWLEDGED, released);
     } else if (!acknowledged || damage.nack) {
         bus->result = TAXEL_I2C_NACK_DATA;
-        stop(bus, released);
+        bus_send_stop(bus, released);
     } else if (bus->index < bus->transfer.write_size) {
-        next_byte(bus, BUS_WRITE, released);
+        bus_next_byte(bus, BUS_WRITE, released);
     } else {
         after_writing(bus, released);
     }
@@ -335,7 +296,7 @@ static void end_read(struct bus *bus)
     }
     const uint8_t line = line_byte(bus, &released) ^ damage.flip;
     bus->let_go = bus->let_go || damage.nack;
-    bus->byte = sda_is_held(bus) ? 0 : line;
+    bus->byte = bus_sda_is_held(bus) ? 0 : line;
     released += damage.stretch;
     if (bus->by_steps) {
         hold(bus, BUS_BYTE, released);
@@ -346,9 +307,9 @@ static void end_read(struct bus *bus)
         bus->transfer.read_size = 1u + taxel_i2c_counted_rest(&bus->transfer, bus->byte);
     }
     if (bus->index < bus->transfer.read_size) {
-        next_byte(bus, BUS_READ, released);
+        bus_next_byte(bus, BUS_READ, released);
     } else {
-        stop(bus, released);
+        bus_send_stop(bus, released);
     }
 }
 
@@ -359,64 +320,11 @@ static void end_stop(struct bus *bus)
             board_stop(bus->slaves[i], bus->next);
         }
     }
-    if (sda_is_held(bus)) {
+    if (bus_sda_is_held(bus)) {
         bus->result = TAXEL_I2C_BUS_ERROR; /* SDA did not rise: there was no stop condition */
     }
     bus->slave_count = 0;
     bus->phase = BUS_DONE;
-}
-
-static enum bus_event end_of_steps(const struct bus *bus)
-{
-    switch (bus->result) {
-    case TAXEL_I2C_OK:
-        return BUS_STOPPED;
-    case TAXEL_I2C_ARBITRATION_LOST:
-        return BUS_ARBITRATION_LOST;
-    default:
-        return BUS_ERROR;
-    }
-}
-
-void bus_step_start(struct bus *bus, uint8_t address_byte, vtime now)
-{
-    if (bus->phase == BUS_HELD) {
-        bus->transfer.address = address_byte >> 1;
-        bus->phase = address_byte & 1u ? BUS_ADDRESS_READ : BUS_ADDRESS_WRITE;
-        bus->next = vtime_max(now, scl_held_until(bus)) + bus->clock + CLOCKS_PER_BYTE * bus->clock;
-    } else if (bus->phase != BUS_IDLE && bus->master != BUS_HUB) {
-        bus->waits[BUS_HUB] = bus->waiting_by_steps = true;
-        bus->byte_waiting = address_byte;
-    } else {
-        begin_steps(bus, address_byte, now);
-    }
-}
-
-static void go_on(struct bus *bus, enum bus_phase phase, vtime now)
-{
-    bus->next = now;
-    next_byte(bus, phase, now);
-}
-
-void bus_step_write(struct bus *bus, uint8_t byte, vtime now)
-{
-    bus->byte = byte;
-    go_on(bus, BUS_WRITE, now);
-}
-
-void bus_step_read(struct bus *bus, vtime now)
-{
-    go_on(bus, BUS_READ, now);
-}
-
-void bus_step_stop(struct bus *bus, vtime now)
-{
-    bus->next = now;
-    if (bus->slaves_send && !bus->master_reads) {
-        collide(bus, TAXEL_I2C_BUS_ERROR);
-    } else {
-        stop(bus, now);
-    }
 }
 
 bool bus_run(struct bus *bus, vtime horizon)
@@ -441,7 +349,7 @@ bool bus_run(struct bus *bus, vtime horizon)
         case BUS_HELD:
             return true;
         default:
-            bus->event = end_of_steps(bus);
+            bus->event = bus_steps_end(bus);
             bus->busy += bus->next - bus->started;
             return true;
         }

@@ -71,8 +71,30 @@ static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
 }
 void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command);
 
+/* launch.c: transfers into hub->job.buffer, which is a free one */
+/* Begin the transfer that hub->job describes so far: write_size, write_bytes. */
+void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size);
+void taxel_hub_launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size);
+void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address);
+void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot);
+void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot);
+/* What the host has to say to the board; false if it has nothing to say. */
+bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot);
+
 /* outcome.c */
 void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result);
+/* A poll has brought what it was to bring: the end of a row of failures is reported. */
+void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board);
+/* Poll the board once more in this cycle; false if it has had its second attempt. */
+bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board);
+/* A poll of the board has failed: its state, and a report if it is the first in a row. */
+void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
+/* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
+uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
+/* Any transfer that runs to its stop shows that both lines move. */
+void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
+
+/* snapshot.c */
 /* What the last transfer has read is to become a frame of that type. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
 /* The same for what a poll has read. */
@@ -81,13 +103,6 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub);
 void taxel_hub_take_snapshot(struct taxel_hub *hub);
 /* What is not framed yet, if it is right: into a frame, or wait. */
 void taxel_hub_forward(struct taxel_hub *hub);
-
-/* A poll of the board has failed: its state, and a report if it is the first in a row. */
-void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
-/* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
-uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
-/* Any transfer that runs to its stop shows that both lines move. */
-void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
 
 /* identify.c */
 void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);

@@ -1,14 +1,9 @@
 /* What a finished transfer means. Every poll ends in exactly one counter, so that nothing is ever lost without a reason. */
-#include "codec/crc32.h"
 #include "hub/internal.h"
 
 #define RETRIES 1u
 #define FAILURES_UNTIL_ABSENT 3u
 #define BUS_DOWN_US 10000u
-#define UART_STALL_US 100000u /* a UART that takes nothing for so long has no reader: go on, and drop */
-#define CLOCK_SLACK_US 500000u /* age of a snapshot, twice and with room */
-#define HALF_CLOCK_RANGE 0x80000000u
-#define CLOCK_SLACK_SHIFT 3   /* and an eighth of the time between: no oscillator is that far off */
 
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault)
 {
@@ -25,7 +20,7 @@ void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t
     }
 }
 
-static void succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
+void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->consecutive_failures) {
         taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_RECOVERED);
@@ -78,7 +73,7 @@ static uint8_t fault_of(int8_t result, uint8_t bus_fault)
     return result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION;
 }
 
-static bool retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
+bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->attempts >= RETRIES) {
         return false;
@@ -91,172 +86,13 @@ static bool retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
     return true;
 }
 
-static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
-{
-    if (size < TAXEL_COMPACT_OVERHEAD_CODED) {
-        return false; /* the shortest of either kind */
-    }
-    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, size - 4u);
-    return crc == taxel_get_u32(bytes + size - 4u);
-}
-
-/* The board's clock went back, or has not gone on as the hub's has: it began anew. */
-static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t started_us, uint32_t timestamp_us)
-{
-    const uint32_t elapsed = started_us - board->last_read_us;
-    const uint32_t board_elapsed = timestamp_us - board->last_timestamp_us;
-    const bool went_back = board_elapsed >= HALF_CLOCK_RANGE && elapsed < HALF_CLOCK_RANGE;
-    const uint32_t ahead = board_elapsed - elapsed;
-    const uint32_t difference = ahead < HALF_CLOCK_RANGE ? ahead : 0u - ahead;
-    return board->has_clock && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
-}
-
-void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
-{
-    struct taxel_unframed *unframed = &hub->unframed;
-    unframed->size = (uint16_t)size;
-    unframed->cycle = hub->job.cycle;
-    unframed->started_us = hub->job.started_us;
-    unframed->slot = hub->job.slot;
-    unframed->buffer = hub->job.buffer;
-    unframed->type = type;
-}
-
-void taxel_hub_keep_snapshot(struct taxel_hub *hub)
-{
-    const struct taxel_job *job = &hub->job;
-    if (!job->is_compact) {
-        taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
-        return;
-    }
-    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->buffer)[-1]);
-    taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
-}
-
-/* The board's clock of a snapshot. A coded one has 24 bits of it: the others follow from what the hub's clock says. */
-static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed, const uint8_t *bytes,
-                             bool is_coded)
-{
-    if (unframed->type == TAXEL_FRAME_TYPE_TAXELS) {
-        return taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
-    }
-    if (!is_coded) {
-        return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
-    }
-    const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
-    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW) << 8; /* and a byte that is not its */
-    return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
-}
-
-static bool try_forward(struct taxel_hub *hub, const struct taxel_hub_slot *board)
-{
-    const struct taxel_unframed *unframed = &hub->unframed;
-    uint8_t head[TAXEL_TAXEL_HEADER_SIZE];
-    const struct taxel_taxel_header header = {
-        .address = board->address,
-        .taxel_count = board->taxel_count,
-        .cycle = unframed->cycle,
-        .hub_time_us = unframed->started_us,
-    };
-    taxel_taxel_header_pack(&header, head);
-    return taxel_hub_try_send_buffer(hub, unframed->type, head,
-                                     unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head, unframed->buffer,
-                                     unframed->size);
-}
-
-/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that
- * takes nothing at all must not stop the hub. */
-static bool must_wait(struct taxel_hub *hub)
-{
-    struct taxel_unframed *unframed = &hub->unframed;
-    const uint16_t mark = (uint16_t)(hub->outbox.tail - hub->outbox.large_left);
-    const uint32_t now = taxel_hub_now(hub);
-    if (hub->uart_mark != mark) {
-        hub->uart_is_stalled = false;
-    }
-    if (!unframed->waits || hub->uart_mark != mark) {
-        unframed->waits_since_us = now;
-        hub->uart_mark = mark;
-    }
-    unframed->waits = true;
-    hub->uart_is_stalled = hub->uart_is_stalled || now - unframed->waits_since_us >= UART_STALL_US;
-    taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
-    return !hub->uart_is_stalled;
-}
-
-void taxel_hub_forward(struct taxel_hub *hub)
-{
-    struct taxel_unframed *unframed = &hub->unframed;
-    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, unframed->slot);
-    const bool is_taxels = unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO;
-    if (try_forward(hub, board)) {
-        board->forwarded += is_taxels;
-        hub->uart_is_stalled = false;
-    } else if (must_wait(hub)) {
-        return;
-    } else {
-        board->dropped += is_taxels;
-        hub->outbox.frames_dropped++;
-    }
-    unframed->waits = false;
-    unframed->size = 0;
-}
-
-/* False if it is not to be forwarded. */
-static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board)
-{
-    const struct taxel_unframed *unframed = &hub->unframed;
-    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->buffer);
-    if (!snapshot_is_whole(board, bytes, unframed->size)) {
-        if (!retry(hub, board)) {
-            board->crc_errors++;
-            taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_CRC);
-        }
-        return false;
-    }
-    const uint16_t sequence = taxel_get_u16(bytes); /* both kinds begin so */
-    const bool is_coded = unframed->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS &&
-                          !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] & TAXEL_COMPACT_WIDTH_MASK);
-    const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_coded);
-    succeed(hub, board);
-    if (!is_coded && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* one that was has no reference */
-        board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
-        board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may answer now */
-        board->has_sequence = false;
-        taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_RESTARTED);
-    }
-    board->has_clock = board->has_clock || !is_coded;
-    if (board->has_sequence && sequence == board->last_sequence) {
-        board->repeated++;
-        return false;
-    }
-    board->has_sequence = true;
-    board->last_sequence = sequence;
-    board->last_timestamp_us = timestamp_us;
-    board->last_read_us = unframed->started_us;
-    return true;
-}
-
-void taxel_hub_take_snapshot(struct taxel_hub *hub)
-{
-    struct taxel_hub_slot *board = taxel_hub_slot_at(hub, hub->unframed.slot);
-    if (hub->unframed.size == 0) { /* a compact snapshot of length 0 */
-        succeed(hub, board);
-        board->repeated++;
-    } else if (snapshot_is_news(hub, board)) {
-        taxel_hub_forward(hub);
-    } else {
-        hub->unframed.size = 0;
-    }
-}
-
 /* A poll that brought no snapshot. */
 static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     switch (result) {
     case TAXEL_I2C_NACK_ADDRESS:
     case TAXEL_I2C_NACK_DATA:
-        if (!retry(hub, board)) {
+        if (!taxel_hub_retry(hub, board)) {
             board->nacks++;
             taxel_hub_fail(hub, board, TAXEL_BOARD_FAULT_NACK);
         }
@@ -270,7 +106,7 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
         break;
     }
     const uint8_t bus_fault = taxel_hub_free_bus(hub);
-    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !retry(hub, board)) {
+    if (bus_fault != TAXEL_BOARD_FAULT_NONE || !taxel_hub_retry(hub, board)) {
         board->bus_errors++;
         taxel_hub_fail(hub, board, fault_of(result, bus_fault));
     }

@@ -1,15 +1,11 @@
 /* Which transfer comes next. One poll cycle: every known board once, then one board's clock, then a few probes for boards
  * that nobody has told us about. When not streaming, the hub sweeps the bus instead. */
-#include "codec/crc32.h"
 #include "hub/internal.h"
 
 #define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
 #define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
-#define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
-#define CLOCKS_PER_BYTE 9u
-#define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
 
 #define slot_at taxel_hub_slot_at
 
@@ -17,117 +13,6 @@ static bool buffer_is_free(const struct taxel_hub *hub, uint8_t buffer)
 {
     return !(hub->unframed.size && hub->unframed.buffer == buffer) &&
            !(hub->outbox.large_left && hub->outbox.large_buffer == buffer);
-}
-
-static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
-{
-    const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
-    const uint32_t byte_us = (2u * CLOCKS_PER_BYTE * 1000000u + scl_hz - 1u) / scl_hz;
-    return TIMEOUT_BASE_US + byte_us * (uint32_t)(ADDRESS_BYTES + bytes);
-}
-
-static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
-{
-    return hub->compact && board->has_compact;
-}
-
-/* Begin the transfer that hub->job describes so far: write_size, write_bytes; buffer is a free one. */
-static void launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
-{
-    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
-    struct taxel_job *job = &hub->job;
-    struct taxel_i2c_transfer transfer = {
-        .address = address,
-        .write_bytes = job->write_bytes,
-        .write_size = job->write_size,
-        .read_bytes = taxel_hub_bytes(hub, job->buffer),
-        .read_size = read_size,
-    };
-    if (kind == TAXEL_JOB_PASS_THROUGH) {
-        transfer.write_bytes = hub->inbox.payload + TAXEL_COMMAND_HEADER_SIZE + TAXEL_TRANSFER_ARGUMENTS_SIZE;
-        transfer.write_size = hub->command.transfer_size;
-    } else if (kind == TAXEL_JOB_WRITE_SETTINGS) {
-        transfer.write_bytes = transfer.read_bytes;
-    } else if (kind == TAXEL_JOB_READ_SETTINGS) {
-        transfer.read_bytes += TAXEL_IDENTITY_SIZE;
-    }
-    job->is_compact = kind == TAXEL_JOB_POLL && job->is_compact;
-    if (job->is_compact) {
-        transfer.read_bytes--;
-        transfer.counted = true;
-    }
-    hub->cycle.launched = true;
-    job->kind = kind;
-    job->slot = slot;
-    job->address = address;
-    job->cycle = hub->cycle.number;
-    job->read_size = (uint16_t)read_size;
-    hub->job_done = false;
-    job->started_us = taxel_hub_now(hub);
-    job->deadline_us = job->started_us + timeout_us(hub, transfer.write_size + read_size);
-    hal->i2c_start(hal->context, &transfer);
-}
-
-static void launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size)
-{
-    struct taxel_hub_slot *board = slot_at(hub, slot);
-    hub->job.write_size = 1;
-    hub->job.write_bytes[0] = pointer;
-    if (kind == TAXEL_JOB_POLL && board->pointer_is_snapshot) {
-        hub->job.write_size = 0;
-    }
-    board->pointer_is_snapshot = kind == TAXEL_JOB_POLL;
-    launch(hub, kind, slot, board->address, size);
-}
-
-static void launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address)
-{
-    hub->job.write_size = 0;
-    launch(hub, kind, slot, address, 0);
-}
-
-static void launch_poll(struct taxel_hub *hub, uint8_t slot)
-{
-    const struct taxel_hub_slot *board = slot_at(hub, slot);
-    hub->job.is_compact = polls_compact(hub, board);
-    if (hub->job.is_compact) {
-        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_COMPACT, 1u + taxel_hub_compact_max(board));
-    } else {
-        launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT,
-                    TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count);
-    }
-}
-
-/* What the host has to say to the board; false if it has nothing to say. */
-static bool launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
-{
-    struct taxel_hub_slot *board = slot_at(hub, slot);
-    uint8_t *bytes = hub->job.write_bytes;
-    if (!polls_compact(hub, board) || !(board->acknowledge || board->forget)) {
-        return false;
-    }
-    bytes[0] = TAXEL_REGISTER_COMPACT;
-    bytes[1] = 0;
-    if (board->acknowledge) {
-        taxel_put_u16(bytes + 1, board->reference);
-    }
-    hub->job.write_size = board->acknowledge ? 3u : 2u;
-    board->acknowledge = board->forget = false;
-    launch(hub, TAXEL_JOB_ACKNOWLEDGE, slot, board->address, 0);
-    return true;
-}
-
-static void launch_write_settings(struct taxel_hub *hub, uint8_t slot)
-{
-    struct taxel_hub_slot *board = slot_at(hub, slot);
-    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
-    bytes[0] = TAXEL_REGISTER_SETTINGS;
-    taxel_scan_settings_pack(&board->settings, bytes + 1);
-    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
-    taxel_put_u32(bytes + 1 + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32, crc);
-    hub->job.write_size = (uint8_t)(1u + TAXEL_SETTINGS_REGISTER_SIZE);
-    board->pointer_is_snapshot = false;
-    launch(hub, TAXEL_JOB_WRITE_SETTINGS, slot, board->address, 0);
 }
 
 /* A host that talks to boards, to those in their bootloaders above all, has the idle bus to itself. */
@@ -142,11 +27,11 @@ static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
     const struct taxel_hub_slot *board = slot_at(hub, slot);
     const bool is_new = board->state == TAXEL_BOARD_STATE_IDENTIFYING && !bus_is_the_hosts(hub);
     if (is_new || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_wanted)) {
-        launch_read(hub, TAXEL_JOB_IDENTIFY, slot, TAXEL_REGISTER_IDENTITY, TAXEL_IDENTITY_SIZE);
+        taxel_hub_launch_read(hub, TAXEL_JOB_IDENTIFY, slot, TAXEL_REGISTER_IDENTITY, TAXEL_IDENTITY_SIZE);
         return true;
     }
     if (board->state == TAXEL_BOARD_STATE_STREAMING && board->settings_dirty) {
-        launch_write_settings(hub, slot);
+        taxel_hub_launch_write_settings(hub, slot);
         return true;
     }
     return false;
@@ -167,7 +52,7 @@ static bool launch_retry(struct taxel_hub *hub)
     for (uint8_t i = 0; hub->retry_wanted && i < hub->slot_count; i++) {
         if (slot_at(hub, i)->retry) {
             slot_at(hub, i)->retry = false;
-            launch_poll(hub, i);
+            taxel_hub_launch_poll(hub, i);
             return true;
         }
     }
@@ -194,19 +79,19 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
         if (launch_upkeep(hub, slot)) {
             return LAUNCH_STARTED; /* and then this board's poll */
         }
-        if (board->state == TAXEL_BOARD_STATE_STREAMING && launch_acknowledge(hub, slot)) {
+        if (board->state == TAXEL_BOARD_STATE_STREAMING && taxel_hub_launch_acknowledge(hub, slot)) {
             return LAUNCH_STARTED;
         }
         cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
             board->polls++;
             board->attempts = 0;
-            launch_poll(hub, slot);
+            taxel_hub_launch_poll(hub, slot);
             return LAUNCH_STARTED;
         }
         if (board->state == TAXEL_BOARD_STATE_ABSENT) {
             board->polls++;
-            launch_probe(hub, TAXEL_JOB_PROBE_SLOT, slot, board->address);
+            taxel_hub_launch_probe(hub, TAXEL_JOB_PROBE_SLOT, slot, board->address);
             return LAUNCH_STARTED;
         }
     }
@@ -219,7 +104,7 @@ static bool launch_clock(struct taxel_hub *hub)
     for (uint8_t tried = 0; tried < hub->slot_count; tried++) {
         cycle->clock_slot = (uint8_t)((cycle->clock_slot + 1u) % hub->slot_count);
         if (slot_at(hub, cycle->clock_slot)->state == TAXEL_BOARD_STATE_STREAMING) {
-            launch_read(hub, TAXEL_JOB_CLOCK, cycle->clock_slot, TAXEL_REGISTER_CLOCK, sizeof(uint32_t));
+            taxel_hub_launch_read(hub, TAXEL_JOB_CLOCK, cycle->clock_slot, TAXEL_REGISTER_CLOCK, sizeof(uint32_t));
             return true;
         }
     }
@@ -240,7 +125,7 @@ static bool launch_unknown_probe(struct taxel_hub *hub)
         cycle->probe_address = next_address(cycle->probe_address);
         if (hub->slot_count < taxel_hub_config_of(hub)->slot_capacity &&
             taxel_hub_slot_of(hub, cycle->probe_address) == TAXEL_NO_SLOT) {
-            launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, TAXEL_NO_SLOT, cycle->probe_address);
+            taxel_hub_launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, TAXEL_NO_SLOT, cycle->probe_address);
             return true;
         }
     }
@@ -364,7 +249,7 @@ static bool launch_from_sweep(struct taxel_hub *hub)
     struct taxel_sweep *sweep = &hub->sweep;
     if (sweep->address <= TAXEL_ADDRESS_MAX) {
         const uint8_t address = sweep->address++;
-        launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, taxel_hub_slot_of(hub, address), address);
+        taxel_hub_launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, taxel_hub_slot_of(hub, address), address);
         return true;
     }
     end_sweep(hub);
@@ -398,7 +283,7 @@ static void launch_pass_through(struct taxel_hub *hub)
         slot_at(hub, slot)->pointer_is_snapshot = false;
     }
     hub->host_until_us = taxel_hub_now(hub) + HOST_BUS_US;
-    launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
+    taxel_hub_launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
 }
 
 void taxel_hub_start_next_job(struct taxel_hub *hub)
@@ -411,7 +296,7 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
     }
     if (slot != TAXEL_NO_SLOT) {
         hub->settings_read_slot = TAXEL_NO_SLOT; /* into the buffer of the transfer before, which has the identity */
-        launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
+        taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
         return;
     }
     hub->job.buffer = buffer_is_free(hub, 0) ? 0 : 1;

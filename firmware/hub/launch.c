@@ -1,0 +1,118 @@
+/* How each kind of transfer begins: what is written, what is read, into which buffer, by when. */
+#include "codec/crc32.h"
+#include "hub/internal.h"
+
+#define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
+#define CLOCKS_PER_BYTE 9u
+#define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
+
+#define slot_at taxel_hub_slot_at
+
+static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
+{
+    const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
+    const uint32_t byte_us = (2u * CLOCKS_PER_BYTE * 1000000u + scl_hz - 1u) / scl_hz;
+    return TIMEOUT_BASE_US + byte_us * (uint32_t)(ADDRESS_BYTES + bytes);
+}
+
+static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    return hub->compact && board->has_compact;
+}
+
+void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
+{
+    const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
+    struct taxel_job *job = &hub->job;
+    struct taxel_i2c_transfer transfer = {
+        .address = address,
+        .write_bytes = job->write_bytes,
+        .write_size = job->write_size,
+        .read_bytes = taxel_hub_bytes(hub, job->buffer),
+        .read_size = read_size,
+    };
+    if (kind == TAXEL_JOB_PASS_THROUGH) {
+        transfer.write_bytes = hub->inbox.payload + TAXEL_COMMAND_HEADER_SIZE + TAXEL_TRANSFER_ARGUMENTS_SIZE;
+        transfer.write_size = hub->command.transfer_size;
+    } else if (kind == TAXEL_JOB_WRITE_SETTINGS) {
+        transfer.write_bytes = transfer.read_bytes;
+    } else if (kind == TAXEL_JOB_READ_SETTINGS) {
+        transfer.read_bytes += TAXEL_IDENTITY_SIZE;
+    }
+    job->is_compact = kind == TAXEL_JOB_POLL && job->is_compact;
+    if (job->is_compact) {
+        transfer.read_bytes--;
+        transfer.counted = true;
+    }
+    hub->cycle.launched = true;
+    job->kind = kind;
+    job->slot = slot;
+    job->address = address;
+    job->cycle = hub->cycle.number;
+    job->read_size = (uint16_t)read_size;
+    hub->job_done = false;
+    job->started_us = taxel_hub_now(hub);
+    job->deadline_us = job->started_us + timeout_us(hub, transfer.write_size + read_size);
+    hal->i2c_start(hal->context, &transfer);
+}
+
+void taxel_hub_launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    hub->job.write_size = 1;
+    hub->job.write_bytes[0] = pointer;
+    if (kind == TAXEL_JOB_POLL && board->pointer_is_snapshot) {
+        hub->job.write_size = 0;
+    }
+    board->pointer_is_snapshot = kind == TAXEL_JOB_POLL;
+    taxel_hub_launch(hub, kind, slot, board->address, size);
+}
+
+void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address)
+{
+    hub->job.write_size = 0;
+    taxel_hub_launch(hub, kind, slot, address, 0);
+}
+
+void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)
+{
+    const struct taxel_hub_slot *board = slot_at(hub, slot);
+    hub->job.is_compact = polls_compact(hub, board);
+    if (hub->job.is_compact) {
+        taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_COMPACT, 1u + taxel_hub_compact_max(board));
+    } else {
+        taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT,
+                    TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count);
+    }
+}
+
+bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    uint8_t *bytes = hub->job.write_bytes;
+    if (!polls_compact(hub, board) || !(board->acknowledge || board->forget)) {
+        return false;
+    }
+    bytes[0] = TAXEL_REGISTER_COMPACT;
+    bytes[1] = 0;
+    if (board->acknowledge) {
+        taxel_put_u16(bytes + 1, board->reference);
+    }
+    hub->job.write_size = board->acknowledge ? 3u : 2u;
+    board->acknowledge = board->forget = false;
+    taxel_hub_launch(hub, TAXEL_JOB_ACKNOWLEDGE, slot, board->address, 0);
+    return true;
+}
+
+void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
+    bytes[0] = TAXEL_REGISTER_SETTINGS;
+    taxel_scan_settings_pack(&board->settings, bytes + 1);
+    const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);
+    taxel_put_u32(bytes + 1 + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32, crc);
+    hub->job.write_size = (uint8_t)(1u + TAXEL_SETTINGS_REGISTER_SIZE);
+    board->pointer_is_snapshot = false;
+    taxel_hub_launch(hub, TAXEL_JOB_WRITE_SETTINGS, slot, board->address, 0);
+}
