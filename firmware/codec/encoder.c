@@ -1,5 +1,7 @@
 #include "codec/encoder.h"
 
+#include <stdbool.h>
+
 #include "codec/crc32.h"
 #include "generated/taxel_protocol.h"
 
@@ -9,42 +11,54 @@ size_t taxel_encoded_size_max(size_t payload_length)
     return body + body / 254u + 1u + 2u;
 }
 
-static void emit(struct taxel_encoder *encoder, uint8_t byte)
+#define FULL_BLOCK 0xFFu
+
+static uint8_t *after(const struct taxel_encoder *encoder, uint8_t *at)
 {
-    encoder->ring[encoder->position] = byte;
-    encoder->position = encoder->position + 1u == encoder->capacity ? 0u : encoder->position + 1u;
-    encoder->written++;
+    return at + 1 == encoder->limit ? encoder->ring : at + 1;
 }
 
-static void open_block(struct taxel_encoder *encoder)
+/* The place of a block's code is left open until the block is closed. */
+static uint8_t *open_block(struct taxel_encoder *encoder, uint8_t *at)
 {
-    encoder->code_position = encoder->position;
-    encoder->code = 1;
-    emit(encoder, 0);
+    encoder->code_at = at;
+    return after(encoder, at);
 }
 
-static void stuff(struct taxel_encoder *encoder, uint8_t byte)
+static void put(struct taxel_encoder *encoder, uint8_t byte)
 {
-    /* A full block is closed only when more follows, so that a frame never ends with an empty block. */
-    if (encoder->code == 0xFFu) {
-        encoder->ring[encoder->code_position] = encoder->code;
-        open_block(encoder);
-    }
-    if (byte == 0) {
-        encoder->ring[encoder->code_position] = encoder->code;
-        open_block(encoder);
-        return;
-    }
-    emit(encoder, byte);
-    encoder->code++;
+    *encoder->at = byte;
+    encoder->at = after(encoder, encoder->at);
 }
 
+/* What every byte changes stays out of memory: on a Cortex-M0 that is much of the work. */
 static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
-    for (size_t i = 0; i < size; i++) {
-        stuff(encoder, (uint8_t)(bytes[i] ^ encoder->whitening));
-        encoder->whitening = (uint8_t)(TAXEL_WHITENING_FACTOR * encoder->whitening + TAXEL_WHITENING_INCREMENT);
+    uint8_t *at = encoder->at;
+    uint8_t *const limit = encoder->limit;
+    uint32_t whitening = encoder->whitening, code = encoder->code;
+    for (const uint8_t *const end = bytes + size; bytes != end;) {
+        const uint8_t byte = (uint8_t)(*bytes ^ whitening);
+        /* A full block is closed only when more follows, so that a frame never ends with an empty block. */
+        if (code == FULL_BLOCK || byte == 0) {
+            *encoder->code_at = (uint8_t)code;
+            at = open_block(encoder, at);
+            const bool is_full = code == FULL_BLOCK;
+            code = 1;
+            if (is_full) {
+                continue; /* the byte is still to come, and may be a zero */
+            }
+        } else {
+            *at++ = byte;
+            at = at == limit ? encoder->ring : at;
+            code++;
+        }
+        bytes++;
+        whitening = TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT; /* its low byte counts */
     }
+    encoder->at = at;
+    encoder->whitening = (uint8_t)whitening;
+    encoder->code = (uint8_t)code;
 }
 
 void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t capacity, size_t position, uint8_t type,
@@ -52,16 +66,16 @@ void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t ca
 {
     uint8_t header[TAXEL_FRAME_HEADER_SIZE];
     encoder->ring = ring;
-    encoder->capacity = capacity;
-    encoder->position = position;
-    encoder->written = 0;
+    encoder->limit = ring + capacity;
+    encoder->at = encoder->start = ring + position;
     encoder->crc = 0;
+    encoder->code = 1;
     encoder->whitening = (uint8_t)TAXEL_WHITENING_SEED;
     header[0] = type;
     taxel_put_u16(header + 1, sequence);
     taxel_put_u16(header + 3, payload_length);
-    emit(encoder, 0);
-    open_block(encoder);
+    put(encoder, 0);
+    encoder->at = open_block(encoder, encoder->at);
     taxel_encoder_put(encoder, header, sizeof header);
 }
 
@@ -76,7 +90,13 @@ size_t taxel_encoder_end(struct taxel_encoder *encoder)
     uint8_t crc[TAXEL_FRAME_CRC_SIZE];
     taxel_put_u32(crc, encoder->crc);
     put_body(encoder, crc, sizeof crc);
-    encoder->ring[encoder->code_position] = encoder->code;
-    emit(encoder, 0);
-    return encoder->written;
+    *encoder->code_at = encoder->code;
+    put(encoder, 0);
+    const ptrdiff_t written = encoder->at - encoder->start;
+    return (size_t)(written > 0 ? written : written + (encoder->limit - encoder->ring));
+}
+
+size_t taxel_encoder_position(const struct taxel_encoder *encoder)
+{
+    return (size_t)(encoder->at - encoder->ring);
 }

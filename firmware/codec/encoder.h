@@ -7,11 +7,8 @@
 
 /* Writes into a ring of any size (a plain buffer is a ring that does not wrap). Only the encoder touches its members. */
 struct taxel_encoder {
-    uint8_t *ring;
-    size_t capacity;
-    size_t position;
-    size_t code_position;
-    size_t written;
+    uint8_t *ring, *limit;
+    uint8_t *start, *at, *code_at;
     uint32_t crc;
     uint8_t code;
     uint8_t whitening;
@@ -27,5 +24,8 @@ void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size
 
 /* Finish the frame; returns its bytes on the wire. */
 size_t taxel_encoder_end(struct taxel_encoder *encoder);
+
+/* Where in the ring the next byte would go. */
+size_t taxel_encoder_position(const struct taxel_encoder *encoder);
 
 #endif

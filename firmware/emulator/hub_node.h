@@ -11,7 +11,7 @@
 
 #define HUB_SLOTS 32u
 #define HUB_TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX))
-#define HUB_TRANSMIT_RING 256u
+#define HUB_TRANSMIT_RING 288u
 
 struct hub_node {
     struct boot_node boot;

@@ -287,7 +287,7 @@ static void check_encoded_again(size_t wrap)
         taxel_encoder_begin(&encoder, ring, sizeof ring, wrap % sizeof ring, frames[i].type, frames[i].sequence, frames[i].length);
         taxel_encoder_put(&encoder, payload, half);
         taxel_encoder_put(&encoder, payload + half, frames[i].length - half);
-        FUZZ_CHECK(taxel_encoder_end(&encoder) == size && encoder.position == (wrap % sizeof ring + size) % sizeof ring);
+        FUZZ_CHECK(taxel_encoder_end(&encoder) == size && taxel_encoder_position(&encoder) == (wrap % sizeof ring + size) % sizeof ring);
         for (size_t n = 0; n < size; n++) {
             again[n] = ring[(wrap + n) % sizeof ring];
         }

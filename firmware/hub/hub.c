@@ -97,14 +97,10 @@ static void run_to_the_end(struct taxel_hub *hub)
 
 TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
 {
-    const uint32_t now = taxel_hub_now(hub);
     if (hub->restart_wanted) { /* nothing new is begun; what has been said goes out first */
         run_to_the_end(hub);
         return;
     }
-    move_along(now, &hub->bus_down_until_us);
-    move_along(now, &hub->host_until_us);
-    move_along(now, &hub->sweep.next_us);
     if (hub->unframed.waits) {
         taxel_hub_forward(hub);
     }
@@ -114,8 +110,11 @@ TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
+    const uint32_t now = taxel_hub_now(hub); /* not asked before: until a transfer begins, the bus waits */
+    move_along(now, &hub->bus_down_until_us);
+    move_along(now, &hub->host_until_us);
+    move_along(now, &hub->sweep.next_us);
     if (hub->job.kind != TAXEL_JOB_NONE) { /* each pass uses up the calls that were asked for before */
-        const uint32_t later = taxel_hub_now(hub);
-        taxel_hub_wake_in(hub, taxel_hub_has_come(later, hub->job.deadline_us) ? 0 : hub->job.deadline_us - later);
+        taxel_hub_wake_in(hub, taxel_hub_has_come(now, hub->job.deadline_us) ? 0 : hub->job.deadline_us - now);
     }
 }

@@ -107,7 +107,8 @@ struct taxel_unframed {
     uint8_t slot;
     uint8_t buffer;
     uint8_t type; /* of the frame that it becomes */
-    bool waits;   /* it is right, but has no place yet */
+    bool is_judged : 1;
+    bool waits : 1; /* it is right, but has no place yet */
     uint32_t waits_since_us; /* or since the UART last took a byte */
 };
 
@@ -129,6 +130,7 @@ struct taxel_cycle {
     uint32_t count;
     uint32_t last_length_us;
     uint32_t period_us;
+    uint32_t upkept_us; /* when a cycle last read a clock and probed */
     uint64_t started_us;
 };
 

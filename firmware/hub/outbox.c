@@ -97,7 +97,7 @@ bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head
     taxel_encoder_put(&encoder, head, head_size);
     taxel_encoder_put(&encoder, tail, tail_size);
     count(hub, taxel_encoder_end(&encoder));
-    outbox->head = (uint16_t)encoder.position;
+    outbox->head = (uint16_t)taxel_encoder_position(&encoder);
     config->hal->uart_kick(config->hal->context);
     return true;
 }

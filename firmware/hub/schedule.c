@@ -1,8 +1,9 @@
-/* Which transfer comes next. One poll cycle: every known board once, then one board's clock, then a few probes for boards
- * that nobody has told us about. When not streaming, the hub sweeps the bus instead. */
+/* Which transfer comes next. One poll cycle: every known board once, then, unless that was done a moment ago, one board's clock
+ * and a few probes for boards that nobody has told us about. When not streaming, the hub sweeps the bus instead. */
 #include "hub/internal.h"
 
-#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 cycles for 0.1 ms of bus a cycle */
+#define UPKEEP_PERIOD_US 50000u  /* a clock and the probes at most so often: in every cycle of 17 boards at 400 kHz */
+#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 such cycles for 0.1 ms of bus each */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
 #define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
@@ -60,6 +61,18 @@ static bool launch_retry(struct taxel_hub *hub)
     return false;
 }
 
+/* One clock and a few probes, which are a twentieth of a fast cycle, need not be in every one. */
+static bool upkeep_is_due(const struct taxel_hub *hub)
+{
+    const struct taxel_cycle *cycle = &hub->cycle;
+    return !cycle->launched || taxel_hub_now(hub) - cycle->upkept_us >= UPKEEP_PERIOD_US;
+}
+
+static bool is_unjudged(const struct taxel_hub *hub)
+{
+    return hub->unframed.size && !hub->unframed.is_judged;
+}
+
 /* LAUNCH_WAIT: there is a poll to make, but not now. */
 enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
 
@@ -69,7 +82,7 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     while (cycle->position < hub->slot_count) {
         const uint8_t slot = cycle->position;
         struct taxel_hub_slot *board = slot_at(hub, slot);
-        if (hub->unframed.size && hub->unframed.slot == slot) {
+        if (is_unjudged(hub) && hub->unframed.slot == slot) {
             return LAUNCH_WAIT; /* its last snapshot is judged first: it may want a second attempt */
         }
         if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
@@ -95,7 +108,8 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
             return LAUNCH_STARTED;
         }
     }
-    return LAUNCH_NOTHING;
+    /* Nothing else comes between the last board's snapshot and the next cycle, to which its second attempt would belong. */
+    return is_unjudged(hub) && !upkeep_is_due(hub) ? LAUNCH_WAIT : LAUNCH_NOTHING;
 }
 
 static bool launch_clock(struct taxel_hub *hub)
@@ -163,6 +177,11 @@ static void launch_from_cycle(struct taxel_hub *hub)
             if (launched != LAUNCH_NOTHING) {
                 return;
             }
+            if (!upkeep_is_due(hub)) {
+                end_cycle(hub);
+                break;
+            }
+            cycle->upkept_us = taxel_hub_now(hub);
             cycle->stage = TAXEL_STAGE_CLOCK;
             break;
         case TAXEL_STAGE_CLOCK:
@@ -286,12 +305,24 @@ static void launch_pass_through(struct taxel_hub *hub)
     taxel_hub_launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
 }
 
+/* Recovery has left a fault a moment ago. Without one the clock, which takes its time, is not asked. */
+static bool bus_is_down(const struct taxel_hub *hub)
+{
+    if (hub->bus_fault == TAXEL_BOARD_FAULT_NONE) {
+        return false;
+    }
+    const uint32_t now = taxel_hub_now(hub);
+    if (taxel_hub_has_come(now, hub->bus_down_until_us)) {
+        return false;
+    }
+    taxel_hub_wake_in(hub, hub->bus_down_until_us - now);
+    return true;
+}
+
 void taxel_hub_start_next_job(struct taxel_hub *hub)
 {
-    const uint32_t now = taxel_hub_now(hub);
     const uint8_t slot = hub->settings_read_slot;
-    if (!taxel_hub_has_come(now, hub->bus_down_until_us)) {
-        taxel_hub_wake_in(hub, hub->bus_down_until_us - now);
+    if (bus_is_down(hub)) {
         return;
     }
     if (slot != TAXEL_NO_SLOT) {

@@ -36,6 +36,7 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->slot = hub->job.slot;
     unframed->buffer = hub->job.buffer;
     unframed->type = type;
+    unframed->is_judged = false;
 }
 
 void taxel_hub_keep_snapshot(struct taxel_hub *hub)
@@ -159,9 +160,14 @@ void taxel_hub_take_snapshot(struct taxel_hub *hub)
     if (hub->unframed.size == 0) { /* a compact snapshot of length 0 */
         taxel_hub_succeed(hub, board);
         board->repeated++;
-    } else if (snapshot_is_news(hub, board)) {
-        taxel_hub_forward(hub);
-    } else {
+    } else if (!snapshot_is_news(hub, board)) {
         hub->unframed.size = 0;
+    }
+    hub->unframed.is_judged = true;
+    if (hub->job.kind == TAXEL_JOB_NONE) {
+        taxel_hub_start_next_job(hub); /* one that waited for the judgement does not wait for the frame */
+    }
+    if (hub->unframed.size) {
+        taxel_hub_forward(hub);
     }
 }

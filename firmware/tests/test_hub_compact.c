@@ -251,7 +251,7 @@ static void what_is_not_new_is_not_sent(void)
     listen(10);
     const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
     CHECK_BETWEEN(after.repeated - before.repeated, 4, 5); /* one may have met a reading of the clock */
-    CHECK_EQUAL(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10);
+    CHECK_BETWEEN(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10, 11); /* the next one may be under way */
     end();
 }
 

@@ -218,8 +218,9 @@ static void a_foreign_device_is_recognised_and_left_alone(void)
 static void a_foreign_device_is_believed_at_its_third_answer(void)
 {
     begin(2);
+    fake.hub.cycle.period_us = 50000u; /* addresses are looked at in every cycle */
     fake_hub_add(&fake, 0x1C, NULL)->foreign = 0xA5;
-    CHECK(fake_hub_run_cycles(&fake, 70));
+    CHECK(fake_hub_run_cycles(&fake, 40));
     CHECK_EQUAL(slot(0x1C).state, TAXEL_BOARD_STATE_INCOMPATIBLE);
     CHECK_EQUAL(slot(0x1C).crc_errors, 3);
     end();

@@ -134,9 +134,10 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
     """Fields of any frame that may be sent."""
     kind = draw(st.sampled_from(list(FRAMES)))
     payload = draw(taxel_fields() if kind == FrameType.TAXELS else values_of(FRAMES[kind].payload))
-    if kind == FrameType.COMPACT_TAXELS:
-        fixed = len(FRAMES[kind].payload.build(payload | {"rest": b""}))
-        payload["rest"] = payload["rest"].ljust(FRAMES[kind].minimum - fixed, b"\0")
+    tail = next((part.name for part in FRAMES[kind].payload.subcons if part.subcon is GreedyBytes), None)
+    if tail is not None:
+        fixed = len(FRAMES[kind].payload.build(payload | {tail: b""}))
+        payload[tail] = payload[tail].ljust(FRAMES[kind].minimum - fixed, b"\0")[: FRAMES[kind].maximum - fixed]
     if FRAMES[kind].has_address:
         inner = payload.get("header", payload)
         inner["address"] = ADDRESS_MIN + inner["address"] % (ADDRESS_MAX - ADDRESS_MIN + 1)

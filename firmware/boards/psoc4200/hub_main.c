@@ -14,7 +14,7 @@
 
 #define SLOTS 17u /* boards of the hand */
 #define TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_MIN + 2u * BOARD_TAXELS_MAX + 3u) & ~3u)
-#define TRANSMIT_RING 256u /* a frame of status, or of 25 taxels, and the reserve for answers */
+#define TRANSMIT_RING 288u /* a frame of status, or of 30 taxels, and the reserve for answers */
 #define NEVER UINT64_MAX
 
 static struct taxel_hub hub;

@@ -86,7 +86,7 @@ def judge_verdict(
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
     if not names or (named < NAMED and not local):
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
-    said = "; ".join(f"{name.replace('_', ' ')} ({WORDS[name]})" for name in names)
+    said = "; ".join(_in_words(name) for name in names)
     less = f"{100 * held.shrink.value:.0f} % less with {said}"
     if not (within and local) and not _is_enough(selection, held, margin):
         line = f"Partly explained: {size}, {less}; the rest is unknown."
@@ -98,6 +98,12 @@ def judge_verdict(
             "partly_explained", (*names, UNKNOWN), f"{line}change of amplitude: press a force ladder.", margin
         )
     return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
+
+
+def _in_words(name: str) -> str:
+    """The name, and what it is, if somebody has said so: a user's own effect needs no entry."""
+    plain = name.replace("_", " ")
+    return f"{plain} ({WORDS[name]})" if name in WORDS else plain
 
 
 def _is_enough(selection: Selection, held: HeldOut, margin: float) -> bool:

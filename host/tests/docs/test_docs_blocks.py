@@ -22,6 +22,7 @@ import typer
 from host.tests.command_line import exit_status
 from host.tests.docs.page_blocks import COMMAND, REASONS, ROOT, Block, blocks_of, pages, runs_elsewhere
 from taxel.cli.main import app
+from taxel.gap import catalogue
 
 ALL = os.environ.get("TAXEL_DOCS") == "all"
 STATUS = re.compile(r"# exit status (\d)")
@@ -97,6 +98,7 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
 def test_a_pages_blocks_run_in_their_order(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(catalogue, "CATALOGUE", catalogue.CATALOGUE)  # a page's effects are nobody else's
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
     namespace: dict[str, object] = {"__name__": "__main__"}
     for block in blocks_of(page):
@@ -111,6 +113,9 @@ def test_a_pages_blocks_run_in_their_order(page, tmp_path, monkeypatch):
         elif block.language == "sh" and (ALL or block.how != "root"):
             for line in lines_of(block.text):
                 run_line(line, ROOT if block.how == "root" else tmp_path, environment)
+    for name, module in [*sys.modules.items()]:  # nor are its files
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.mark.parametrize("page", pages(), ids=named)

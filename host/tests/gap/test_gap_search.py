@@ -8,6 +8,7 @@ import pytest
 from taxel.gap.catalogue import CATALOGUE, chosen
 from taxel.gap.confounding import confounded_with
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.identify import likenesses
 from taxel.gap.judge import Score
 from taxel.gap.pair import read_pair
@@ -56,6 +57,16 @@ def test_a_change_of_amplitude_without_anything_to_compare_it_with_stays_unknown
     assert "stiffness" in {named, *whole["confounded_with"].get(named, [])}
     assert "unknown" in without["effects"]
     assert "stiffness" not in without["effects"]
+
+
+def test_an_effect_of_ones_own_is_named_without_further_words(world, tmp_path, monkeypatch):
+    class Mine(Stiffness):
+        name = "my_own"
+
+    monkeypatch.setattr("taxel.gap.catalogue.CATALOGUE", {**CATALOGUE, "my_own": (Mine("hand"),)})
+    verdict = diagnose(*world(tmp_path, effect=harder), without=("stiffness", "gain_mismatch")).report["verdict"]
+    assert verdict["effects"][0] == "my_own"
+    assert "my own" in verdict["one_line"]
 
 
 def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):

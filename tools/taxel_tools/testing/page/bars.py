@@ -6,6 +6,7 @@ Positions along x are per cent of the cell. The numbers stand beside them, hence
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 
 from taxel.gap.page.bars import HEIGHT, MIDDLE, Axis, picture
@@ -26,16 +27,21 @@ def axis_of(limit: Limit, values: Iterable[Value]) -> Axis:
     if low is None and high is None:
         return Axis.over(known)
     if low is not None and high is not None:
-        width = (high - low) or abs(high) or 1.0
+        width = _wide_enough((high - low) or abs(high) or 1.0, low, high)
         start, end = low - _MARGIN * width, high + _MARGIN * width
     elif high is not None:
-        width = high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0
+        width = _wide_enough(high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0, least, high)
         start, end = high - width, high + _MARGIN * width
     else:
         bound = 0.0 if low is None else low
-        width = max(abs(largest - bound), abs(bound)) or 1.0
+        width = _wide_enough(max(abs(largest - bound), abs(bound)) or 1.0, bound, largest)
         start, end = (0.0 if bound > 0 and least >= 0 else bound - _MARGIN * width), bound + (1.0 + _EDGE) * width
     return Axis(max(min(start, least), start - _FARTHEST * width), min(max(end, largest), end + _FARTHEST * width))
+
+
+def _wide_enough(width: float, *ends: float) -> float:
+    """A width that a margin of it can be told from nothing beside these ends: floats are only so dense."""
+    return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
 
 def value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
