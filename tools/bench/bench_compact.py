@@ -48,7 +48,8 @@ def rate(hand: Hand, sigma: float) -> float:
 
 def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
     bits = 8.0 * (tally.coded + tally.packed) / (tally.cycles * hand.n_taxels)
-    detail = f"{bits:.3f} bits a taxel of {entropy:.3f}; the bus alone allows {SCL_HZ / tally.clocks(len(hand.boards)):.1f} Hz"
+    hertz = SCL_HZ / tally.clocks(len(hand.boards))
+    detail = f"{bits:.3f} bits a taxel of {entropy:.3f}; the bus alone allows {hertz:.1f} Hz"
     return Figure(f"compact frames, {name}", MOST * entropy / bits, 1.0, f"{MOST:g} times the entropy", detail)
 
 

@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 MODULES = (
-    "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign", "press", "sim",
-    "monitor", "control_loop",
+    "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign", "press",
+    "sim", "monitor", "control_loop",
 )  # fmt: skip
 
 
