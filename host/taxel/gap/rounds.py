@@ -15,6 +15,7 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, Effect
+from taxel.gap.effects.noise import Noise
 from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
 from taxel.gap.trial import LEVEL, Round, Trial
@@ -206,14 +207,14 @@ def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
 def cross_validated(judge: Judge, trial: Trial) -> Trial:
     """The same trial with what each part is predicted to be by the others."""
     held, parts = judge.cross_validated(trial.chain, FIXED)
-    if trial.name == DROPOUT and len(trial.chain.links) > 1:
+    if trial.name == DROPOUT and any(name not in (DROPOUT, Noise.name) for name in trial.chain.names):
         held = _found_elsewhere(judge, trial.chain, held)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
 
 
 def _found_elsewhere(judge: Judge, chain: Chain, held: Array) -> Array:
-    """Each part with what does not answer in the others: beside another effect, what does not answer in one press alone
-    may be what that effect leaves. held: f64[C, F, n], as `Judge.cross_validated` gives it.
+    """Each part with what does not answer in the others: beside another effect on drops, what does not answer in one
+    press alone may be what that effect leaves. held: f64[C, F, n], as `Judge.cross_validated` gives it.
     """
     result = held.copy()
     others = chain.without(DROPOUT)
