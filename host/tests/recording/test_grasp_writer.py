@@ -1,14 +1,17 @@
 """What goes in comes out, mistakes are refused before anything is written, and a kill costs one grasp at most."""
 
+import ctypes
 import os
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
 import h5py
 import numpy as np
 import pytest
+from h5py._objects import phil
 
 from taxel.recording import (
     DatasetError,
@@ -134,6 +137,39 @@ def test_the_same_content_gives_the_same_bytes(tmp_path):
     time.sleep(1.1)  # HDF5's own time stamps have a resolution of one second
     assert write(tmp_path / "two.h5", 3, "sim").read_bytes() == one
     assert write(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != one
+
+
+def test_hdf5_is_called_by_one_thread_at_a_time(tmp_path, monkeypatch):
+    """Files made by two threads at once are whole and the same: the calls beside h5py hold its lock too."""
+    free = []
+
+    def is_free():
+        taken = phil.acquire(False)
+        if taken:
+            phil.release()
+        return taken
+
+    class Watched:
+        def __init__(self, function):
+            self._function = function
+
+        def __call__(self, *arguments):
+            self._function.argtypes = self.argtypes
+            free.append(others.submit(is_free).result())
+            return self._function(*arguments)
+
+    class Library:
+        def __init__(self, name):
+            self._library = load(name)
+
+        def __getattr__(self, name):
+            return Watched(getattr(self._library, name))
+
+    load = ctypes.CDLL
+    monkeypatch.setattr(ctypes, "CDLL", Library)
+    with ThreadPoolExecutor(1) as others:
+        write(tmp_path / "x.h5")
+    assert free == [False, False]
 
 
 def test_an_existing_file_is_not_overwritten_unasked(tmp_path):
