@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from taxel.campaign.setup import Setup
 from taxel.generate.grasping import ShardMaker
+from taxel.generate.one_thread import one_thread
 from taxel.generate.recipe import HAND, Recipe
 from taxel.hand import load_hand
 from taxel.recording.grasp_checks import Place
@@ -60,7 +60,7 @@ def grasp_id(number: int) -> str:
 
 def make_shard(recipe: Recipe, shard: int) -> bytes:
     """A whole shard, as the bytes of its file. The same recipe and number give the same bytes, whoever makes it."""
-    with threadpool_limits(limits=1), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+    with one_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / shard_name(shard, recipe.shards)
         _write(recipe, shard, path)
         return path.read_bytes()

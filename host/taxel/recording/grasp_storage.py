@@ -28,6 +28,7 @@ from typing import Any, NoReturn
 import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 from h5py import h5f, h5g, h5p
+from h5py._objects import phil  # type: ignore[import-untyped, unused-ignore]
 from numpy.typing import NDArray
 
 from taxel.hand.errors import shown
@@ -106,7 +107,8 @@ def create_grasps_group(parent: Any) -> None:
     """The group ``/grasps``, whose links all stand in its object header. Made first, to lie in the first page."""
     properties = _group_properties()
     # h5py does not offer these two calls; its own library has them. Where it cannot be asked, HDF5's default layout
-    # is as readable, and only the window of a kill becomes longer.
+    # is as readable, and only the window of a kill becomes longer. HDF5 bears one thread at a time: without h5py's lock
+    # a call beside another thread's fails, or breaks both.
     try:
         library = ctypes.CDLL(h5py.defs.__file__)
         for function, a, b in (
@@ -114,7 +116,8 @@ def create_grasps_group(parent: Any) -> None:
             (library.H5Pset_est_link_info, ROOM_FOR_GRASPS, _GRASP_NAME_BYTES),
         ):
             function.argtypes = (ctypes.c_int64, ctypes.c_uint, ctypes.c_uint)
-            function(properties.id, a, b)
+            with phil:
+                function(properties.id, a, b)
     except (OSError, AttributeError):
         pass
     h5g.create(parent.id, b"grasps", None, properties)

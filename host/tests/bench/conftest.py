@@ -27,8 +27,8 @@ SHORTER = {"seconds = 13.0": "seconds = 3.0", "steps = 12": "steps = 4", "taxels
 
 @pytest.fixture(autouse=True)
 def looks_seldom(monkeypatch):
-    """Emulated links are looked at every 10 ms: half the work."""
-    monkeypatch.setattr(uart, "STEP_S", 0.01)
+    """Emulated links are looked at every 30 ms: a third of the work."""
+    monkeypatch.setattr(uart, "STEP_S", 0.03)
 
 
 def url_of(*words: str, address: int = ADDRESS, wire: str = "hub", seed: int = 1) -> str:

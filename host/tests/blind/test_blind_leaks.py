@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+from taxel.blind import making
 from taxel.blind.drawing import Shape, drawn_worlds
 from taxel.blind.hidden import Cause, Hidden
 from taxel.blind.kinds import INSIDE, OUTSIDE
@@ -35,6 +37,7 @@ def made(tmp_path_factory):
     folders = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")
+        patch.setattr(making, "SimPressSettings", partial(making.SimPressSettings, repeats=2))
         for name, causes in hidden.items():
             folders[name] = tmp_path_factory.mktemp("world")
             own = replace(world, hidden=Hidden(name, causes, world.hidden.nuisances), salt=name)

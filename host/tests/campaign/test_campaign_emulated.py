@@ -92,19 +92,10 @@ def test_two_processes_make_the_same_content(whole, plan, settings, tmp_path):
     assert content(tmp_path / "real.h5") == content(whole[0])
 
 
-def test_a_campaign_that_was_cut_goes_on_to_the_same_content(whole, plan, settings, setup, tmp_path):
+def test_a_killed_campaign_leaves_a_whole_file_and_goes_on_to_the_same_content(
+    whole, plan, settings, setup, timeline, tmp_path
+):
     path, told = tmp_path / "real.h5", []
-    run_emulated(path, plan[:1], settings, setup, jobs=1)
-    run_emulated(path, plan, settings, setup, jobs=1, resume=True, progress=lambda done, of: told.append((done, of)))
-    assert content(path) == content(whole[0])
-    assert told == [(1, 2), (2, 2)]
-    before = path.read_bytes()
-    run_emulated(path, plan, settings, setup, resume=True)
-    assert path.read_bytes() == before
-
-
-def test_a_killed_campaign_leaves_a_whole_file_and_goes_on(whole, plan, settings, setup, timeline, tmp_path):
-    path = tmp_path / "real.h5"
     code = "from taxel.grasp.timeline import Timeline\n" + CUT.format(
         plan=f"({_source(plan)})", timeline=repr(timeline)
     )
@@ -114,8 +105,12 @@ def test_a_killed_campaign_leaves_a_whole_file_and_goes_on(whole, plan, settings
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == (plan[0].id,)
-    run_emulated(path, plan, settings, setup, jobs=1, resume=True)
+    run_emulated(path, plan, settings, setup, jobs=1, resume=True, progress=lambda done, of: told.append((done, of)))
     assert content(path) == content(whole[0])
+    assert told == [(1, 2), (2, 2)]
+    before = path.read_bytes()
+    run_emulated(path, plan, settings, setup, resume=True)
+    assert path.read_bytes() == before
 
 
 def _source(plan) -> str:

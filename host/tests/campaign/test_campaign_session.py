@@ -104,10 +104,6 @@ def test_the_object_is_believed_where_it_nominally_stands_while_it_truly_stands_
     assert np.abs(one - two).max() > 100
 
 
-def test_the_same_seed_gives_identical_arrays(alone, setup, two_of_one_session, settings):
-    assert same(alone, run_session(setup, two_of_one_session[:1], settings))
-
-
 def test_another_seed_gives_others(alone, setup, two_of_one_session, settings):
     other = run_session(setup, two_of_one_session[:1], replace(settings, seed=2))[0]
     assert (other.raw_counts != alone[0].raw_counts[: len(other.raw_counts)]).any()
@@ -121,7 +117,9 @@ def test_a_grasp_is_the_same_whatever_follows_it(records, alone):
     assert records[0].timestamp == pytest.approx(alone[0].timestamp, abs=1e-4)
 
 
-def test_effects_of_no_strength_are_none_bit_for_bit(alone, setup, two_of_one_session, settings):
+def test_the_same_seed_gives_identical_arrays_and_effects_of_no_strength_are_none(
+    alone, setup, two_of_one_session, settings
+):
     weak = replace(settings, effects=IDEAL)
     assert same(alone, run_session(setup, two_of_one_session[:1], weak))
 

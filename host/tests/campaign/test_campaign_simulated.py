@@ -92,9 +92,19 @@ def test_two_processes_make_the_same_content(whole, plan, settings, tmp_path):
     assert grasps(tmp_path / "sim.h5") == grasps(whole)
 
 
-def test_a_cut_campaign_goes_on_to_the_same_content(whole, plan, settings, setup, tmp_path):
+def test_an_interrupted_campaign_leaves_a_whole_file_and_goes_on_to_the_same_content(
+    whole, plan, settings, setup, tmp_path
+):
+    def interrupt(done: int, of: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_simulated(tmp_path / "sim.h5", plan, settings, setup, jobs=1, progress=interrupt)
+    with GraspDataset(tmp_path / "sim.h5") as data:
+        data.check()
+        assert data.ids == (plan[0].id,)
     told = []
-    run_simulated(tmp_path / "sim.h5", plan[:1], settings, setup, jobs=1)
     run_simulated(
         tmp_path / "sim.h5",
         plan,
@@ -106,18 +116,6 @@ def test_a_cut_campaign_goes_on_to_the_same_content(whole, plan, settings, setup
     )
     assert grasps(tmp_path / "sim.h5") == grasps(whole)
     assert told == [(1, 2), (2, 2)]
-
-
-def test_a_campaign_that_is_interrupted_leaves_a_whole_file(plan, settings, setup, tmp_path):
-    def interrupt(done: int, of: int) -> None:
-        if done:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_simulated(tmp_path / "sim.h5", plan, settings, setup, jobs=1, progress=interrupt)
-    with GraspDataset(tmp_path / "sim.h5") as data:
-        data.check()
-        assert data.ids == (plan[0].id,)
 
 
 @pytest.mark.parametrize("other", [{"resume": True}, {}])

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
-import subprocess
-import sys
+from contextlib import redirect_stdout
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from host.tests.command_line import exit_status, refusal
+from taxel.cli import grasp
+from taxel.grasp.timeline import Timeline
 from taxel.recording.grasp_dataset import GraspDataset
 
-PATIENCE_S = 120.0
+SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recovery_s=0.3)
 
 
 @pytest.mark.parametrize(
@@ -62,18 +65,28 @@ def test_of_both_none_is_begun_if_one_exists(capsys, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def shorter():
+    """Grasps of three seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("EmulatedSettings", "SimSettings"):
+            patch.setattr(grasp, name, partial(getattr(grasp, name), timeline=SHORT))
+        yield
+
+
+@pytest.fixture(scope="module")
+def both(shorter, tmp_path_factory) -> tuple[Path, str]:
+    """(the folder of two grasps, standard output)."""
     out = tmp_path_factory.mktemp("campaign") / "new" / "folder"
     options = ["--source", "both", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--json"]
-    program = [sys.executable, "-c", "from taxel.cli.main import main; main()", "grasp", *options, "--out", str(out)]
-    return out, subprocess.run(program, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    with redirect_stdout(io.StringIO()) as told:
+        assert exit_status("grasp", *options, "--out", out) == 0
+    return out, told.getvalue()
 
 
 def test_both_makes_a_real_and_a_simulated_file_of_the_same_grasps(both):
-    out, done = both
-    assert done.returncode == 0, done.stderr
+    out = both[0]
     assert sorted(path.name for path in out.iterdir()) == ["real.h5", "sim.h5"]
-    with GraspDataset(out / "real.h5", baseline_frames=100) as real, GraspDataset(out / "sim.h5", 100) as sim:
+    with GraspDataset(out / "real.h5", baseline_frames=10) as real, GraspDataset(out / "sim.h5", 10) as sim:
         real.check()
         sim.check()
         assert (real.source, sim.source) == ("real", "sim")
@@ -84,8 +97,8 @@ def test_both_makes_a_real_and_a_simulated_file_of_the_same_grasps(both):
 
 
 def test_json_on_standard_output_says_what_was_made(both):
-    out, done = both
-    found = json.loads(done.stdout)
+    out, told = both
+    found = json.loads(told)
     assert set(found) == {str(out / "real.h5"), str(out / "sim.h5")}
     for counted in found.values():
         assert counted["cylinder"]["grasps"] == 2

@@ -117,7 +117,7 @@ def test_few_steps_are_not_the_end(surface_cloud):
     assert (found.iterations, found.converged) == (2, False)
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(SIX)
 def test_from_anywhere_a_cloud_is_laid_on_its_mesh(numbers):
     mesh = models()["triangular_prism"]

@@ -16,7 +16,7 @@ from taxel_tools.wires import SmbusWire
 BOARD = 0x50
 OLD, NEW = (0, 1, 0), (1, 2, 3)
 WRITE_S, OFF_S = 0.02, 0.03
-FRACTIONS = (-0.02, 0.02, 0.25, 0.5, 0.75, 0.98)
+FRACTIONS = (-0.02, 0.02, 0.5, 0.98)
 """Of a row's write: before it, near its ends, in its middle."""
 STEP_S = 0.0005
 
