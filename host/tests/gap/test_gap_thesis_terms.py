@@ -12,7 +12,6 @@ import pytest
 from taxel.cloud.treatment import OTHER_SOR, Sor, sor_of
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
