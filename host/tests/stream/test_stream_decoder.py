@@ -164,7 +164,7 @@ def test_discarded_bytes_are_those_of_no_frame(hub):
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
 def test_a_push_of_many_frames_is_not_cut_short(hub, size):
     """More than the tables hold at once."""
-    count = 12_000
+    count = 9_000
     data = bytearray()
     for i in range(count):
         data += hub.taxels(0x20 + i % 2, i, [i % 65536] * size) if i % 3 else hub.log(bytes([65 + i % 20]) * 60)
