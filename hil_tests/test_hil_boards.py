@@ -62,7 +62,7 @@ def test_scan_settings_are_taken_over_and_change_the_counts(skin: Skin) -> None:
     halved = settings | {"sub_conversions": settings["sub_conversions"] // 2}
     skin.hub.set_scan_settings(halved, board.address)
     # Frames from before the change may still be on their way: the new counts must come, and stay.
-    frames = _frames_of(skin, board.address, 300)
+    frames = _frames_of(skin, board.address, 60)
     skin.hub.set_scan_settings(settings, board.address)
     is_halved = [np.allclose(frame.raw_counts, before / 2.0, atol=40.0) for frame in frames]
     assert all(is_halved[is_halved.index(True) :])

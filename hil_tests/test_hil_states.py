@@ -9,7 +9,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from hil_tests.harness.state_machine import SkinMachine
 
-RUNS = int(os.environ.get("TAXEL_STATE_RUNS", "40"))
+RUNS = int(os.environ.get("TAXEL_STATE_RUNS", "25"))
 STEPS = 50
 SEED = os.environ.get("TAXEL_STATE_SEED")
 

@@ -45,7 +45,7 @@ def test_the_hub_accounts_for_every_poll(skin: Skin) -> None:
 
 def test_a_rate_limit_is_kept(skin: Skin) -> None:
     skin.hub.set_rate(5.0)
-    times = [scan.time_s for scan in itertools.islice(skin.scans(), 24)][12:]
+    times = [scan.time_s for scan in itertools.islice(skin.scans(), 18)][12:]
     assert np.isclose(np.median(np.diff(times)), 0.2, rtol=0.05)
 
 

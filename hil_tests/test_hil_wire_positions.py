@@ -15,6 +15,7 @@ from taxel_protocol import SNAPSHOT_OVERHEAD
 STRUCK = 2
 CYCLE_S = 0.07  # 17 boards at 400 kHz take 53 to 63 ms
 RETRY_S = 0.02  # from a poll that failed to the end of its retry, and more
+GIVEN_UP_S = 2 * CYCLE_S  # to the end of a whole cycle after a poll that was given up
 FATAL = ("nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
 
 # The fault, its second value, and which of the fatal counters it may raise.
@@ -29,14 +30,14 @@ KINDS = {
 }
 
 
-def watch_strike(rig: Rig, skin: Skin, strikes: int) -> list[TaxelFrame]:
-    """Frames until so many strikes are in the log, and until the retry is over: the next one would strike it too."""
+def watch_strike(rig: Rig, skin: Skin, strikes: int, rest_s: float) -> list[TaxelFrame]:
+    """Frames until so many strikes are in the log, and `rest_s` more: the next one would strike a retry too."""
     assert rig.faults is not None
     frames: list[TaxelFrame] = []
     end = rig.clock.now_s() + 2 * CYCLE_S
     while len(rig.faults.strikes()) < strikes and rig.clock.now_s() < end:
         frames += watch(rig, skin, 0.1 * CYCLE_S)
-    return frames + watch(rig, skin, RETRY_S)
+    return frames + watch(rig, skin, rest_s)
 
 
 @pytest.mark.needs("faults", "counts")
@@ -53,7 +54,7 @@ def test_a_fault_at_every_byte_of_a_poll_costs_at_most_that_poll(rig: Rig, skin:
     for position in range(0, positions, 1 if kind != "brown-out" else 9):
         rig.faults.inject(fault, address, position, second if kind != "flipped bit" else position % 8)
         strikes += 1
-        frames += watch(rig, skin, 4 * CYCLE_S) if may_rise else watch_strike(rig, skin, first + 2 * strikes)
+        frames += watch_strike(rig, skin, first + 2 * strikes, GIVEN_UP_S if may_rise else RETRY_S)
         if position % 16 == 0:
             counts.go_on()
     assert len(rig.faults.strikes()) - first == 2 * strikes  # each was armed, and struck

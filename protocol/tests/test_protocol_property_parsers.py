@@ -27,7 +27,7 @@ from taxel_protocol.wire import WireFrame
 
 FOLDER = Path(__file__).resolve().parents[2] / "tools" / "fuzz"
 WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
-EXAMPLES = int(WISHED or "150")
+EXAMPLES = int(WISHED or "60")
 bounded = settings(
     max_examples=EXAMPLES,
     deadline=None,

@@ -56,6 +56,8 @@ SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
 
 THREADS: Final = 2
+WORTH_THREADS: Final = 200_000
+"""Values of the simulator's signal, [Q, K, n], below which threads wait for each other longer than they work."""
 
 FIXED: Final = (DROPOUT,)
 """Links that are found, not fitted with the others."""
@@ -101,7 +103,7 @@ def next_round(standing: Standing, forms: Forms) -> Round:
     """Try every effect that was not found yet. forms: the catalogue."""
     judge, base, start = standing.judge, standing.base, standing.start
     least, noticeable = (NEXT_SHARE, judge.noticeable) if standing.chain.links else (LEAST_SHARE, np.zeros(5))
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(THREADS if judge.state.drop.size >= WORTH_THREADS else 1) as pool:
         trials = list(pool.map(lambda job: _glanced(judge, job[0], standing.chain, job[1]), _jobs(standing, forms)))
         trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
         trials.sort(key=lambda trial: trial.inside.value)

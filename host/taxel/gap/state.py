@@ -169,9 +169,8 @@ class State:
         drop = self.to_drop(signal)
         result = self.mean.copy()
         result[:, : self.layout.bins] += self.binned(drop) - self._base_bins
-        with np.errstate(invalid="ignore"):
-            shift = self._onsets(drop) - self._base_onsets
-        result[:, self.layout.onset] += np.nan_to_num(shift)[:, self.pair.groups.sensor]
+        shift = self._onsets(drop) - self._base_onsets
+        result[:, self.layout.onset] += shift[:, self.pair.groups.sensor]
         return result
 
     def _onsets(self, drop: Array) -> Array:
@@ -188,9 +187,10 @@ class State:
         low, high = board[q, rise[before], s], board[q, rise[first], s]
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.clip((0.5 * hold - low) / (high - low), 0.0, 1.0)
-        time = self.since[rise[before]] + np.nan_to_num(share) * (self.since[rise[first]] - self.since[rise[before]])
-        time = np.where((hold > 0) & (first > 0), time, np.nan)
-        return COUNTS_PER_SECOND * np.asarray(self._average @ np.nan_to_num(time, nan=0.0))
+        share = np.where(np.isnan(share), 0.0, share)
+        time = self.since[rise[before]] + share * (self.since[rise[first]] - self.since[rise[before]])
+        time = np.where((hold > 0) & (first > 0), time, 0.0)
+        return COUNTS_PER_SECOND * np.asarray(self._average @ time)
 
     @cached_property
     def _boards(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from taxel.recording.grasp_format import (
     needs,
 )
 from taxel.recording.grasp_hdf5 import Node, read_only, scalar
-from taxel.recording.grasp_tables import SensorTable, TaxelTable
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -29,12 +29,13 @@ class Grasp:
     An array is read and checked when it is first touched (DatasetError) and kept as long as this object lives.
     """
 
-    def __init__(self, node: Node, grasp_id: str, source: str, taxels: TaxelTable, sensors: SensorTable) -> None:
+    def __init__(self, node: Node, grasp_id: str, source: str, s: int, sensor_index: NDArray[np.int64]) -> None:
+        """sensor_index: [n], each taxel's sensor, 0 to s - 1."""
         self.id = grasp_id
         self._node = node
         self._source = source
-        self._sizes = {"n": taxels.n, "s": sensors.s}
-        self._sensor_index = sensors.index_of(taxels)
+        self._sizes = {"n": len(sensor_index), "s": s}
+        self._sensor_index = sensor_index
         self._arrays: dict[str, NDArray[Any] | None] = {}
         place = node.place
         text = {name: scalar(node.attribute(name), place.key(name)) for name in ("object", "approach")}
@@ -49,6 +50,12 @@ class Grasp:
                 place.key(name).fail('no such array where source = "real"', "one", "remove it or correct the source")
             if there or needs(spec, source):
                 node.check_array(name, spec, self._sizes)
+
+    def fresh(self) -> Grasp:
+        """The same grasp with no array read yet. Its head, which was checked when this one was made, is taken over."""
+        other = copy(self)
+        other._arrays = {}
+        return other
 
     @property
     def n_frames(self) -> int:

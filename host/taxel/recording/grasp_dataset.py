@@ -9,6 +9,7 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.hand.errors import shown
 from taxel.recording.grasp import Grasp
@@ -67,10 +68,17 @@ class GraspDataset:
         check_addresses(self.taxels, self.sensors, place)
         self.objects: Mapping[str, ObjectMesh] = MappingProxyType(_objects(root))
         self.sensor_model: SensorModel | None = self._sensor_model(root)
-        # Grasps are made from these nodes anew each time, so that no array outlives the caller's interest.
-        self._nodes = _grasp_nodes(root)
-        for grasp_id in self._nodes:
-            self[grasp_id]
+        # Heads without arrays: callers get copies, so that no array outlives the caller's interest.
+        index = self.sensors.index_of(self.taxels)
+        self._heads = {grasp_id: self._head(grasp_id, node, index) for grasp_id, node in _grasp_nodes(root).items()}
+
+    def _head(self, grasp_id: str, node: Node, sensor_index: NDArray[np.int64]) -> Grasp:
+        grasp = Grasp(node, grasp_id, self.source, self.sensors.s, sensor_index)
+        if grasp.object not in self.objects:
+            self._place.key("grasps").key(grasp_id).key("object").fail(
+                "a name that /objects has", shown(grasp.object), "add that object or correct the name"
+            )
+        return grasp
 
     def _sensor_model(self, root: Node) -> SensorModel | None:
         place = self._place.key("sensor_model")
@@ -84,30 +92,25 @@ class GraspDataset:
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of the grasps, in order of time."""
-        return tuple(self._nodes)
+        return tuple(self._heads)
 
     def __len__(self) -> int:
-        return len(self._nodes)
+        return len(self._heads)
 
     def __iter__(self) -> Iterator[Grasp]:
-        return (self[grasp_id] for grasp_id in self._nodes)
+        return (self[grasp_id] for grasp_id in self._heads)
 
     def __contains__(self, grasp_id: object) -> bool:
-        return grasp_id in self._nodes
+        return grasp_id in self._heads
 
     def __getitem__(self, grasp_id: str) -> Grasp:
         """The grasp of that id; raises DatasetError where there is none."""
         place = self._place.key("grasps")
         if not self._file:
             self._place.fail("an open dataset", "a closed one", "use it inside its with block")
-        if grasp_id not in self._nodes:
+        if grasp_id not in self._heads:
             place.key(str(grasp_id)).fail("a grasp of this file", "nothing", f"it has {len(self)}, see ids")
-        grasp = Grasp(self._nodes[grasp_id], grasp_id, self.source, self.taxels, self.sensors)
-        if grasp.object not in self.objects:
-            place.key(grasp_id).key("object").fail(
-                "a name that /objects has", shown(grasp.object), "add that object or correct the name"
-            )
-        return grasp
+        return self._heads[grasp_id].fresh()
 
     def require_baseline(self, frames: int) -> None:
         """Refuse (DatasetError) a dataset with a grasp whose sensors have fewer valid phase-0 frames than asked for.

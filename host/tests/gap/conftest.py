@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from taxel.gap.diagnosis import diagnose
 from taxel.recording import (
     GraspDatasetWriter,
     GraspRecord,
@@ -146,3 +147,31 @@ def world():
         return World(**changes).write(folder)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def written(world, tmp_path_factory):
+    """The same without a folder, `written(**changes)`: each world is made once, and its files are not to be changed."""
+    known: dict[tuple, tuple[str, str]] = {}
+
+    def once(**changes) -> tuple[str, str]:
+        key = tuple(sorted(changes.items(), key=lambda item: item[0]))
+        if key not in known:
+            known[key] = world(tmp_path_factory.mktemp("world"), **changes)
+        return known[key]
+
+    return once
+
+
+@pytest.fixture(scope="session")
+def reported(written):
+    """The report of a world's diagnosis, `reported(**changes)`: each is made once, and nobody changes it."""
+    known: dict[tuple[str, str], dict] = {}
+
+    def once(**changes) -> dict:
+        paths = written(**changes)
+        if paths not in known:
+            known[paths] = diagnose(*paths).report
+        return known[paths]
+
+    return once

@@ -13,7 +13,7 @@ import pytest
 from taxel.recording import GraspDataset, TouchRecording, load_recording, recordings
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "gap"
-FEW, MORE = 5, 10
+FEW, MORE = 3, 5
 """Touches of each recording."""
 
 SEED = 0

@@ -14,7 +14,7 @@ from host.tests.command_line import exit_status
 
 @pytest.fixture(scope="module")
 def paths(world, tmp_path_factory):
-    return world(tmp_path_factory.mktemp("pair"))
+    return world(tmp_path_factory.mktemp("pair"), cells=4, sessions=3)
 
 
 def test_it_writes_the_report_and_its_page_and_prints_the_verdict(capsys, paths, tmp_path):

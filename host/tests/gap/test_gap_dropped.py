@@ -39,13 +39,13 @@ def dropout_of(report):
 
 
 def test_lines_that_touch_are_found_by_place(world, tmp_path):
-    report = diagnose(*world(tmp_path, effect=shorted, cells=8)).report
+    report = diagnose(*world(tmp_path, effect=shorted, sessions=4)).report
     assert report["verdict"]["effects"][:1] == ["dropout"]
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2], [BOARD, "tx", 3]]
 
 
 def test_exchanged_lines_are_not_called_dead(world, tmp_path):
-    report = diagnose(*world(tmp_path, effect=exchanged, cells=8)).report
+    report = diagnose(*world(tmp_path, effect=exchanged, cells=4, sessions=4)).report
     assert "unknown" in report["verdict"]["effects"]
     assert "dropout" not in report["verdict"]["effects"]
 

@@ -29,6 +29,7 @@ from taxel.gap.presses.scatter import Scatter
 from taxel.gap.presses.unrecorded import unrecorded
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
+TRIED = {"latency", "gain_mismatch", "stiffness", "hysteresis"}
 LITTLE_N = 0.15
 """A tenth of the force of half the drop: drops grow with force as good as linearly."""
 
@@ -66,7 +67,7 @@ def stiff_or_gain(judge) -> Findings:
 @pytest.fixture(scope="module")
 def gentle(world, tmp_path_factory):
     """A softer hand, pressed so little that its gain might be larger as well."""
-    paths = world(tmp_path_factory.mktemp("gentle"), effect=softer, most=LITTLE_N)
+    paths = world(tmp_path_factory.mktemp("gentle"), effect=softer, most=LITTLE_N, sessions=3)
     return paths, judge_of(paths)
 
 
@@ -87,7 +88,7 @@ def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_
     gains = [one.gain for one in found.presses]
     assert gains == sorted(gains, reverse=True)
     assert {one.press.force_scale for one in found.presses} <= {2.0, 3.0}
-    laddered = judge_of(world(tmp_path, effect=softer, most=LITTLE_N, scales=(1.0, 3.0)))
+    laddered = judge_of(world(tmp_path, effect=softer, most=LITTLE_N, sessions=3, scales=(1.0, 3.0)))
     assert angle(laddered) > 1.5 * angle(gentle[1])
 
 
@@ -118,7 +119,7 @@ def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(
 
 
 def test_where_nothing_is_confounded_presses_are_ranked_by_intervals(world, tmp_path):
-    judge = judge_of(world(tmp_path, effect=late, cells=4))
+    judge = judge_of(world(tmp_path, effect=late, cells=4, sessions=3))
     found = next_presses(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
     assert found.line.startswith("Nothing is confounded")
     first = found.presses[0]
@@ -171,8 +172,9 @@ def test_approaches_that_were_only_simulated_are_ranked_with_the_others(gentle, 
 def diagnosed(world, tmp_path_factory):
     """Two files, four of six simulated approaches recorded, and the report of their diagnosis."""
     folder = tmp_path_factory.mktemp("diagnosed")
-    paths = world(folder, effect=late, recorded=4)
-    assert exit_status("gap", "diagnose", *paths, "--out", folder) == 0
+    paths = world(folder, effect=late, recorded=4, sessions=3)
+    left_out = [word for name in sorted(set(CATALOGUE) - TRIED) for word in ("--without", name)]
+    assert exit_status("gap", "diagnose", *paths, "--out", folder, *left_out) == 0
     return paths, folder / "report.json"
 
 
@@ -210,7 +212,7 @@ def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
         valid[:, 1] = False
         return raw, valid
 
-    paths = world(tmp_path, after=silence, cells=4, sessions=3)
+    paths = world(tmp_path, after=silence, cells=3, sessions=3)
     assert exit_status("gap", "diagnose", *paths, "--out", tmp_path) == 0
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []

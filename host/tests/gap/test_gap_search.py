@@ -40,18 +40,23 @@ def silent_first_board(raw, valid, rng):
     return raw, valid
 
 
+@pytest.fixture(scope="module")
+def judge(written):
+    return prepared(read_pair(*written(effect=harder))).judge
+
+
 def test_beside_a_silent_board_the_rest_is_judged_by_itself(world, tmp_path):
-    report = diagnose(*world(tmp_path, cells=8, effect=clipped, after=silent_first_board)).report
+    report = diagnose(*world(tmp_path, sessions=4, effect=clipped, after=silent_first_board)).report
     assert report["verdict"]["effects"][:2] == ["dropout", "saturation"]
 
 
 def test_a_silent_board_alone_brings_no_second_name(world, tmp_path):
-    report = diagnose(*world(tmp_path, cells=8, after=silent_first_board)).report
+    report = diagnose(*world(tmp_path, sessions=4, after=silent_first_board)).report
     assert [name for name in report["verdict"]["effects"] if name != "unknown"] == ["dropout"]
 
 
 def test_a_change_of_amplitude_without_anything_to_compare_it_with_stays_unknown(world, tmp_path):
-    paths = world(tmp_path, effect=harder, most=1.0)
+    paths = world(tmp_path, sessions=4, effect=harder, most=1.0)
     whole, without = (diagnose(*paths, without=names).report["verdict"] for names in ((), ("stiffness",)))
     named = whole["effects"][0]
     assert "stiffness" in {named, *whole["confounded_with"].get(named, [])}
@@ -75,14 +80,13 @@ def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):
         result[:, :, 2], result[:, :, 3] = 0.7 * result[:, :, 3], 0.7 * result[:, :, 2]
         return result.reshape(drop.shape)
 
-    report = diagnose(*world(tmp_path, effect=swapped)).report
+    report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=swapped)).report
     assert report["verdict"]["status"] in ("unknown", "partly_explained")
     assert "unknown" in report["verdict"]["effects"]
 
 
-def test_frames_are_aligned_again_when_an_effect_is_known(world, tmp_path):
+def test_frames_are_aligned_again_when_an_effect_is_known(judge):
     """Before it is known its onset may be taken for a delay; here the frames are shifted by one on purpose."""
-    judge = prepared(read_pair(*world(tmp_path, effect=harder))).judge
     frame_s = judge.state.pair.frame_s
     forms = {"stiffness": chosen()["stiffness"]}
     astray = Standing.of(judge.shifted(judge.state.shift_s + frame_s))
@@ -90,11 +94,6 @@ def test_frames_are_aligned_again_when_an_effect_is_known(world, tmp_path):
     assert found is not None
     aligned = _realigned(astray.after(found)).judge.state.shift_s
     assert abs(aligned - judge.state.shift_s) < 0.2 * frame_s
-
-
-@pytest.fixture
-def judge(world, tmp_path):
-    return prepared(read_pair(*world(tmp_path, effect=harder))).judge
 
 
 def test_features_that_do_not_count_change_no_score(judge):
@@ -123,7 +122,7 @@ def test_the_linear_screen_puts_the_set_of_the_two_causes_first(world, tmp_path)
     def both(force, drop):
         return late_on_the_second(force, clipped(force, drop))
 
-    paths = world(tmp_path, cells=8, effect=both)
+    paths = world(tmp_path, sessions=4, effect=both)
     found = screened(prepared(read_pair(*paths)).judge, {name: own for name, own in CATALOGUE.items() if own})
     pairs = [one for one in found if len(one.names) == 2]
     assert pairs[0].names == {"latency", "saturation"}
@@ -148,6 +147,6 @@ def test_a_board_without_a_baseline_in_one_grasp_is_left_out_there(world, tmp_pa
             valid[:105, 1] = False
         return raw, valid
 
-    report = diagnose(*world(tmp_path, effect=clipped, after=lossy)).report
+    report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=clipped, after=lossy)).report
     assert report["verdict"]["effects"][0] == "saturation"
     assert any("1 grasps of the hand a board lost its baseline" in loss for loss in report["losses"])

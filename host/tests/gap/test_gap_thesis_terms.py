@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ import pytest
 from taxel.cloud.treatment import OTHER_SOR, Sor, sor_of
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
@@ -28,13 +28,16 @@ NOTHING = Selection(
 )  # nothing was tried: what is needed is fitted here
 
 
-def judged(paths, change=lambda pair: pair) -> Judge:
-    pair = change(read_pair(*paths))
-    return prepared(pair).judge
+@pytest.fixture(scope="module")
+def judged(written):
+    """The judge of a world, made once."""
+    return cache(lambda **changes: prepared(read_pair(*written(**changes))).judge)
 
 
-def told(paths, change=lambda pair: pair) -> list[dict]:
-    return thesis_terms(judged(paths, change), NOTHING)
+@pytest.fixture(scope="module")
+def told(judged):
+    """The four steps of a world, made once."""
+    return cache(lambda **changes: thesis_terms(judged(**changes), NOTHING))
 
 
 def mm(entries) -> list[float]:
@@ -69,9 +72,8 @@ def halo(force, drop):
     return np.maximum(drop, 165.0 * pressed)
 
 
-def test_four_steps_in_the_order_of_the_thesis(world, tmp_path):
-    judge = judged(world(tmp_path, effect=spread))
-    entries = thesis_terms(judge, NOTHING)
+def test_four_steps_in_the_order_of_the_thesis(judged, told):
+    judge, entries = judged(effect=spread), told(effect=spread)
     assert [entry["step"] for entry in entries] == STEPS
     whole = cloud_gap(judge.state.pair, judge.sessions, judge.state.mean, judge.layout, 0)["value"]
     assert entries[0]["mm"] == entries[0]["mm_hand_only"] == pytest.approx(whole)
@@ -83,47 +85,47 @@ def test_four_steps_in_the_order_of_the_thesis(world, tmp_path):
     json.dumps(entries, allow_nan=False)
 
 
-def test_the_force_filter_is_told_in_newtons(world, tmp_path):
-    note = told(world(tmp_path))[1]["note"]
+def test_the_force_filter_is_told_in_newtons(told):
+    note = told()[1]["note"]
     assert note == "drop of 190 counts, 0.157 N by the simulator's sensor model"  # 2000 F / (F + 1.5)
 
 
-def test_contact_propagation_is_what_closes_its_own_gap(world, tmp_path):
-    entries = told(world(tmp_path, effect=spread, cells=8))
+def test_contact_propagation_is_what_closes_its_own_gap(told):
+    entries = told(effect=spread)
     before, forced, cleaned, after = mm(entries)
     assert after < 0.3 * before
     assert before - min(forced, cleaned) < 0.5 * (cleaned - after)
     assert entries[3]["gap"] < 0.3 * entries[0]["gap"]
 
 
-def test_an_isolated_false_point_falls_to_sor(world, tmp_path):
-    before, forced, cleaned, after = mm(told(world(tmp_path, effect=far_point, cells=2)))
+def test_an_isolated_false_point_falls_to_sor(told):
+    before, forced, cleaned, after = mm(told(effect=far_point, cells=2))
     assert forced > 0.8 * before
     assert cleaned < 0.5 * forced
     assert after > 0.8 * cleaned
 
 
-def test_a_weak_wide_halo_falls_to_the_force_filter(world, tmp_path):
-    entries = told(world(tmp_path, effect=halo))
+def test_a_weak_wide_halo_falls_to_the_force_filter(told):
+    entries = told(effect=halo, cells=4, sessions=3)
     before, forced, _, _ = mm(entries)
     assert forced < 0.6 * before
     assert entries[1]["points"]["real"] < 0.6 * entries[0]["points"]["real"]
 
 
-def test_filters_on_the_hand_alone_make_a_gap_where_there_is_none(world, tmp_path):
-    entries = told(world(tmp_path))
+def test_filters_on_the_hand_alone_make_a_gap_where_there_is_none(told):
+    entries = told()
     assert all(value < 1.2 * entries[0]["mm"] for value in mm(entries))
     assert entries[2]["mm_hand_only"] > 2.0 * entries[0]["mm"]
 
 
-def test_without_a_gap_contact_propagation_adds_nothing(world, tmp_path):
-    entries = told(world(tmp_path))
+def test_without_a_gap_contact_propagation_adds_nothing(told):
+    entries = told()
     assert entries[3]["mm"] == pytest.approx(entries[2]["mm"], abs=0.05)
     assert entries[3]["points"]["sim"] == pytest.approx(entries[2]["points"]["sim"], rel=0.02)
 
 
-def test_what_the_first_round_fitted_is_taken(world, tmp_path):
-    judge = judged(world(tmp_path, effect=spread))
+def test_what_the_first_round_fitted_is_taken(judged):
+    judge = judged(effect=spread)
     tried = select(judge, {"contact_propagation": CATALOGUE["contact_propagation"]}).rounds[0].trials[0]
     features = judge.state.mean.copy()
     features[:, int(judge.state.pair.clock.bins_of(Phase.HOLD)[0])] = 1000.0
@@ -133,11 +135,10 @@ def test_what_the_first_round_fitted_is_taken(world, tmp_path):
     assert entries[3]["points"]["sim"] == pytest.approx(N * len(judge.state.pair.cells))
 
 
-def test_without_force_the_last_step_says_why_it_is_missing(world, tmp_path):
-    def forceless(pair):
-        return replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
-
-    entries = told(world(tmp_path, effect=spread), forceless)
+def test_without_force_the_last_step_says_why_it_is_missing(judged):
+    pair = judged(effect=spread).state.pair
+    forceless = replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
+    entries = thesis_terms(prepared(forceless).judge, NOTHING)
     assert entries[3]["step"] == "contact propagation: not added, the simulation tells no contact force"
     assert entries[3]["mm"] is entries[3]["gap"] is None
     assert entries[1]["note"] == "drop of 190 counts; the simulator states no sensor model"
@@ -150,24 +151,24 @@ def test_without_force_the_last_step_says_why_it_is_missing(world, tmp_path):
         {"sessions": 1, "repeats": 1},
         {"cells": 1},
         {"cells": 1, "sessions": 1, "repeats": 1},
-        {"effect": lambda force, drop: 0.0 * drop},
-        {"most": 0.0},
-        {"effect": far_point, "most": 0.0001},
+        {"cells": 2, "sessions": 3, "effect": lambda force, drop: 0.0 * drop},
+        {"cells": 2, "sessions": 3, "most": 0.0},
+        {"cells": 2, "sessions": 3, "effect": far_point, "most": 0.0001},
     ],
     ids=["one session", "one cell", "one grasp", "hand feels nothing", "nobody touches", "one point"],
 )
-def test_little_data_is_no_failure(world, tmp_path, changes):
-    entries = told(world(tmp_path, **changes))
+def test_little_data_is_no_failure(told, changes):
+    entries = told(**changes)
     assert len(entries) == 4
     assert all(np.isfinite(entry["mm"]) and entry["mm"] >= 0.0 for entry in entries)
     json.dumps(entries, allow_nan=False)
 
 
-def test_a_hand_that_is_never_heard_has_no_millimetres(world, tmp_path):
+def test_a_hand_that_is_never_heard_has_no_millimetres(told):
     def silent(raw, valid, rng):
         return raw, np.zeros_like(valid)
 
-    entries = told(world(tmp_path, after=silent))
+    entries = told(cells=2, sessions=3, after=silent)
     assert [entry["mm"] for entry in entries] == [None] * 4
     json.dumps(entries, allow_nan=False)
 

@@ -118,10 +118,10 @@ PPMS = [-20_000, -7_000, 0, 3, 12_000, 20_000]
 
 
 @pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
-@pytest.mark.parametrize(("jitter_ms", "hub_ppm"), [(0.0, 0.0), (1.0, 20_000.0), (16.0, -20_000.0), (16.0, 50.0)])
+@pytest.mark.parametrize(("jitter_ms", "hub_ppm"), [(0.0, 0.0), (1.0, 20_000.0), (16.0, -20_000.0)])
 def test_board_clocks_off_by_two_percent_are_mapped_to_the_host(hub, prepared, one_at_a_time, jitter_ms, hub_ppm):
     boards = {0x20 + i: [(-1.0, Board(ppm))] for i, ppm in enumerate(PPMS)}
-    sent = skin_stream(hub, boards, 6.5, jitter_ms * 1e-3, hub_ppm=hub_ppm)
+    sent = skin_stream(hub, boards, 5.0, jitter_ms * 1e-3, hub_ppm=hub_ppm)
     link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
     rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     assert worst_after(rows, SETTLED_S) < TOLERANCE_S
@@ -140,7 +140,7 @@ def test_two_early_arrivals_make_no_clock_that_no_oscillator_keeps(late_s):
 @pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
 @pytest.mark.parametrize("jitter_ms", [0.0, 16.0])
 def test_a_skin_of_one_board_is_mapped_to_the_host_too(hub, prepared, one_at_a_time, jitter_ms):
-    sent = skin_stream(hub, {0x40: [(-1.0, Board(15_000))]}, 6.5, jitter_ms * 1e-3, hub_ppm=300.0)
+    sent = skin_stream(hub, {0x40: [(-1.0, Board(15_000))]}, 5.0, jitter_ms * 1e-3, hub_ppm=300.0)
     link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
     rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     assert worst_after(rows, SETTLED_S) < TOLERANCE_S
@@ -149,9 +149,9 @@ def test_a_skin_of_one_board_is_mapped_to_the_host_too(hub, prepared, one_at_a_t
 @pytest.mark.parametrize("one_at_a_time", [False, True], ids=["much at once", "as it arrives"])
 @pytest.mark.parametrize("which", ["boards", "hub"])
 def test_clocks_that_wrap_at_2_to_the_32_go_on(hub, prepared, one_at_a_time, which):
-    begin = 2**32 - 5_000_000
+    begin = 2**32 - 4_000_000
     boards = {0x20 + i: [(-1.0, Board(ppm, begin_us=begin if which == "boards" else 0))] for i, ppm in enumerate(PPMS)}
-    sent = skin_stream(hub, boards, 8.0, 2e-3, hub_begin_us=begin if which == "hub" else 0)
+    sent = skin_stream(hub, boards, 6.0, 2e-3, hub_begin_us=begin if which == "hub" else 0)
     link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
     rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     assert worst_after(rows, SETTLED_S) < TOLERANCE_S
@@ -162,14 +162,14 @@ def test_clocks_that_wrap_at_2_to_the_32_go_on(hub, prepared, one_at_a_time, whi
 def test_a_board_that_restarts_is_mapped_before_and_after(hub, prepared, one_at_a_time, begin_us):
     """Between its restart and its next clock readings a board's frames have the time of their reading."""
     boards = {0x20 + i: [(-1.0, Board(ppm))] for i, ppm in enumerate(PPMS)}
-    boards[0x22] = [(-1.0, Board(-9_000, begin_us=begin_us)), (5.0, Board(-9_000, boot_s=5.04))]
-    sent = skin_stream(hub, boards, 12.0, 2e-3)
+    boards[0x22] = [(-1.0, Board(-9_000, begin_us=begin_us)), (4.0, Board(-9_000, boot_s=4.04))]
+    sent = skin_stream(hub, boards, 7.0 if one_at_a_time else 9.0, 2e-3)
     link = prepared(sent.chunks, one_at_a_time=one_at_a_time)
     rows = errors_of(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     if one_at_a_time:
-        calm = (rows[:, 0] < 4.9) | (rows[:, 0] > 7.0)
+        calm = (rows[:, 0] < 3.9) | (rows[:, 0] > 6.0)
     else:  # what came in one piece with the restart is as good as the readings
-        calm = rows[:, 0] > 9.0
+        calm = rows[:, 0] > 8.0
     assert worst_after(rows[calm], SETTLED_S) < TOLERANCE_S
     assert np.abs(rows[rows[:, 0] >= SETTLED_S, 1]).max() < 2 * SNAPSHOT_AGE_S + TOLERANCE_S
 
@@ -188,10 +188,10 @@ def test_a_restart_deep_inside_one_large_batch_does_not_touch_the_frames_before_
 def test_a_hub_that_restarts_begins_a_new_clock(make_hub, prepared, one_at_a_time):
     boards = {0x20 + i: [(-1.0, Board(ppm, boot_s=-3.0))] for i, ppm in enumerate(PPMS)}
     first, second = make_hub(100), make_hub(0)
-    before = skin_stream(first, boards, 6.0, 2e-3, hub_begin_us=50_000_000)
+    before = skin_stream(first, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
     restart = Chunk(second.hello(tag=0, uptime_us=50), before.chunks[-1].arrival_ns + 10_000_000)
     boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
-    after = skin_stream(second, boards, 8.0, 2e-3, host_offset_s=1006.5)
+    after = skin_stream(second, boards, 5.0, 2e-3, host_offset_s=1005.0)
     truth = before.truth | {(a, s, c + 10_000): t for (a, s, c), t in after.truth.items()}
     restarted = []
 
@@ -201,7 +201,7 @@ def test_a_hub_that_restarts_begins_a_new_clock(make_hub, prepared, one_at_a_tim
         return truth[frame.address, frame.sequence, frame.cycle + (10_000 if restarted else 0)]
 
     rows = errors_of(prepared([*before.chunks, restart, *after.chunks], one_at_a_time=one_at_a_time), true_time, 1000.0)
-    settled = ((rows[:, 0] > 3.0) & (rows[:, 0] < 5.5)) | (rows[:, 0] > 10.0)
+    settled = ((rows[:, 0] > 3.0) & (rows[:, 0] < 4.0)) | (rows[:, 0] > 8.5)
     assert worst_after(rows[settled], 0.0) < TOLERANCE_S
 
 
@@ -233,7 +233,7 @@ class Trickle(CaptureLink):
 
 @pytest.mark.parametrize("reader", [CaptureLink, Trickle], ids=["much at once", "as it arrives"])
 @pytest.mark.parametrize("latency_ms", [1.0, 16.0])
-@pytest.mark.parametrize(("hand", "hub_ppm"), [("allegro", 0.0), ("allegro", 12_000.0), ("flat8", -8_000.0)])
+@pytest.mark.parametrize(("hand", "hub_ppm"), [("allegro", 12_000.0), ("flat8", -8_000.0)])
 def test_frames_of_the_emulator_have_their_true_times(tmp_path, hand, hub_ppm, latency_ms, reader):
     description = load_hand(hand)
     settings = WorldSettings(usb_latency_ms=latency_ms, hub_clock_ppm=hub_ppm)
@@ -256,7 +256,7 @@ def test_a_board_of_the_emulator_that_restarts_is_mapped_again(tmp_path, reader)
     description = load_hand("allegro")
     settings = WorldSettings(faults=("4.0 restart 0x22",))
     write_host_input(tmp_path / "host.bin")
-    run_emulator(world_text(description, settings), tmp_path / "a.bin", 9.0, host_input=tmp_path / "host.bin")
+    run_emulator(world_text(description, settings), tmp_path / "a.bin", 7.5, host_input=tmp_path / "host.bin")
     clocks = zip(description.boards, board_clocks_ppm(description, settings), strict=True)
     rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
 

@@ -124,7 +124,7 @@ def reference(data):
     return taxels, others
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(frames(), max_size=20), st.integers(0, 2**32))
 def test_an_undamaged_stream_gives_every_frame(sent, seed):
     data = b"".join(encode_frame(*frame) for frame in sent)
@@ -136,7 +136,7 @@ def test_an_undamaged_stream_gives_every_frame(sent, seed):
     assert discarded == 0
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(streams(), st.integers(0, 2**32))
 def test_a_damaged_stream_gives_the_frames_that_the_reference_finds(data, seed):
     taxels, others, _ = decode(cut(data, random.Random(seed)))
@@ -146,7 +146,7 @@ def test_a_damaged_stream_gives_the_frames_that_the_reference_finds(data, seed):
     assert others == [frame for frame in expected_others if frame[0] < 0x80]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.binary(max_size=3000), st.integers(0, 2**32))
 def test_any_bytes_decode_alike_however_they_are_cut(data, seed):
     whole = decode([data])
@@ -164,7 +164,7 @@ def test_discarded_bytes_are_those_of_no_frame(hub):
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
 def test_a_push_of_many_frames_is_not_cut_short(hub, size):
     """More than the tables hold at once."""
-    count = 12_000
+    count = 9_000
     data = bytearray()
     for i in range(count):
         data += hub.taxels(0x20 + i % 2, i, [i % 65536] * size) if i % 3 else hub.log(bytes([65 + i % 20]) * 60)

@@ -63,7 +63,7 @@ def test_a_stream_heard_from_its_middle_has_no_losses_before(account_of, make_hu
     assert account_of(b"".join(wire for _, wire in cycles(hub, 5, first=600))).lost_on_wire == 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32), first=st.sampled_from([0, 65_400, 65_535]), rate=st.sampled_from([0.01, 0.2, 0.9]))
 def test_dropped_frames_are_counted_exactly(account_of, make_hub, seed, first, rate):
     rng = random.Random(seed)
@@ -153,7 +153,7 @@ def test_a_board_that_goes_and_comes_back_misses_the_cycles_between(account_of, 
     assert account.lost_on_wire == 0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5), one=st.booleans())
 def test_frames_come_out_the_same_however_they_arrive(make_hub, prepared, cut, sizes, one):
     hub = make_hub()

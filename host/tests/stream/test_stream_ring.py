@@ -75,7 +75,7 @@ class RingAgainstModel(RuleBasedStateMachine):
         assert self.written == self.read_bytes + self.lost + len(self.ring)
 
 
-RingAgainstModel.TestCase.settings = settings(max_examples=150, stateful_step_count=30, deadline=None)
+RingAgainstModel.TestCase.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
 TestRingAgainstModel = RingAgainstModel.TestCase
 
 

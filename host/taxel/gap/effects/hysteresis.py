@@ -80,8 +80,8 @@ def low_pass(values: Array, time_s: Array, seconds: Array) -> Array:
     result = np.zeros_like(values)
     state = np.zeros_like(values[:, 0])
     steps = np.diff(time_s, prepend=2 * time_s[0] - time_s[1] if len(time_s) > 1 else 0.0)
-    for node, step in enumerate(steps):
-        share = -np.expm1(-step / np.maximum(seconds, 1e-9))
+    shares = -np.expm1(-steps[:, None, None] / np.maximum(seconds, 1e-9))
+    for node, share in enumerate(shares):
         state = state + share * (values[:, node] - state)
         result[:, node] = state
     return result
