@@ -31,6 +31,9 @@ ALIKE: Final = 0.03
 ELSEWHERE: Final = 0.3
 """Share of a line's expected drops, squared, by which another line may miss them and still be taken for it."""
 
+NOTHING: Final = 0.05
+"""Share of the expected drop below which a line shows nothing at all."""
+
 STUCK: Final = 0.1
 """Noise below this share of the board's usual noise: the taxel does not even read noise."""
 
@@ -42,7 +45,7 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
         real = real.where(part)
         features = np.where(part[:, None], features, 0.0)
     cells = np.ones(len(features), bool)
-    dead, loaded = _dead(state, real, features, cells)
+    answer, dead, loaded = _answers(state, real, features, cells)
     noise = known_mean(real.value[cells][:, :, state.layout.noise].reshape(-1, n), 0)
     usual = _median_of_board(noise, sensor)
     stuck = np.nan_to_num(noise, nan=np.inf) < STUCK * usual
@@ -61,7 +64,8 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
     for line in lines:
         on_line |= _on_line(state, line)
     shorts = _shorts(state, real, features, cells)
-    return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts)
+    evident = any(_is_evident(state, np.where(loaded, answer, np.nan), line) for line in lines)
+    return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts, evident)
 
 
 def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
@@ -74,10 +78,12 @@ def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
     return result
 
 
-def _dead(
+def _answers(
     state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Taxels that do not answer, and those that were expected to: bool[n] each."""
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """The share of its expected drop that each taxel shows, f64[n]; those that do not answer, and those that were
+    expected to: bool[n] each.
+    """
     expected = features[cells][:, : state.layout.bins]
     weight = state.layout.weight[: state.layout.bins, None]
     seen = np.nan_to_num(real.value[cells][:, :, : state.layout.bins])
@@ -90,7 +96,7 @@ def _dead(
     mean = known_mean(ratio, 0)
     squares = np.where(np.isfinite(ratio), (ratio - mean) ** 2, 0.0).sum(axis=0)
     error = np.sqrt(squares / np.maximum(count - 1, 1) / np.maximum(count, 1)) if ratio.shape[0] > 1 else 0.1
-    return loaded & (mean < DEAD) & (np.nan_to_num(mean + 3.0 * error, nan=9.0) < SURE), loaded
+    return mean, loaded & (mean < DEAD) & (np.nan_to_num(mean + 3.0 * error, nan=9.0) < SURE), loaded
 
 
 def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, str, int]]:
@@ -105,6 +111,22 @@ def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> l
                 if own.sum() >= 2 and dead[own].all() and not dead[whole].all():
                     found.append((board, axis, index))
     return found
+
+
+def _is_evident(state: State, answer: Array, line: tuple[int, str, int]) -> bool:
+    """Whether a line shows nothing at all between lines that answer. answer: f64[n], NaN where nothing is expected.
+
+    An object that is elsewhere leaves whole lines untouched too, but not between two that it touches.
+    """
+    board, axis, index = line
+
+    def shown(number: int) -> Array:
+        own = answer[_on_line(state, (board, axis, number))]
+        return own[np.isfinite(own)]
+
+    beside = [shares for shares in (shown(index - 1), shown(index + 1)) if len(shares)]
+    answers = len(beside) > 0 and all((shares > SURE).any() for shares in beside)
+    return bool(answers and (np.abs(shown(index)) < NOTHING).all())
 
 
 def _touched_lines(state: State, taxels: NDArray[np.bool_]) -> list[tuple[int, str, int]]:

@@ -112,7 +112,8 @@ def next_round(standing: Standing, forms: Forms) -> Round:
         held = list(pool.map(lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen))
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
-    ranked = sorted((trial for trial in best_of.values() if trial.held is not None), key=_rank)
+    known = (trial for trial in best_of.values() if trial.held is not None)
+    ranked = sorted(known, key=lambda trial: (not _is_evident(trial), *_rank(trial)))
     names_tried = len({trial.name for trial in held})
     found = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
     for place, trial in enumerate(ranked):
@@ -187,6 +188,14 @@ def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
         if known and simpler and _rank(trial)[1] - _rank(first)[1] < worth:
             best[trial.name] = trial
     return best
+
+
+def _is_evident(trial: Trial) -> bool:
+    """Whether it says of a line that it is broken, and that is seen: a value for each taxel would fit that as well, and
+    more, and afterwards nobody would look for it.
+    """
+    effect = trial.link.effect
+    return isinstance(effect, Dropout) and effect.dropped.evident
 
 
 def _rank(trial: Trial) -> tuple[bool, float]:

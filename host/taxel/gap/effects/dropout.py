@@ -27,7 +27,7 @@ class Short:
 class Dropped:
     """What was found. taxels: bool[n], that answer to nothing, on no found line. lines: (sensor column, axis, index).
     missing: share of each board's frames, f64[s]. dead: bool[n], all of these. stuck: bool[n], without even noise.
-    shorts: lines that carry the same.
+    shorts: lines that carry the same. evident: a line shows nothing at all between lines that answer.
     """
 
     taxels: NDArray[np.bool_]
@@ -36,6 +36,7 @@ class Dropped:
     dead: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     stuck: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     shorts: tuple[Short, ...] = ()
+    evident: bool = False
 
     @property
     def certain(self) -> bool:
