@@ -65,6 +65,7 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
         on_line |= _on_line(state, line)
     shorts = _shorts(state, real, features, cells)
     evident = any(_is_evident(state, np.where(loaded, answer, np.nan), line) for line in lines)
+    evident = evident or any(short.pairs > 1 for short in shorts)
     return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts, evident)
 
 
@@ -181,7 +182,8 @@ def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np
                     expected[:, :, first] - expected[:, :, second],
                     expected[:, :, first] + expected[:, :, second],
                 )
-                if np.abs(apart).max() < LOADED_COUNTS:
+                pairs = int((np.abs(apart).max(axis=(0, 1)) > LOADED_COUNTS).sum())
+                if not pairs:
                     continue
                 differs = float(np.sum(weight * (seen[:, :, first] - seen[:, :, second]) ** 2))
                 if differs > ALIKE * float(np.sum(weight * apart**2)):
@@ -189,5 +191,5 @@ def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np
                 total = seen[:, :, first] + seen[:, :, second]
                 share = 0.5 * float(np.sum(weight * total * together) / np.sum(weight * together**2))
                 if share > DEAD:
-                    found.append(Short(address, axis, index, share))
+                    found.append(Short(address, axis, index, share, pairs))
     return tuple(found)

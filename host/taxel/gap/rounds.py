@@ -218,7 +218,8 @@ def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
 def cross_validated(judge: Judge, trial: Trial) -> Trial:
     """The same trial with what each part is predicted to be by the others."""
     held, parts = judge.cross_validated(trial.chain, FIXED)
-    if trial.name == DROPOUT and any(name not in (DROPOUT, Noise.name) for name in trial.chain.names):
+    alone = all(name in (DROPOUT, Noise.name) for name in trial.chain.names)
+    if trial.name == DROPOUT and not alone and not _is_evident(trial):
         held = _found_elsewhere(judge, trial.chain, held)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
 

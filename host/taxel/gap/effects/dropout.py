@@ -15,19 +15,23 @@ from taxel.gap.state import Signal, State
 
 @dataclass(frozen=True)
 class Short:
-    """Two lines of a board that touch: `index` and the next, of "tx" or "rx". Either shows `share` of the sum."""
+    """Two lines of a board that touch: `index` and the next, of "tx" or "rx". Either shows `share` of the sum. pairs:
+    of their taxels on a common crossing line, those that should differ.
+    """
 
     address: int
     axis: str
     index: int
     share: float
+    pairs: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
     """What was found. taxels: bool[n], that answer to nothing, on no found line. lines: (sensor column, axis, index).
     missing: share of each board's frames, f64[s]. dead: bool[n], all of these. stuck: bool[n], without even noise.
-    shorts: lines that carry the same. evident: a line shows nothing at all between lines that answer.
+    shorts: lines that carry the same. evident: a line shows nothing at all between lines
+    that answer, or two show the same on several crossings.
     """
 
     taxels: NDArray[np.bool_]
