@@ -50,6 +50,24 @@ def test_exchanged_lines_are_not_called_dead(world, tmp_path):
     assert "dropout" not in report["verdict"]["effects"]
 
 
+def broken_beside_own_gains(force, drop):
+    """Every taxel has a gain of its own, and a line of the first board shows nothing."""
+    gains = np.exp(np.random.default_rng(3).normal(0.0, 0.35, drop.shape[1]))
+
+    def cut(grid):
+        grid[:, 2] = 0.0
+
+    return on_rows(drop * gains, cut)
+
+
+def test_a_broken_line_is_found_beside_an_effect_that_could_learn_it_by_heart(world, tmp_path):
+    report = diagnose(*world(tmp_path, effect=broken_beside_own_gains, cells=6, sessions=4)).report
+    assert report["verdict"]["effects"][0] == "dropout"
+    assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2]]
+    named = set(report["verdict"]["effects"][1:])
+    assert named & {"gain_mismatch", "stiffness"}
+
+
 def test_what_sticks_follows_late_and_lets_go_late():
     values = np.array([0.0, 10.0, 20.0, 20.0, 19.0, 12.0, 0.0])[None, :, None]
     out = stuck(values, np.full((1, 1), 0.2))[0, :, 0]
