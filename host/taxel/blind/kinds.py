@@ -208,7 +208,7 @@ def _proximity(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 INSIDE: Final = (
     _simple("contact_propagation", "spread film", 1.0, 6.0, _film),
-    _simple("contact_propagation", "spread pillars", 0.1, 1.5, lambda slope, rng: (f"slope={slope}", {})),
+    _simple("contact_propagation", "spread pillars", 1.5, 0.1, lambda slope, rng: (f"slope={slope}", {})),
     _simple("electrode_crosstalk", "coupling resistive", 600, 6000, _resistive),
     _simple("electrode_crosstalk", "coupling traces", 4.0, 30.0, _traces),
     _simple("noise", "noise white", 18, 120, _counts("white_counts")),
