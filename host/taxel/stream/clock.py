@@ -12,14 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.stream.board_line import BoardLine
 from taxel.stream.frames import HubMessage
 from taxel_protocol import FrameType
-
-SYNC_WINDOW = 32
-"""Clock readings of one board that a fit uses: about half a minute."""
-
-SYNC_TOLERANCE_US = 300.0
-"""Clock readings of one board lie this close to a line, or one of them was damaged."""
 
 BIN_US = 50_000.0
 BINS = 400
@@ -74,32 +69,32 @@ class LowerEnvelope:
     def line(self) -> tuple[float, float, float] | None:
         """(x0, y0, slope): y = y0 + slope * (x - x0), slope in seconds a microsecond; None without a point."""
         if self._fit is None and self._bins:
-            self._fit = self._touch(np.array([(x, y) for _, x, y in self._bins]))
+            self._fit = self._touch([(x, y) for _, x, y in self._bins])
             self._fitted_bin = self._bins[-1][0]
         return self._fit
 
     @staticmethod
-    def _touch(points: NDArray[np.float64]) -> tuple[float, float, float]:
+    def _touch(points: list[tuple[float, float]]) -> tuple[float, float, float]:
         x0, y0 = points[0]
-        x, y = points[:, 0] - x0, points[:, 1] - y0
-        hull: list[int] = []
-        for i in range(len(points)):  # Andrew's monotone chain, lower half
+        offsets = [(x - x0, y - y0) for x, y in points]
+        hull: list[tuple[float, float]] = []
+        for x, y in offsets:  # Andrew's monotone chain, lower half
             while len(hull) >= 2:
-                a, b = hull[-2], hull[-1]
-                if (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a]) > 0.0:
+                (xa, ya), (xb, yb) = hull[-2:]
+                if (xb - xa) * (y - ya) - (yb - ya) * (x - xa) > 0.0:
                     break
                 hull.pop()
-            hull.append(i)
-        middle = 0.5 * (x[0] + x[-1])
-        for a, b in pairwise(hull):
-            if x[b] >= middle:
-                slope = (y[b] - y[a]) / (x[b] - x[a])
+            hull.append((x, y))
+        middle = 0.5 * offsets[-1][0]
+        for (xa, ya), (xb, yb) in pairwise(hull):
+            if xb >= middle and xb != xa:  # a hub's times may go back, by less than a bin
+                slope = (yb - ya) / (xb - xa)
                 # Two points 50 ms apart, one of them late, would make a clock that no oscillator keeps.
-                possible = float(np.clip(slope, (1.0 - RATE_TOLERANCE) * 1e-6, (1.0 + RATE_TOLERANCE) * 1e-6))
+                possible = min(max(slope, (1.0 - RATE_TOLERANCE) * 1e-6), (1.0 + RATE_TOLERANCE) * 1e-6)
                 if possible != slope:
-                    a = int(np.argmin(y - possible * x))
-                return float(x0 + x[a]), float(y0 + y[a]), possible
-        return float(x0), float(y0), 1e-6
+                    xa, ya = min(offsets, key=lambda point: point[1] - possible * point[0])
+                return x0 + xa, y0 + ya, possible
+        return x0, y0, 1e-6
 
 
 class ClockMap:
@@ -114,8 +109,8 @@ class ClockMap:
         self._hub_us = 0  # latest hub time known, not wrapped
         self._envelope = LowerEnvelope()
         self._read_us = np.full(128, np.inf)
-        self._last_begun: tuple[int, int, int] | None = None
-        self._syncs: dict[int, deque[tuple[int, int]]] = {}
+        self._last_begun: tuple[NDArray[np.uint16], NDArray[np.int64], NDArray[np.uint8]] | None = None
+        self._lines: dict[int, BoardLine] = {}
         self._suspects: dict[int, tuple[int, int]] = {}
         self._known = np.zeros(128, dtype=bool)
         self._board_0 = np.zeros(128, dtype=np.uint32)
@@ -141,7 +136,7 @@ class ClockMap:
         if uptime_us < self._hub_us - RESTART_US:  # the hub has started anew: so has its clock
             self._envelope = LowerEnvelope()
             self._last_begun = None
-            self._syncs.clear()
+            self._lines.clear()
             self._suspects.clear()
             self._known[:] = False
             self._hub_us = uptime_us
@@ -149,46 +144,38 @@ class ClockMap:
 
     def _take_sync(self, address: int, board_us: int, hub_us: int) -> None:
         self._hub_us = max(self._hub_us, hub_us)
-        syncs = self._syncs.setdefault(address, deque(maxlen=SYNC_WINDOW))
-        if syncs:
-            step = (board_us - syncs[-1][0]) % _WRAP
-            elapsed = hub_us - syncs[-1][1]
-            if not _is_plausible(step, elapsed):
+        line = self._lines.setdefault(address, BoardLine())
+        if line:
+            last_board_us, last_hub_us = line.last
+            step = (board_us - last_board_us) % _WRAP
+            if not _is_plausible(step, hub_us - last_hub_us):
                 self._suspect(address, board_us, hub_us)
                 return
-            board_us = syncs[-1][0] + step
+            board_us = last_board_us + step
         self._suspects.pop(address, None)
-        syncs.append((board_us, hub_us))
-        if len(syncs) >= 2:
-            self._fit_board(address, np.array(syncs, dtype=np.int64))
+        line.add(board_us, hub_us)
+        self._use(address, line)
 
     def _suspect(self, address: int, board_us: int, hub_us: int) -> None:
         # One reading that does not fit was damaged on the bus (it has no CRC); two that fit each other are a restart.
         earlier = self._suspects.get(address)
         self._suspects[address] = (board_us, hub_us)
         if earlier is not None and _is_plausible((board_us - earlier[0]) % _WRAP, hub_us - earlier[1]):
-            self._syncs[address].clear()
-            self._syncs[address].append(earlier)
+            self._lines[address] = BoardLine()
+            self._lines[address].add(*earlier)
             self._known[address] = False
             del self._suspects[address]
             self._take_sync(address, board_us, hub_us)
 
-    def _fit_board(self, address: int, syncs: NDArray[np.int64]) -> None:
-        board = (syncs[:, 0] - syncs[-1, 0]).astype(float)
-        hub = (syncs[:, 1] - syncs[-1, 1]).astype(float)
-        centred = board - board.mean()  # least squares in closed form: a hub with one board sends 60 readings a second
-        spread = float(centred @ centred)
-        if not spread:  # all readings of one microsecond: nothing to fit
+    def _use(self, address: int, line: BoardLine) -> None:
+        fit = line.fit()
+        if fit is None:
             return
-        slope = float(centred @ hub) / spread
-        intercept = float(hub.mean()) - slope * float(board.mean())
-        if np.abs(hub - intercept - slope * board).max() > SYNC_TOLERANCE_US:  # a low bit was damaged: outvote it
-            from scipy.stats import theilslopes  # takes half a second to import, and is hardly ever needed
-
-            slope, intercept, _, _ = theilslopes(hub, board)
-        self._board_0[address] = syncs[-1, 0] % _WRAP
-        self._hub_0[address] = syncs[-1, 1] + intercept
-        self._rate[address] = slope
+        board_us, hub_us = line.last
+        offset, rate = fit
+        self._board_0[address] = board_us % _WRAP
+        self._hub_0[address] = hub_us + offset
+        self._rate[address] = rate
         self._known[address] = True
 
     def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
@@ -229,30 +216,32 @@ class ClockMap:
         if not len(taxels):
             return
         read_us = self._read_us[taxels["address"]]
-        read_us[np.isinf(read_us)] = 0.0
+        read_us[read_us == np.inf] = 0.0
         departed = begun + read_us + (taxels["length"] + float(WIRE_OVERHEAD)) * self._byte_us
         late = taxel_arrivals_s - departed * 1e-6
-        starts = np.flatnonzero(np.diff(departed // BIN_US, prepend=-1.0))
-        for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(taxels)], strict=True):
+        bins = departed // BIN_US
+        for start, end in pairwise([0, *(np.flatnonzero(bins[1:] != bins[:-1]) + 1).tolist(), len(taxels)]):
             earliest = start + int(np.argmin(late[start:end]))
             self._envelope.add(float(departed[earliest]), float(taxel_arrivals_s[earliest]))
 
     def _learn_read_times(
         self, taxels: NDArray[np.void], begun: NDArray[np.int64], syncs: NDArray[np.void], sync_us: NDArray[np.int64]
     ) -> None:
-        positions = np.concatenate([taxels["stream_position"], syncs["stream_position"]])
-        order = np.argsort(positions, kind="stable")
-        sequence = np.concatenate([taxels["sequence"], syncs["sequence"]]).astype(np.int64)[order]
-        times = np.concatenate([begun, sync_us])[order]
-        address = np.concatenate([taxels["address"], np.zeros(len(syncs), np.uint8)]).astype(np.intp)[order]
-        if self._last_begun is not None:  # the pair may lie across two batches
-            sequence, times, address = (
-                np.r_[a, b] for a, b in zip(self._last_begun, (sequence, times, address), strict=True)
-            )
-        self._last_begun = (int(sequence[-1]), int(times[-1]), int(address[-1]))
-        step = np.diff(times)
-        follows = (np.diff(sequence) % 65536 == 1) & (address[:-1] != 0) & (step > 0)
-        np.minimum.at(self._read_us, address[:-1][follows], step[follows].astype(float))
+        sequence, times, address = taxels["sequence"], begun, taxels["address"]
+        if len(syncs):
+            order = np.argsort(np.concatenate([taxels["stream_position"], syncs["stream_position"]]), kind="stable")
+            sequence = np.concatenate([sequence, syncs["sequence"]])[order]
+            times = np.concatenate([times, sync_us])[order]
+            address = np.concatenate([address, np.zeros(len(syncs), np.uint8)])[order]
+        earlier = self._last_begun
+        if earlier is not None:  # the pair may lie across two batches
+            sequence = np.concatenate([earlier[0], sequence])
+            times = np.concatenate([earlier[1], times])
+            address = np.concatenate([earlier[2], address])
+        self._last_begun = sequence[-1:], times[-1:], address[-1:]
+        step = times[1:] - times[:-1]
+        follows = (sequence[1:] - sequence[:-1] == 1) & (address[:-1] != 0) & (step > 0)  # u16: modulo 65536
+        np.minimum.at(self._read_us, address[:-1][follows], step[follows])
 
     def host_times_s(self, hub_us: NDArray[np.float64]) -> NDArray[np.float64]:
         """The hub's microseconds on the host's clock, seconds."""

@@ -26,14 +26,14 @@ class RowClock:
         `ends`, `times_ns` [r]: up to which byte of the stream what arrived together went, and when it arrived.
         """
         messages = messages_of(batch)
-        taxel_ends, other_ends = batch.taxels["stream_position"], batch.others["stream_position"]
-        first_taxel = first_other = 0
-        for cut in [*other_ends[(batch.others["flags"] & HUB_RESTARTED) != 0].tolist(), np.iinfo(np.uint64).max]:
-            last_taxel = int(np.searchsorted(taxel_ends, np.uint64(cut)))
-            last_other = int(np.searchsorted(other_ends, np.uint64(cut)))
-            taxels, others = batch.taxels[first_taxel:last_taxel], batch.others[first_other:last_other]
+        others, first_taxel, first_other = batch.others, 0, 0
+        restarts = others["stream_position"][(others["flags"] & HUB_RESTARTED) != 0] if len(others) else ()
+        for cut in [*restarts, None]:
+            last_taxel, last_other = (_rows_before(rows, cut) for rows in (batch.taxels, others))
+            taxels = batch.taxels[first_taxel:last_taxel]
             arrivals_s = _arrivals_s(taxels, ends, times_ns)
-            usable = self._take_part(taxels, arrivals_s, others, messages[first_other:last_other])
+            own = slice(first_other, last_other)
+            usable = self._take_part(taxels, arrivals_s, others[own], messages[own])
             if len(usable):
                 yield usable, self.clock.host_times_s(self.clock.hub_times_us(usable))
             first_taxel, first_other = last_taxel, last_other
@@ -48,10 +48,16 @@ class RowClock:
         for message in messages:
             self.clock.take_message(message)
             self._on_message(message)
-        syncs = [m.fields["hub_time_us"] for m in messages if m.type is FrameType.TIME_SYNC]
-        self.clock.take_arrivals(taxels, arrivals_s, others[others["type"] == FrameType.TIME_SYNC], syncs)
+        which = [place for place, message in enumerate(messages) if message.type is FrameType.TIME_SYNC]
+        sync_us = [messages[place].fields["hub_time_us"] for place in which]
+        self.clock.take_arrivals(taxels, arrivals_s, others[which] if which else others[:0], sync_us)
         useless = taxels["flags"] & (BOARD_CRC_BAD | NO_REFERENCE)
         return taxels[useless == 0] if useless.any() else taxels
+
+
+def _rows_before(rows: NDArray[np.void], cut: np.uint64 | None) -> int:
+    """How many of `rows` ended before byte `cut` of the stream; None: all."""
+    return len(rows) if cut is None else int(np.searchsorted(rows["stream_position"], cut))
 
 
 def _arrivals_s(
