@@ -27,6 +27,7 @@ class Field:
         return self.code.endswith("s")
 
 
+@cache
 def fields_of(definition: Struct) -> tuple[Field, ...]:
     """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
 
