@@ -81,8 +81,10 @@ void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t ca
 
 void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
-    encoder->crc = taxel_crc32(encoder->crc, bytes, size);
-    put_body(encoder, bytes, size);
+    if (size) { /* nothing may be nowhere */
+        encoder->crc = taxel_crc32(encoder->crc, bytes, size);
+        put_body(encoder, bytes, size);
+    }
 }
 
 size_t taxel_encoder_end(struct taxel_encoder *encoder)
