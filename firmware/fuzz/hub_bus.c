@@ -104,7 +104,7 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
-    uint8_t registers[LARGEST];
+    uint8_t registers[1u + LARGEST + 4u]; /* a compact snapshot has its length in front and is a multiple of four bytes */
     size_t known = 0;
     if (board->foreign) {
         memset(bytes, FOREIGN_BYTE, size);

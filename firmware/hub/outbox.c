@@ -26,18 +26,22 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
     struct taxel_outbox *outbox = &hub->outbox;
     size_t pulled = 0;
     atomic_signal_fence(memory_order_acquire);
-    for (; pulled < size && !outbox->is_held; pulled++) {
+    while (pulled < size && !outbox->is_held) {
         struct taxel_large *large = &outbox->large[outbox->large_first];
         const uint16_t left = large->left;
         const uint16_t tail = outbox->tail;
         if (left && tail == large->mark) {
-            bytes[pulled] = config->transfer_pool[large->end - left];
-            large->left = (uint16_t)(left - 1u);
-            if (left == 1u) {
+            const uint8_t *from = &config->transfer_pool[large->end - left];
+            size_t run = left < size - pulled ? left : size - pulled;
+            large->left = (uint16_t)(left - run);
+            if (left == run) {
                 outbox->large_first = taxel_hub_after_large(outbox->large_first);
             }
+            for (; run; run--) {
+                bytes[pulled++] = *from++;
+            }
         } else if (tail != outbox->head) {
-            bytes[pulled] = config->transmit_ring[tail];
+            bytes[pulled++] = config->transmit_ring[tail];
             outbox->tail = tail + 1u == config->transmit_ring_size ? 0u : (uint16_t)(tail + 1u);
         } else {
             break;

@@ -35,7 +35,7 @@ static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
     } else if (fault == TAXEL_BOARD_FAULT_SCL_STUCK) {
         taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C bus: SCL stays low");
     } else {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low after nine clocks");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low");
     }
 }
 
