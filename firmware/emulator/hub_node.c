@@ -141,8 +141,8 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
         .scl_hz = (uint32_t)world->scl_hz,
         .slots = node->slots,
         .slot_capacity = HUB_SLOTS,
-        .transfer_buffers = {node->transfer_buffers[0], node->transfer_buffers[1]},
-        .transfer_buffer_size = HUB_TRANSFER_BUFFER,
+        .transfer_pool = node->transfer_pool,
+        .transfer_pool_size = HUB_TRANSFER_POOL,
         .transmit_ring = node->transmit_ring,
         .transmit_ring_size = HUB_TRANSMIT_RING,
     };
@@ -306,7 +306,7 @@ void hub_node_run(struct hub_node *node, vtime horizon)
     node->now = start + cycles(node, COST_HUB_PASS);
     taxel_hub_run(&node->hub);
     /* Checking and framing come after the next transfer has been started, so they cost the CPU but not the bus. */
-    const double framed = node->hub.outbox.bytes_sent - sent;
+    const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent)); /* less: frames were dropped after all */
     node->cpu_free = node->now + cycles(node, framed * COST_HUB_FRAME_BYTE);
     if (node->restart_wanted) {
         hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);

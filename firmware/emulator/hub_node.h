@@ -10,7 +10,7 @@
 #include "hub/hub.h"
 
 #define HUB_SLOTS 32u
-#define HUB_TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX))
+#define HUB_TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)))
 #define HUB_TRANSMIT_RING 288u
 
 struct hub_node {
@@ -24,7 +24,7 @@ struct hub_node {
     uint8_t firmware_version[3];
     struct taxel_hub_hal hal;
     struct taxel_hub_slot slots[HUB_SLOTS];
-    uint8_t transfer_buffers[2][HUB_TRANSFER_BUFFER];
+    uint8_t transfer_pool[HUB_TRANSFER_POOL];
     uint8_t transmit_ring[HUB_TRANSMIT_RING];
     struct bus *bus;
     struct uart *uart;

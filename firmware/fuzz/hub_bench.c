@@ -12,7 +12,7 @@ struct bench bench;
 /* What a bus owns, each exactly as long as the hub is told, so that a sanitizer sees the byte beyond. */
 struct blocks {
     struct taxel_hub_slot *slots;
-    uint8_t *buffers[2];
+    uint8_t *pool;
     uint8_t *ring;
 };
 
@@ -54,20 +54,39 @@ static void end_transfer(void)
     taxel_hub_on_i2c_done(&bench.hub, result);
 }
 
+static void check_apart(size_t at, size_t end, size_t other_at, size_t other_end)
+{
+    FUZZ_CHECK(end <= other_at || other_end <= at);
+}
+
+/* What is read begins at `place` of the pool: that, what goes before it and what follows belong to nobody else. */
+static void check_place(size_t place, size_t size)
+{
+    const struct taxel_hub *const hub = &bench.hub;
+    const size_t at = hub->job.at, end = place + size + TAXEL_HUB_TAILROOM;
+    FUZZ_CHECK(place == at + TAXEL_HUB_HEADROOM || (place == at + TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && size == 12));
+    FUZZ_CHECK(end <= bench.config.transfer_pool_size);
+    if (hub->unframed.size) {
+        check_apart(at, end, hub->unframed.at, hub->unframed.at + TAXEL_HUB_BUFFER_SIZE(hub->unframed.size));
+    }
+    for (size_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
+        const struct taxel_large *const large = &hub->outbox.large[i];
+        if (large->left) {
+            check_apart(at, end, large->end - large->left, large->end);
+        }
+    }
+}
+
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
-    uint8_t *const *const buffers = bench.config.transfer_buffers;
     const struct taxel_hub *const hub = &bench.hub;
     FUZZ_CHECK(bench.done_us == BENCH_NEVER && bench.scl && bench.sda);
     FUZZ_CHECK(transfer->address >= TAXEL_ADDRESS_MIN);
     FUZZ_CHECK(transfer->address <= TAXEL_ADDRESS_MAX);
     FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= taxel_hub_read_max(hub) + transfer->counted);
-    const unsigned which = transfer->read_bytes >= buffers[1] && transfer->read_bytes < buffers[1] + bench.config.transfer_buffer_size;
-    const size_t place = (size_t)(transfer->read_bytes - buffers[which]);
-    FUZZ_CHECK(place + transfer->counted == TAXEL_HUB_HEADROOM || (place == TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && transfer->read_size == 12));
-    FUZZ_CHECK(place + transfer->read_size + TAXEL_HUB_TAILROOM <= bench.config.transfer_buffer_size);
-    FUZZ_CHECK(!(hub->outbox.large_left && hub->outbox.large_buffer == which) && !(hub->unframed.size && hub->unframed.buffer == which));
+    const size_t place = (size_t)(transfer->read_bytes + transfer->counted - bench.config.transfer_pool);
+    check_place(place, transfer->read_size - transfer->counted);
     bench.transfer = *transfer;
     memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
     memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
@@ -295,8 +314,7 @@ static void boot(unsigned bus)
     bench.config.scl_hz = 400000;
     bench.config.firmware_version = bench.config.unique_id = (const uint8_t *)"12345678";
     bench.config.slots = blocks[bus].slots;
-    bench.config.transfer_buffers[0] = blocks[bus].buffers[0];
-    bench.config.transfer_buffers[1] = blocks[bus].buffers[1];
+    bench.config.transfer_pool = blocks[bus].pool;
     bench.config.transmit_ring = blocks[bus].ring;
     bench.scl = bench.sda = bench.host_reads = true;
     bench.now_us = 1000;
@@ -330,8 +348,7 @@ static void warm_up(enum bench_state state)
 static void copy_blocks(const struct blocks *to, const struct blocks *from)
 {
     memcpy(to->slots, from->slots, bench.config.slot_capacity * sizeof *to->slots);
-    memcpy(to->buffers[0], from->buffers[0], bench.config.transfer_buffer_size);
-    memcpy(to->buffers[1], from->buffers[1], bench.config.transfer_buffer_size);
+    memcpy(to->pool, from->pool, bench.config.transfer_pool_size);
     memcpy(to->ring, from->ring, bench.config.transmit_ring_size);
 }
 
@@ -339,7 +356,7 @@ static struct blocks new_blocks(void)
 {
     return (struct blocks){
         .slots = calloc(bench.config.slot_capacity, sizeof(struct taxel_hub_slot)),
-        .buffers = {calloc(1, bench.config.transfer_buffer_size), calloc(1, bench.config.transfer_buffer_size)},
+        .pool = calloc(1, bench.config.transfer_pool_size),
         .ring = calloc(1, bench.config.transmit_ring_size),
     };
 }

@@ -32,7 +32,7 @@ void bench_populate(unsigned bus)
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
     const struct bus *chosen = &buses[bus];
     bench.config.slot_capacity = chosen->slot_capacity;
-    bench.config.transfer_buffer_size = TAXEL_HUB_BUFFER_SIZE(chosen->buffer_size);
+    bench.config.transfer_pool_size = 2u * TAXEL_HUB_BUFFER_SIZE(chosen->buffer_size);
     bench.config.transmit_ring_size = chosen->ring_size;
     for (size_t i = 0; i < BENCH_BOARDS; i++) {
         struct bench_board *board = &bench.boards[i];
@@ -104,7 +104,7 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
-    uint8_t registers[LARGEST];
+    uint8_t registers[1u + LARGEST + 4u]; /* a compact snapshot has its length in front and is a multiple of four bytes */
     size_t known = 0;
     if (board->foreign) {
         memset(bytes, FOREIGN_BYTE, size);

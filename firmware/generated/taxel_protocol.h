@@ -164,6 +164,7 @@ enum taxel_log_code {
     TAXEL_LOG_CODE_SDA_STUCK = 0x02,
     TAXEL_LOG_CODE_SCL_STUCK = 0x03,
     TAXEL_LOG_CODE_RECEIVE_OVERRUN = 0x04,
+    TAXEL_LOG_CODE_FRAME_DROPPED = 0x05,
 };
 
 enum taxel_board_command {

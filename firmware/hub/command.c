@@ -154,9 +154,6 @@ void taxel_hub_end_finished_command(struct taxel_hub *hub)
     if (hub->command.command != TAXEL_COMMAND_SET_SCAN_SETTINGS && hub->command.command != TAXEL_COMMAND_GET_BOARD_INFO) {
         return;
     }
-    if (hub->unframed.waits) {
-        return; /* it may be the BOARD_INFO that is asked for */
-    }
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         const struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
         if (is_chosen(hub->command.address, board)) {

@@ -101,9 +101,7 @@ TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
         run_to_the_end(hub);
         return;
     }
-    if (hub->unframed.waits) {
-        taxel_hub_forward(hub);
-    }
+    taxel_hub_drop_queued(hub);
     take_job_outcome(hub);
     taxel_hub_read_inbox(hub);
     if (hub->job.kind == TAXEL_JOB_NONE) {

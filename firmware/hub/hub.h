@@ -5,7 +5,8 @@
  *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: the ring, and frames in it
  *   outcome.c   what a finished transfer means            command.c   hello and commands
  *   identify.c  who a board is, and its scan settings     report.c    status frames
- *   recovery.c  nine clocks for a stuck bus
+ *   recovery.c  nine clocks for a stuck bus               pool.c      where transfers read to
+ *   launch.c    how a transfer begins                     snapshot.c  is it whole, is it news: on to the host
  *
  * The port calls taxel_hub_on_...() from interrupts and taxel_hub_run() from its main loop after every interrupt, and at
  * the time that hal->wake_at() asked for. All memory is the caller's. */
@@ -25,7 +26,7 @@
 #define TAXEL_HUB_RELEASE_ROOM 128u /* and at which it may go on */
 #define TAXEL_HUB_REPLY_RESERVE 180u /* the longest reply, and small frames that cannot wait */
 
-/* A transfer buffer becomes the frame of what was read into it: its header goes before, its CRC behind. */
+/* The place of a transfer becomes the frame of what was read into it: its header goes before, its CRC behind. */
 #define TAXEL_HUB_HEADROOM 18u /* its last byte is where the length of a compact snapshot is read to */
 #define TAXEL_HUB_TAILROOM 6u
 #define TAXEL_HUB_BUFFER_SIZE(read_max) (TAXEL_HUB_HEADROOM + (read_max) + TAXEL_HUB_TAILROOM)
@@ -65,8 +66,8 @@ struct taxel_hub_config {
     uint32_t scl_hz;
     struct taxel_hub_slot *slots;
     uint8_t slot_capacity;
-    uint8_t *transfer_buffers[2]; /* one is filled by the bus while the other is being framed and sent */
-    size_t transfer_buffer_size;  /* TAXEL_HUB_BUFFER_SIZE of the largest board's snapshot, and of TAXEL_BOARD_INFO_SIZE + 4 */
+    uint8_t *transfer_pool; /* some of it is filled by the bus while the rest is being framed and sent */
+    size_t transfer_pool_size; /* twice TAXEL_HUB_BUFFER_SIZE of the largest board's snapshot, and of TAXEL_BOARD_INFO_SIZE + 4 */
     uint8_t *transmit_ring;       /* all other frames */
     size_t transmit_ring_size;    /* more than TAXEL_HUB_REPLY_RESERVE and a HUB_STATUS frame */
 };
@@ -89,12 +90,12 @@ struct taxel_job {
     uint8_t kind; /* enum taxel_job_kind */
     uint8_t slot;
     uint8_t address;
-    uint8_t buffer; /* which transfer buffer it reads into */
+    bool is_compact; /* a poll that reads a length first */
+    uint16_t at; /* in the pool: its place */
     uint16_t cycle; /* in which it was started */
     uint16_t read_size;
     uint32_t started_us;
     uint32_t deadline_us;
-    bool is_compact; /* a poll that reads a length first */
     uint8_t write_size;
     uint8_t write_bytes[1u + TAXEL_COMPACT_ACKNOWLEDGE_SIZE]; /* of all but settings and the host's own */
 };
@@ -104,12 +105,10 @@ struct taxel_unframed {
     uint16_t size; /* 0: nothing */
     uint16_t cycle;
     uint32_t started_us;
+    uint16_t at; /* in the pool */
     uint8_t slot;
-    uint8_t buffer;
-    uint8_t type; /* of the frame that it becomes */
+    uint8_t type : 7; /* of the frame that it becomes */
     bool is_judged : 1;
-    bool waits : 1; /* it is right, but has no place yet */
-    uint32_t waits_since_us; /* or since the UART last took a byte */
 };
 
 enum taxel_cycle_stage {
@@ -157,13 +156,22 @@ struct taxel_report {
     uint32_t next_us;
 };
 
+#define TAXEL_HUB_LARGE_MAX 3u /* more places would cut the pool of 17 boards into pieces that are too small for the largest */
+
+/* A frame in the pool, which is to be sent. */
+struct taxel_large {
+    uint16_t end; /* of it in the pool */
+    uint16_t mark; /* where the ring waits while it is sent */
+    volatile uint16_t left; /* bytes to send: once they are there, the UART's interrupt alone counts them down */
+};
+
 struct taxel_outbox {
     volatile uint16_t head; /* where the ring's next frame goes: moved by the main loop only */
     volatile uint16_t tail; /* next byte for the UART: moved by its interrupt only */
-    volatile uint16_t large_left; /* bytes to send of the frame in a transfer buffer; its interrupt alone counts them down */
-    uint16_t large_mark; /* where the ring waits while that is sent */
-    const uint8_t *large_end;
-    uint8_t large_buffer;
+    struct taxel_large large[TAXEL_HUB_LARGE_MAX];
+    volatile uint8_t large_first; /* which is sent next: moved by the interrupt only */
+    uint8_t large_next; /* the next to come: moved by the main loop only */
+    volatile bool is_held; /* the interrupt is to take nothing for a moment */
     uint16_t sequence;
     uint32_t frames_sent, bytes_sent, frames_dropped;
 };
@@ -195,7 +203,8 @@ struct taxel_hub {
     uint32_t bus_down_until_us;
     uint32_t host_until_us; /* transfers of the host have the idle bus to themselves until then */
     uint32_t bus_recoveries;
-    uint16_t uart_mark; /* how far the UART had come when that was last asked */
+    uint32_t uart_mark; /* bytes that the UART had taken when that was last asked */
+    uint32_t uart_moved_us; /* and when more had been taken than before */
     uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a hello */
@@ -206,8 +215,9 @@ struct taxel_hub {
     bool streaming;
     bool retry_wanted; /* by one of the boards */
     bool compact; /* the host wants compact snapshots of the boards that have them */
-    bool restart_wanted;
-    bool bootloader_wanted;
+    bool drop_wanted : 1; /* since then: of what was to be sent before */
+    bool restart_wanted : 1;
+    bool bootloader_wanted : 1;
 };
 
 /* Every poll ends in one of the counters, and no more than one is under way: so few bits of their number are kept. */

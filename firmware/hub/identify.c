@@ -55,7 +55,7 @@ static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot
 
 void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
@@ -97,7 +97,7 @@ static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uin
 /* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
     const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
     board->settings_dirty = false;
     board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
@@ -110,7 +110,7 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slo
 /* Settings were read after an identity, and stand behind it: as BOARD_INFO has them. */
 void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer) + TAXEL_IDENTITY_SIZE;
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at) + TAXEL_IDENTITY_SIZE;
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;

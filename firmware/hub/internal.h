@@ -35,15 +35,15 @@ static inline struct taxel_hub_slot *taxel_hub_slot_at(const struct taxel_hub *h
     return &taxel_hub_config_of(hub)->slots[slot];
 }
 
-/* What a transfer has read, or will. */
-static inline uint8_t *taxel_hub_bytes(const struct taxel_hub *hub, uint8_t buffer)
+/* What a transfer has read, or will, into that place of the pool. */
+static inline uint8_t *taxel_hub_bytes(const struct taxel_hub *hub, size_t at)
 {
-    return taxel_hub_config_of(hub)->transfer_buffers[buffer] + TAXEL_HUB_HEADROOM;
+    return taxel_hub_config_of(hub)->transfer_pool + at + TAXEL_HUB_HEADROOM;
 }
 
 static inline size_t taxel_hub_read_max(const struct taxel_hub *hub)
 {
-    return taxel_hub_config_of(hub)->transfer_buffer_size - TAXEL_HUB_BUFFER_SIZE(0u);
+    return taxel_hub_config_of(hub)->transfer_pool_size / 2u - TAXEL_HUB_BUFFER_SIZE(0u);
 }
 
 uint64_t taxel_hub_clock(const struct taxel_hub *hub);
@@ -71,11 +71,15 @@ static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
 }
 void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command);
 
-/* launch.c: transfers into hub->job.buffer, which is a free one */
+/* pool.c: set hub->job.at to a place for a transfer that reads so much; false if there is none now. No transfer is under way. */
+bool taxel_hub_find_place(struct taxel_hub *hub, size_t size);
+
+/* launch.c: transfers into hub->job.at, where there is room for them */
 /* Begin the transfer that hub->job describes so far: write_size, write_bytes. */
 void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size);
 void taxel_hub_launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size);
 void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address);
+size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_slot *board);
 void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot);
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot);
 /* What the host has to say to the board; false if it has nothing to say. */
@@ -101,7 +105,7 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
 void taxel_hub_keep_snapshot(struct taxel_hub *hub);
 /* Judge the snapshot that is not framed yet, and forward it. */
 void taxel_hub_take_snapshot(struct taxel_hub *hub);
-/* What is not framed yet, if it is right: into a frame, or wait. */
+/* What is not framed yet, and right: into a frame. */
 void taxel_hub_forward(struct taxel_hub *hub);
 
 /* identify.c */
@@ -114,16 +118,30 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
 bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub);
 
-/* outbox.c: one frame of a head and a tail (either may be empty); false if there is no room for it now */
-bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
-                        size_t tail_size);
+/* outbox.c: one frame of a head and a tail (either may be empty), to `at` of the pool or into the ring; false if that has no room */
+#define TAXEL_HUB_IN_RING 0xFFFFu
+bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail, size_t tail_size,
+                    uint16_t at);
+static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
+                                      size_t tail_size)
+{
+    return taxel_hub_emit(hub, type, head, head_size, tail, tail_size, TAXEL_HUB_IN_RING);
+}
 /* the same for what cannot be kept: without room it is dropped and counted */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
                     size_t tail_size);
-/* The first bytes of a transfer buffer as a frame's tail: sent from where they are, or, while the UART has another such frame to
- * send, through the ring. Until the frame is sent the buffer is not free. */
-bool taxel_hub_try_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint8_t buffer,
-                               size_t size);
+/* What was read into a place of the pool as a frame's tail: sent from where it is, or, while the UART has something else to send,
+ * through the ring if that has room. False if nobody reads: then it is not sent. */
+bool taxel_hub_send_place(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t at, size_t size);
+/* stall.c */
+/* A UART that takes nothing for 0.1 s has no reader: go on, and drop. To be asked again and again by what waits for it. */
+bool taxel_hub_uart_is_stalled(struct taxel_hub *hub);
+/* What is in its way, when a stall has begun. From the main loop itself: there the stack has room for it. */
+void taxel_hub_drop_queued(struct taxel_hub *hub);
+static inline uint8_t taxel_hub_after_large(uint8_t index)
+{
+    return index == TAXEL_HUB_LARGE_MAX - 1u ? 0 : (uint8_t)(index + 1u);
+}
 void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault);
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text);
 

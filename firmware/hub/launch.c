@@ -1,4 +1,4 @@
-/* How each kind of transfer begins: what is written, what is read, into which buffer, by when. */
+/* How each kind of transfer begins: what is written, what is read, by when. */
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
@@ -28,7 +28,7 @@ void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t
         .address = address,
         .write_bytes = job->write_bytes,
         .write_size = job->write_size,
-        .read_bytes = taxel_hub_bytes(hub, job->buffer),
+        .read_bytes = taxel_hub_bytes(hub, job->at),
         .read_size = read_size,
     };
     if (kind == TAXEL_JOB_PASS_THROUGH) {
@@ -74,16 +74,18 @@ void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, u
     taxel_hub_launch(hub, kind, slot, address, 0);
 }
 
+size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
+{
+    return polls_compact(hub, board) ? taxel_hub_compact_max(board) : TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
+}
+
 void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
-    hub->job.is_compact = polls_compact(hub, board);
-    if (hub->job.is_compact) {
-        taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_COMPACT, 1u + taxel_hub_compact_max(board));
-    } else {
-        taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, TAXEL_REGISTER_SNAPSHOT,
-                    TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count);
-    }
+    const bool is_compact = polls_compact(hub, board); /* then the length is read before, into the headroom */
+    hub->job.is_compact = is_compact;
+    taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, is_compact ? TAXEL_REGISTER_COMPACT : TAXEL_REGISTER_SNAPSHOT,
+                          taxel_hub_poll_size(hub, board) + is_compact);
 }
 
 bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
@@ -107,7 +109,7 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
-    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.buffer);
+    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
     bytes[0] = TAXEL_REGISTER_SETTINGS;
     taxel_scan_settings_pack(&board->settings, bytes + 1);
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);

@@ -1,5 +1,5 @@
-/* UART frames out. A frame goes into the ring, or becomes of a transfer buffer, whole or not at all; what finds no room is dropped
- * whole, and counted. */
+/* UART frames out. A frame goes into the ring, or becomes of what is in the pool, whole or not at all; what finds no room is
+ * dropped whole, and counted. */
 #include <stdatomic.h>
 
 #include "codec/encoder.h"
@@ -11,9 +11,13 @@ static size_t used_bytes(const struct taxel_hub *hub)
     return head >= tail ? head - tail : head + taxel_hub_config_of(hub)->transmit_ring_size - tail;
 }
 
-size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
+TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 {
-    return used_bytes(hub) + hub->outbox.large_left;
+    size_t size = used_bytes(hub);
+    for (uint8_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
+        size += hub->outbox.large[i].left;
+    }
+    return size;
 }
 
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
@@ -22,14 +26,22 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
     struct taxel_outbox *outbox = &hub->outbox;
     size_t pulled = 0;
     atomic_signal_fence(memory_order_acquire);
-    for (; pulled < size; pulled++) {
-        const uint16_t left = outbox->large_left;
+    while (pulled < size && !outbox->is_held) {
+        struct taxel_large *large = &outbox->large[outbox->large_first];
+        const uint16_t left = large->left;
         const uint16_t tail = outbox->tail;
-        if (left && tail == outbox->large_mark) {
-            bytes[pulled] = *(outbox->large_end - left);
-            outbox->large_left = (uint16_t)(left - 1u);
+        if (left && tail == large->mark) {
+            const uint8_t *from = &config->transfer_pool[large->end - left];
+            size_t run = left < size - pulled ? left : size - pulled;
+            large->left = (uint16_t)(left - run);
+            if (left == run) {
+                outbox->large_first = taxel_hub_after_large(outbox->large_first);
+            }
+            for (; run; run--) {
+                bytes[pulled++] = *from++;
+            }
         } else if (tail != outbox->head) {
-            bytes[pulled] = config->transmit_ring[tail];
+            bytes[pulled++] = config->transmit_ring[tail];
             outbox->tail = tail + 1u == config->transmit_ring_size ? 0u : (uint16_t)(tail + 1u);
         } else {
             break;
@@ -73,57 +85,63 @@ bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
-static void count(struct taxel_hub *hub, size_t size)
+TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
+                                    size_t tail_size, uint16_t at)
 {
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
-    outbox->bytes_sent += (uint32_t)size;
+    struct taxel_encoder encoder;
+    if (outbox->is_held) {
+        at = hub->job.at; /* in the place of another (stall.c) */
+    } else if (at == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
+                                              config->transmit_ring_size) {
+        return false;
+    }
+    uint8_t *base = config->transmit_ring;
+    size_t capacity = config->transmit_ring_size, position = outbox->head;
+    if (at != TAXEL_HUB_IN_RING) {
+        base = config->transfer_pool;
+        capacity = config->transfer_pool_size;
+        position = at;
+    }
+    taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence, (uint16_t)(head_size + tail_size));
+    taxel_encoder_put(&encoder, head, head_size);
+    taxel_encoder_put(&encoder, tail, tail_size);
+    const size_t length = taxel_encoder_end(&encoder);
+    outbox->bytes_sent += (uint32_t)length;
     outbox->frames_sent++;
     outbox->sequence++;
     atomic_signal_fence(memory_order_release); /* the bytes are in place before the interrupt may see them */
-}
-
-bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
-                        size_t tail_size)
-{
-    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
-    struct taxel_outbox *outbox = &hub->outbox;
-    struct taxel_encoder encoder;
-    const size_t length = head_size + tail_size;
-    if (used_bytes(hub) + taxel_encoded_size_max(length) + reserve_for(hub, type) >= config->transmit_ring_size) {
-        return false;
+    if (at == TAXEL_HUB_IN_RING) {
+        outbox->head = (uint16_t)taxel_encoder_position(&encoder);
+    } else {
+        struct taxel_large *large = &outbox->large[outbox->large_next];
+        outbox->large_next = taxel_hub_after_large(outbox->large_next);
+        large->end = (uint16_t)(at + length);
+        if (!outbox->is_held) {
+            large->mark = outbox->head;
+        }
+        atomic_signal_fence(memory_order_release);
+        large->left = (uint16_t)length;
     }
-    taxel_encoder_begin(&encoder, config->transmit_ring, config->transmit_ring_size, outbox->head, type, outbox->sequence,
-                        (uint16_t)length);
-    taxel_encoder_put(&encoder, head, head_size);
-    taxel_encoder_put(&encoder, tail, tail_size);
-    count(hub, taxel_encoder_end(&encoder));
-    outbox->head = (uint16_t)taxel_encoder_position(&encoder);
     config->hal->uart_kick(config->hal->context);
     return true;
 }
 
-bool taxel_hub_try_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint8_t buffer,
-                               size_t size)
+bool taxel_hub_send_place(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t at, size_t size)
 {
-    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
-    struct taxel_encoder encoder;
-    uint8_t *const bytes = config->transfer_buffers[buffer];
-    if (outbox->large_left) {
-        return taxel_hub_try_send(hub, type, head, head_size, bytes + TAXEL_HUB_HEADROOM, size);
+    const uint8_t *bytes = taxel_hub_bytes(hub, at);
+    if (outbox->large[outbox->large_first].left) {
+        if (taxel_hub_try_send(hub, type, head, head_size, bytes, size)) {
+            return true;
+        }
+        if (outbox->large[outbox->large_next].left || (hub->uart_is_stalled && taxel_hub_uart_is_stalled(hub))) {
+            return false;
+        }
     }
     /* What is written stays behind what is still to be read: delimiter, header and at most 2 + 2 bytes of stuffing. */
-    taxel_encoder_begin(&encoder, bytes, config->transfer_buffer_size, 0, type, outbox->sequence, (uint16_t)(head_size + size));
-    taxel_encoder_put(&encoder, head, head_size);
-    taxel_encoder_put(&encoder, bytes + TAXEL_HUB_HEADROOM, size);
-    const size_t length = taxel_encoder_end(&encoder);
-    outbox->large_end = bytes + length;
-    outbox->large_mark = outbox->head;
-    outbox->large_buffer = buffer;
-    count(hub, length);
-    outbox->large_left = (uint16_t)length;
-    config->hal->uart_kick(config->hal->context);
-    return true;
+    return taxel_hub_emit(hub, type, head, head_size, bytes, size, at);
 }
 
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,

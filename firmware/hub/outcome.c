@@ -35,7 +35,7 @@ static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
     } else if (fault == TAXEL_BOARD_FAULT_SCL_STUCK) {
         taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C bus: SCL stays low");
     } else {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low after nine clocks");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low");
     }
 }
 
@@ -185,7 +185,7 @@ TAXEL_OWN_FRAME static void send_clock(struct taxel_hub *hub, const struct taxel
     const uint32_t bytes_us = ((uint32_t)sizeof(uint32_t) * 9u * 1000000u) / taxel_hub_config_of(hub)->scl_hz;
     const struct taxel_time_sync sync = {
         .address = board->address,
-        .board_time_us = taxel_get_u32(taxel_hub_bytes(hub, hub->job.buffer)),
+        .board_time_us = taxel_get_u32(taxel_hub_bytes(hub, hub->job.at)),
         .hub_time_us = taxel_hub_clock(hub) - bytes_us,
     };
     taxel_time_sync_pack(&sync, bytes);
@@ -230,7 +230,7 @@ static void finish_pass_through(struct taxel_hub *hub, int8_t result)
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {
         (void)taxel_hub_free_bus(hub);
     }
-    taxel_hub_reply(hub, reply_status_of(result), taxel_hub_bytes(hub, hub->job.buffer),
+    taxel_hub_reply(hub, reply_status_of(result), taxel_hub_bytes(hub, hub->job.at),
                     result == TAXEL_I2C_OK ? hub->job.read_size : 0);
 }
 

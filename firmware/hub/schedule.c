@@ -6,15 +6,10 @@
 #define PROBES_PER_CYCLE 4u      /* finds a new board within 28 such cycles for 0.1 ms of bus each */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
 #define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
+#define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* what all transfers but polls need, and the answer to SCAN_BUS */
 #define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
 
 #define slot_at taxel_hub_slot_at
-
-static bool buffer_is_free(const struct taxel_hub *hub, uint8_t buffer)
-{
-    return !(hub->unframed.size && hub->unframed.buffer == buffer) &&
-           !(hub->outbox.large_left && hub->outbox.large_buffer == buffer);
-}
 
 /* A host that talks to boards, to those in their bootloaders above all, has the idle bus to itself. */
 static bool bus_is_the_hosts(const struct taxel_hub *hub)
@@ -48,17 +43,41 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
     return false;
 }
 
-static bool launch_retry(struct taxel_hub *hub)
+/* LAUNCH_WAIT: there is a poll to make, but not now. */
+enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
+
+/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that takes
+ * nothing at all must not stop the hub. Then a poll that has no place ends without a transfer. */
+static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
+{
+    struct taxel_hub_slot *board = slot_at(hub, slot);
+    if (taxel_hub_find_place(hub, taxel_hub_poll_size(hub, board))) {
+        taxel_hub_launch_poll(hub, slot);
+        return LAUNCH_STARTED;
+    }
+    if (!taxel_hub_uart_is_stalled(hub)) {
+        taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
+        return LAUNCH_WAIT;
+    }
+    board->dropped++;
+    hub->outbox.frames_dropped++;
+    return LAUNCH_NOTHING;
+}
+
+static enum launch launch_retry(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; hub->retry_wanted && i < hub->slot_count; i++) {
-        if (slot_at(hub, i)->retry) {
-            slot_at(hub, i)->retry = false;
-            taxel_hub_launch_poll(hub, i);
-            return true;
+        struct taxel_hub_slot *board = slot_at(hub, i);
+        if (board->retry) {
+            const enum launch launched = launch_poll(hub, i);
+            board->retry = launched == LAUNCH_WAIT;
+            if (launched != LAUNCH_NOTHING) {
+                return launched;
+            }
         }
     }
     hub->retry_wanted = false;
-    return false;
+    return LAUNCH_NOTHING;
 }
 
 /* One clock and a few probes, which are a twentieth of a fast cycle, need not be in every one. */
@@ -72,9 +91,6 @@ static bool is_unjudged(const struct taxel_hub *hub)
 {
     return hub->unframed.size && !hub->unframed.is_judged;
 }
-
-/* LAUNCH_WAIT: there is a poll to make, but not now. */
-enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
 
 static enum launch launch_from_polls(struct taxel_hub *hub)
 {
@@ -95,13 +111,20 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
         if (board->state == TAXEL_BOARD_STATE_STREAMING && taxel_hub_launch_acknowledge(hub, slot)) {
             return LAUNCH_STARTED;
         }
-        cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
+            const enum launch launched = launch_poll(hub, slot);
+            if (launched == LAUNCH_WAIT) {
+                return LAUNCH_WAIT;
+            }
+            cycle->position++;
             board->polls++;
             board->attempts = 0;
-            taxel_hub_launch_poll(hub, slot);
-            return LAUNCH_STARTED;
+            if (launched == LAUNCH_STARTED) {
+                return LAUNCH_STARTED;
+            }
+            continue;
         }
+        cycle->position++;
         if (board->state == TAXEL_BOARD_STATE_ABSENT) {
             board->polls++;
             taxel_hub_launch_probe(hub, TAXEL_JOB_PROBE_SLOT, slot, board->address);
@@ -116,7 +139,8 @@ static bool launch_clock(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
     for (uint8_t tried = 0; tried < hub->slot_count; tried++) {
-        cycle->clock_slot = (uint8_t)((cycle->clock_slot + 1u) % hub->slot_count);
+        cycle->clock_slot = (uint8_t)(cycle->clock_slot + 1u);
+        cycle->clock_slot = cycle->clock_slot < hub->slot_count ? cycle->clock_slot : 0;
         if (slot_at(hub, cycle->clock_slot)->state == TAXEL_BOARD_STATE_STREAMING) {
             taxel_hub_launch_read(hub, TAXEL_JOB_CLOCK, cycle->clock_slot, TAXEL_REGISTER_CLOCK, sizeof(uint32_t));
             return true;
@@ -247,7 +271,7 @@ void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command)
 static void end_sweep(struct taxel_hub *hub)
 {
     struct taxel_sweep *sweep = &hub->sweep;
-    uint8_t *found = taxel_hub_bytes(hub, hub->job.buffer);
+    uint8_t *found = taxel_hub_bytes(hub, hub->job.at);
     size_t count = 0;
     sweep->active = false;
     sweep->next_us = taxel_hub_now(hub) + SWEEP_PERIOD_US;
@@ -326,16 +350,17 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
         return;
     }
     if (slot != TAXEL_NO_SLOT) {
-        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the buffer of the transfer before, which has the identity */
+        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the place of the transfer before, which has the identity */
         taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
         return;
     }
-    hub->job.buffer = buffer_is_free(hub, 0) ? 0 : 1;
-    if (!buffer_is_free(hub, hub->job.buffer)) { /* while the UART is slower than the bus, the bus waits */
+    const size_t largest = taxel_hub_read_max(hub);
+    const size_t small = SMALL_READ < largest ? SMALL_READ : largest;
+    if (!taxel_hub_find_place(hub, small) && !(taxel_hub_uart_is_stalled(hub) && taxel_hub_find_place(hub, small))) {
         taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
         return;
     }
-    if (launch_retry(hub)) {
+    if (launch_retry(hub) != LAUNCH_NOTHING) {
         return;
     }
     if (pass_through_is_wanted(hub)) {

@@ -1,8 +1,7 @@
-/* Is a snapshot whole, and is it news? Then it goes on to the host, as soon as the UART has room. */
+/* Is a snapshot whole, and is it news? Then it goes on to the host. */
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
-#define UART_STALL_US 100000u /* a UART that takes nothing for so long has no reader: go on, and drop */
 #define CLOCK_SLACK_US 500000u /* age of a snapshot, twice and with room */
 #define CLOCK_SLACK_SHIFT 3    /* and an eighth of the time between: no oscillator is that far off */
 #define HALF_CLOCK_RANGE 0x80000000u
@@ -34,8 +33,8 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->cycle = hub->job.cycle;
     unframed->started_us = hub->job.started_us;
     unframed->slot = hub->job.slot;
-    unframed->buffer = hub->job.buffer;
-    unframed->type = type;
+    unframed->at = hub->job.at;
+    unframed->type = type & 0x7Fu;
     unframed->is_judged = false;
 }
 
@@ -46,7 +45,7 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
         taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
         return;
     }
-    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->buffer)[-1]);
+    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->at)[-1]);
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
 }
 
@@ -65,7 +64,7 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
-static bool try_forward(struct taxel_hub *hub, const struct taxel_hub_slot *board)
+static bool send(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;
     uint8_t head[TAXEL_TAXEL_HEADER_SIZE];
@@ -76,29 +75,8 @@ static bool try_forward(struct taxel_hub *hub, const struct taxel_hub_slot *boar
         .hub_time_us = unframed->started_us,
     };
     taxel_taxel_header_pack(&header, head);
-    return taxel_hub_try_send_buffer(hub, unframed->type, head,
-                                     unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head, unframed->buffer,
-                                     unframed->size);
-}
-
-/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that
- * takes nothing at all must not stop the hub. */
-static bool must_wait(struct taxel_hub *hub)
-{
-    struct taxel_unframed *unframed = &hub->unframed;
-    const uint16_t mark = (uint16_t)(hub->outbox.tail - hub->outbox.large_left);
-    const uint32_t now = taxel_hub_now(hub);
-    if (hub->uart_mark != mark) {
-        hub->uart_is_stalled = false;
-    }
-    if (!unframed->waits || hub->uart_mark != mark) {
-        unframed->waits_since_us = now;
-        hub->uart_mark = mark;
-    }
-    unframed->waits = true;
-    hub->uart_is_stalled = hub->uart_is_stalled || now - unframed->waits_since_us >= UART_STALL_US;
-    taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
-    return !hub->uart_is_stalled;
+    return taxel_hub_send_place(hub, unframed->type, head, unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head,
+                                unframed->at, unframed->size);
 }
 
 void taxel_hub_forward(struct taxel_hub *hub)
@@ -106,16 +84,12 @@ void taxel_hub_forward(struct taxel_hub *hub)
     struct taxel_unframed *unframed = &hub->unframed;
     struct taxel_hub_slot *board = taxel_hub_slot_at(hub, unframed->slot);
     const bool is_taxels = unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO;
-    if (try_forward(hub, board)) {
+    if (send(hub, board)) {
         board->forwarded += is_taxels;
-        hub->uart_is_stalled = false;
-    } else if (must_wait(hub)) {
-        return;
     } else {
         board->dropped += is_taxels;
         hub->outbox.frames_dropped++;
     }
-    unframed->waits = false;
     unframed->size = 0;
 }
 
@@ -123,7 +97,7 @@ void taxel_hub_forward(struct taxel_hub *hub)
 static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;
-    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->buffer);
+    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->at);
     if (!snapshot_is_whole(board, bytes, unframed->size)) {
         if (!taxel_hub_retry(hub, board)) {
             board->crc_errors++;

@@ -123,8 +123,8 @@ void fake_hub_init(struct fake_hub *fake)
         .scl_hz = 400000,
         .slots = fake->slots,
         .slot_capacity = FAKE_SLOTS,
-        .transfer_buffers = {fake->buffers[0], fake->buffers[1]},
-        .transfer_buffer_size = FAKE_BUFFER,
+        .transfer_pool = fake->pool,
+        .transfer_pool_size = FAKE_POOL,
         .transmit_ring = fake->ring,
         .transmit_ring_size = FAKE_RING,
     };

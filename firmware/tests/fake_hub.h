@@ -14,7 +14,7 @@
 #define FAKE_LINES 128u
 #define FAKE_RING 256u
 #define FAKE_PULL 1280u
-#define FAKE_BUFFER TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX))
+#define FAKE_POOL (2u * TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)))
 #define FAKE_NEVER UINT64_MAX
 
 /* What a script says of a transfer, beside enum taxel_i2c_result, which ends it. */
@@ -47,7 +47,7 @@ struct fake_hub {
     struct taxel_hub_config config;
     struct taxel_hub_hal hal;
     struct taxel_hub_slot slots[FAKE_SLOTS];
-    uint8_t buffers[2][FAKE_BUFFER];
+    uint8_t pool[FAKE_POOL];
     uint8_t ring[FAKE_RING];
     uint64_t now_us, wake_us;
 

@@ -110,6 +110,7 @@ class LogCode(IntEnum):
     SDA_STUCK = 2
     SCL_STUCK = 3
     RECEIVE_OVERRUN = 4
+    FRAME_DROPPED = 5
 
 
 class BoardCommand(IntEnum):

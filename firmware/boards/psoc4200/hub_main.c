@@ -13,13 +13,13 @@
 #include "hub/internal.h"
 
 #define SLOTS 17u /* boards of the hand */
-#define TRANSFER_BUFFER TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_MIN + 2u * BOARD_TAXELS_MAX + 3u) & ~3u)
+#define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_MIN + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
 #define TRANSMIT_RING 288u /* a frame of status, or of 30 taxels, and the reserve for answers */
 #define NEVER UINT64_MAX
 
 static struct taxel_hub hub;
 static struct taxel_hub_slot slots[SLOTS];
-static uint8_t transfer_buffers[2][TRANSFER_BUFFER];
+static uint8_t transfer_pool[TRANSFER_POOL];
 static uint8_t transmit_ring[TRANSMIT_RING];
 static uint64_t wake_us;
 static volatile bool was_interrupted;
@@ -118,8 +118,8 @@ const struct taxel_hub_config taxel_hub_fixed_config = {
     .scl_hz = BUS_SCL_HZ,
     .slots = slots,
     .slot_capacity = SLOTS,
-    .transfer_buffers = {transfer_buffers[0], transfer_buffers[1]},
-    .transfer_buffer_size = TRANSFER_BUFFER,
+    .transfer_pool = transfer_pool,
+    .transfer_pool_size = TRANSFER_POOL,
     .transmit_ring = transmit_ring,
     .transmit_ring_size = TRANSMIT_RING,
 };

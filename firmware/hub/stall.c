@@ -1,0 +1,103 @@
+/* A UART that nobody reads. It keeps no more of the pool than the frame that it has begun: commands and polls go on in the rest. */
+#include <stdatomic.h>
+
+#include "hub/internal.h"
+
+#define UART_STALL_US 100000u
+#define KNOWN 6u /* of a frame's body: type, sequence, length, and the payload's first byte, which is a board's address */
+#define KNOWN_SEQUENCE 1u
+#define KNOWN_ADDRESS TAXEL_FRAME_HEADER_SIZE
+
+static void decode_beginning(const uint8_t *frame, uint8_t known[KNOWN])
+{
+    uint8_t left = frame[1], whitening = (uint8_t)TAXEL_WHITENING_SEED;
+    frame += 2;
+    for (uint8_t i = 0; i < KNOWN; i++, frame++) {
+        known[i] = whitening;
+        if (--left) {
+            known[i] ^= *frame;
+        } else {
+            left = *frame; /* a block's code stands where a zero was */
+        }
+        whitening = (uint8_t)(TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT);
+    }
+}
+
+/* What was to be sent is dropped after all. Returns its number, which is on its way: other frames follow it. */
+static uint16_t take_back(struct taxel_hub *hub, const uint8_t *frame)
+{
+    uint8_t known[KNOWN];
+    decode_beginning(frame, known);
+    if (known[0] == TAXEL_FRAME_TYPE_LOG) {
+        return taxel_get_u16(known + KNOWN_SEQUENCE); /* of the stall before: it was dropped then */
+    }
+    if (known[0] != TAXEL_FRAME_TYPE_BOARD_INFO) {
+        struct taxel_hub_slot *board = taxel_hub_slot_at(hub, taxel_hub_slot_of(hub, known[KNOWN_ADDRESS]));
+        board->forwarded--;
+        board->dropped++;
+    }
+    hub->outbox.frames_dropped++;
+    return taxel_get_u16(known + KNOWN_SEQUENCE);
+}
+
+/* The interrupt takes nothing meanwhile. No transfer is under way, and nothing waits to be framed: the whole pool is this one's.
+ * What is being sent moves to its beginning. So that no number is missing, a few words stand in the place of each other frame. */
+TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
+{
+    const struct taxel_hub_config *config = taxel_hub_config_of(hub);
+    struct taxel_outbox *outbox = &hub->outbox;
+    uint8_t *const pool = config->transfer_pool;
+    const uint16_t sequence = outbox->sequence;
+    outbox->is_held = true;
+    atomic_signal_fence(memory_order_seq_cst);
+    struct taxel_large *const first = &outbox->large[outbox->large_first];
+    for (struct taxel_large *large = outbox->large; large != outbox->large + TAXEL_HUB_LARGE_MAX; large++) {
+        if (large != first && large->left) {
+            large->end = take_back(hub, pool + large->end - large->left); /* its number: where it ends is not wanted any more */
+            outbox->bytes_sent -= large->left;
+            outbox->frames_sent--;
+        }
+    }
+    uint16_t end = 0;
+    for (const uint8_t *from = pool + first->end - first->left; end < first->left; end++) {
+        pool[end] = from[end];
+    }
+    first->end = end;
+    if (end) { /* else all was sent a moment ago */
+        outbox->large_next = taxel_hub_after_large(outbox->large_first);
+    }
+    for (struct taxel_large *large; (large = &outbox->large[outbox->large_next]) != first && large->left; end = large->end) {
+        hub->job.at = end;
+        outbox->sequence = large->end;
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "UART: no reader"); /* takes this entry */
+    }
+    outbox->sequence = sequence;
+    atomic_signal_fence(memory_order_seq_cst);
+    outbox->is_held = false;
+    config->hal->uart_kick(config->hal->context);
+}
+
+bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
+{
+    const uint32_t mark = hub->outbox.bytes_sent - (uint32_t)taxel_hub_uart_pending(hub);
+    const uint32_t now = taxel_hub_now(hub);
+    if (hub->uart_mark != mark) {
+        hub->uart_mark = mark;
+        hub->uart_moved_us = now;
+        hub->uart_is_stalled = false;
+    } else if (!hub->uart_is_stalled && now - hub->uart_moved_us >= UART_STALL_US) {
+        hub->uart_is_stalled = hub->drop_wanted = true;
+    }
+    return hub->uart_is_stalled;
+}
+
+void taxel_hub_drop_queued(struct taxel_hub *hub)
+{
+    if (!hub->drop_wanted || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size || hub->settings_read_slot != TAXEL_NO_SLOT) {
+        return;
+    }
+    if (taxel_hub_uart_is_stalled(hub)) {
+        drop_queued(hub);
+    }
+    hub->drop_wanted = false;
+}
