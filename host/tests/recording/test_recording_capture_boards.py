@@ -11,9 +11,10 @@ from taxel.link import run_emulator, write_stimulus
 from taxel.recording import activity_of, read_boards
 from taxel.signal import Activation, baseline_of
 from taxel.skin import open_skin
-from taxel.stream.start_script import write_start_script
+from taxel.stream.start_script import START_S, write_start_script
 
 SAMPLES = 20
+CLOCKS_S = 1.6
 PRESSED = 5
 
 
@@ -49,8 +50,11 @@ def test_arrays_say_what_the_skin_says_frame_by_frame(capture):
         assert frames.raw_counts.tolist() == [frame.raw_counts.tolist() for frame in wanted[address]]
         assert frames.sequence.tolist() == [frame.sequence for frame in wanted[address]]
         assert frames.cycle.tolist() == [frame.cycle for frame in wanted[address]]
-        # The line between the clocks is drawn anew with every piece that comes: the earlier ones knew less of it.
-        assert np.abs(frames.time_s - [frame.time_s for frame in wanted[address]]).max() < 1e-3
+        # The line between the clocks is drawn anew with every piece that comes: the earlier ones knew less of it, and
+        # before a board's clock was read for the first time (17 boards take turns), only when its frames came.
+        apart = np.abs(frames.time_s - [frame.time_s for frame in wanted[address]])
+        assert apart.max() < 0.05
+        assert apart[frames.time_s > START_S + CLOCKS_S].max() < 1e-3
 
 
 def test_after_its_baseline_a_board_says_what_is_active(capture):
