@@ -198,33 +198,6 @@ static void several_commands_at_once_are_obeyed_in_order(void)
     end();
 }
 
-static void without_a_reader_whole_frames_are_dropped_and_counted(void)
-{
-    begin(4);
-    CHECK(fake_hub_run_cycles(&fake, 3));
-    fake_hub_run(&fake, 100);
-    const uint16_t frames_before = (uint16_t)fake.hub.outbox.frames_sent;
-    fake_hub_forget_frames(&fake);
-    fake.drain_bytes = 0;
-    CHECK(fake_hub_run_cycles(&fake, 200));
-    CHECK_EQUAL(fake.frame_count, 0);
-    uint32_t dropped = 0;
-    for (uint8_t i = 0; i < 4; i++) {
-        const struct taxel_hub_slot *slot = fake_hub_slot(&fake, (uint8_t)(FIRST + i));
-        CHECK(slot->dropped > 100);
-        CHECK_EQUAL(slot->nacks + slot->timeouts + slot->crc_errors + slot->bus_errors, 0);
-        dropped += slot->dropped;
-    }
-    CHECK(fake.hub.outbox.frames_dropped >= dropped);
-    const size_t waiting = taxel_hub_uart_pending(&fake.hub);
-    CHECK_BETWEEN(waiting, 1, FAKE_RING + FAKE_POOL / 2 - 127); /* room for the longest reply is left */
-    fake.drain_bytes = FAKE_PULL;
-    CHECK(fake_hub_run_cycles(&fake, 10));
-    CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
-    CHECK(fake.hub.outbox.frames_sent > frames_before);
-    end();
-}
-
 /* A ring whose last byte is taken looks like an empty one. */
 static void the_transmit_ring_is_never_filled_to_its_last_byte(void)
 {
@@ -246,45 +219,6 @@ static void the_transmit_ring_is_never_filled_to_its_last_byte(void)
     CHECK_EQUAL(taxel_hub_uart_pending(&fake.hub), FAKE_RING - 1);
     fake.drain_bytes = FAKE_PULL;
     fake_hub_run(&fake, 1000);
-    end();
-}
-
-static void without_a_reader_commands_are_still_obeyed_and_answered(void)
-{
-    const uint8_t identify[5] = {33, TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64, 0};
-    begin(4);
-    fake.drain_bytes = 0;
-    CHECK(fake_hub_run_cycles(&fake, 100));
-    fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, identify, sizeof identify);
-    CHECK(fake_hub_run_cycles(&fake, 20));
-    fake_hub_forget_frames(&fake);
-    CHECK(fake.hub.inbox.commands >= 2); /* START, and this one: obeyed before anything was read */
-    fake.drain_bytes = FAKE_PULL;
-    fake_hub_run(&fake, 1000);
-    const struct fake_frame *reply = fake_hub_last(&fake, TAXEL_FRAME_TYPE_REPLY);
-    if (CHECK(reply)) {
-        CHECK_EQUAL(reply->payload[0], 33);
-        CHECK_EQUAL(reply->payload[2], 0);
-        CHECK_EQUAL(reply->length, 3 + 64);
-    }
-    end();
-}
-
-/* Commands that come while there is no room for another answer wait; none is lost. */
-static void commands_wait_for_room(void)
-{
-    begin(4);
-    fake.drain_bytes = 0;
-    CHECK(fake_hub_run_cycles(&fake, 100));
-    for (uint8_t i = 0; i < 12; i++) {
-        const uint8_t command[2] = {i, TAXEL_COMMAND_GET_TIME};
-        fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, command, sizeof command);
-        fake_hub_run(&fake, 1000);
-    }
-    fake_hub_forget_frames(&fake);
-    fake.drain_bytes = FAKE_PULL;
-    fake_hub_run(&fake, 10000);
-    CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), 12);
     end();
 }
 
@@ -327,10 +261,7 @@ int main(void)
     RUN(a_hub_whose_line_is_not_wired_counts_what_it_loses);
     RUN(a_hub_that_restarts_while_it_holds_lets_the_host_go_on);
     RUN(several_commands_at_once_are_obeyed_in_order);
-    RUN(without_a_reader_whole_frames_are_dropped_and_counted);
     RUN(the_transmit_ring_is_never_filled_to_its_last_byte);
-    RUN(without_a_reader_commands_are_still_obeyed_and_answered);
-    RUN(commands_wait_for_room);
     RUN(a_slow_reader_gets_as_many_frames_of_every_board);
     RUN(a_full_uart_does_not_keep_a_status_report_and_so_the_host_waiting);
     return check_summary();
