@@ -125,21 +125,17 @@ def create_grasps_group(parent: Any) -> None:
 
 def write_array(group: Any, name: str, array: NDArray[Any] | tuple[str, ...]) -> None:
     """A dataset without time stamps; a large one compressed in chunks of about 1 MiB, whole frames each."""
+    how: dict[str, Any] = {"data": array}
     if isinstance(array, tuple):
-        group.create_dataset(name, data=list(array), dtype=h5py.string_dtype(), track_times=False)
-    elif array.nbytes < _COMPRESS_FROM_BYTES:
-        group.create_dataset(name, data=array, track_times=False)
-    else:
+        how = {"data": list(array), "dtype": h5py.string_dtype()}
+    elif array.nbytes >= _COMPRESS_FROM_BYTES:
         frames = max(1, _CHUNK_BYTES // (prod(array.shape[1:]) * array.itemsize))
-        group.create_dataset(
-            name,
-            data=array,
-            chunks=(min(len(array), frames), *array.shape[1:]),
-            compression="gzip",
-            compression_opts=_GZIP_LEVEL,
-            shuffle=True,
-            track_times=False,
-        )
+        chunks = (min(len(array), frames), *array.shape[1:])
+        how |= {"chunks": chunks, "compression": "gzip", "compression_opts": _GZIP_LEVEL, "shuffle": True}
+    dataset = group.create_dataset(name, track_times=False, **how)
+    # HDF5 finds a place for the content when the dataset is closed. Left to Python, that is when the last frame that
+    # saw it goes, and a profiler beside it (a Dask worker has one) keeps frames a little longer: other bytes.
+    dataset.id.close()
 
 
 def write_attributes(group: Any, values: Mapping[str, Any]) -> None:

@@ -7,11 +7,9 @@ import sys
 from unittest import mock
 
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from taxel.generate.cluster import Cluster, check_releases
 from taxel.generate.errors import ClusterError
-from taxel.generate.one_thread import one_thread
 from taxel.generate.run import generate
 
 PICKLED = dict(copyreg.dispatch_table)
@@ -32,21 +30,6 @@ def test_a_cluster_makes_the_same_bytes(whole, files_of, scheduler, tmp_path):
     out = tmp_path / "cluster"
     assert generate(whole.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
     assert files_of(out) == files_of(whole.folder)
-
-
-def test_shards_that_overlap_in_a_process_work_on_one_thread_until_the_last_is_done():
-    def threads():
-        # Linear algebra's; an OpenMP runtime that another test has loaded is nothing that a shard computes with.
-        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
-
-    with threadpool_limits(limits=2):
-        before = threads()
-        first, second = one_thread(), one_thread()
-        first.__enter__()
-        with second:
-            first.__exit__(None, None, None)
-            assert threads() == {1}
-        assert threads() == before
 
 
 def test_a_worker_with_another_release_is_refused():

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import signal
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -25,7 +26,7 @@ from taxel.recording import (
     grasp_writer,
 )
 from taxel.recording.grasp_format import GRASP
-from taxel.recording.grasp_storage import PAGE_BYTES, ROOM_FOR_GRASPS
+from taxel.recording.grasp_storage import PAGE_BYTES, ROOM_FOR_GRASPS, create_file, write_array
 
 SEED = 7
 N, S, T = 40, 2, 30
@@ -137,6 +138,24 @@ def test_the_same_content_gives_the_same_bytes(tmp_path):
     time.sleep(1.1)  # HDF5's own time stamps have a resolution of one second
     assert write(tmp_path / "two.h5", 3, "sim").read_bytes() == one
     assert write(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != one
+
+
+def test_a_profiler_that_keeps_frames_does_not_change_the_bytes(tmp_path):
+    """What holds a function's frame holds its datasets: a Dask worker's profiler does, now and then."""
+
+    def two_large_arrays(path):
+        with create_file(path) as file:
+            for name in "ab":
+                write_array(file, name, np.zeros((4096, 3)))
+        return path.read_bytes()
+
+    plain, held = two_large_arrays(tmp_path / "one.h5"), []
+    sys.setprofile(lambda frame, event, argument: held.append(frame))
+    try:
+        beside = two_large_arrays(tmp_path / "two.h5")
+    finally:
+        sys.setprofile(None)
+    assert beside == plain
 
 
 def test_hdf5_is_called_by_one_thread_at_a_time(tmp_path, monkeypatch):
