@@ -25,7 +25,7 @@ static void start_application(struct board_node *board)
     board->has_confirmed = false;
     board->flash_until = 0;
     board->boot_end = boot->now + rest;
-    board->clock_zero = board->boot_end - board_cycles(board, COST_SENSOR_INIT);
+    board->clock_zero = board->tick = board->boot_end - board_cycles(board, COST_SENSOR_INIT);
     board->interrupt = board->now = board->boot_end;
     board->cpu_free = board->boot_end;
     board->config.reset_cause = boot->cause;

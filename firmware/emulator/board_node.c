@@ -10,7 +10,7 @@
 
 static vtime cycles(const struct board_node *board, unsigned count)
 {
-    return (vtime)(count / CPU_HZ / board->clock_rate * (double)VTIME_SECOND);
+    return (vtime)(int64_t)(count * board->cycle);
 }
 
 static void on_front_end_configure(void *context, const struct taxel_scan_settings *settings)
@@ -40,10 +40,13 @@ static unsigned start_cost(const struct board_node *board, uint16_t crossing, ui
 }
 
 /* SysTick cuts into whatever runs at [from, to): how much later that ends. */
-static vtime tick_between(const struct board_node *board, vtime from, vtime to)
+static vtime tick_between(struct board_node *board, vtime from, vtime to)
 {
-    const vtime period = cycles(board, COST_TICK_PERIOD), length = cycles(board, COST_TICK);
-    const vtime last = board->clock_zero + (to - board->clock_zero) / period * period;
+    const vtime period = board->tick_period, length = board->tick_length;
+    if (to - board->tick >= period) { /* a conversion is much shorter: seldom, and a step for the most part */
+        board->tick = board->clock_zero + (to - board->clock_zero) / period * period;
+    }
+    const vtime last = board->tick;
     return last == board->clock_zero || last + length <= from ? 0 : last > from ? length : last + length - from;
 }
 
@@ -124,6 +127,9 @@ static int open_effects(struct board_node *board, const struct world_description
     const uint8_t address = board->description->address;
     board->effects = effects;
     board->clock_rate += effects->clock.skew_ppm[board->index] * 1e-6;
+    board->cycle = (double)VTIME_SECOND / CPU_HZ / board->clock_rate;
+    board->tick_period = cycles(board, COST_TICK_PERIOD);
+    board->tick_length = cycles(board, COST_TICK);
     board->wander = clock_wander_open(&effects->clock, board->index, world->seed, address);
     board->wander_rate = 1.0;
     silent_open(&board->contact, &effects->silent, board->index, world->seed, address);

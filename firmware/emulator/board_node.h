@@ -40,6 +40,8 @@ struct board_node {
     uint8_t compact_residuals[TAXEL_COMPACT_TAXELS_MAX];
     uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(TAXEL_COMPACT_TAXELS_MAX)];
     double clock_rate;
+    double cycle; /* of its CPU, in units of vtime */
+    vtime tick_period, tick_length; /* SysTick's */
     vtime now; /* while firmware runs: the time it sees */
     struct boot_node *boot;
     struct psoc *psoc; /* NULL: this program's own firmware runs, else an image is executed (board_cortex.h) */
@@ -49,6 +51,7 @@ struct board_node {
     vtime watchdog_at;
     vtime boot_end;   /* from then on it answers */
     vtime clock_zero; /* its own clock began then, a little earlier */
+    vtime tick;       /* the last one of SysTick that was asked about */
     vtime flash_until; /* a row is being written: nothing is acknowledged */
     vtime cpu_free;
     vtime compact_end; /* when the main loop is through with what it does for compact snapshots */

@@ -48,15 +48,17 @@ static double pressure_of(double stretch)
 static double stretch_of(double pressure)
 {
     double low = PILLAR_FRACTION + 1e-9, high = 1.0;
-    for (int i = 0; i < 80; i++) {
+    for (;;) {
         const double middle = 0.5 * (low + high);
+        if (middle == low || middle == high) {
+            return middle; /* there is no number between them */
+        }
         if (pressure_of(middle) > pressure) {
             low = middle;
         } else {
             high = middle;
         }
     }
-    return 0.5 * (low + high);
 }
 
 /* Logarithmic mixing rule (Lichtenecker, 1926) of air and silicone by volume. */
@@ -65,9 +67,9 @@ static double permittivity_of(double stretch)
     return pow(SILICONE_PERMITTIVITY, PILLAR_FRACTION / stretch);
 }
 
-static double rise_of(double force_n)
+static double rise_of(double stretch)
 {
-    return permittivity_of(stretch_of(force_n / CELL_AREA_M2)) / permittivity_of(1.0) - 1.0;
+    return permittivity_of(stretch) / permittivity_of(1.0) - 1.0;
 }
 
 /* How much the sheet under the pillars gives way, neo-Hookean in compression: p = E / 3 (1 / s^2 - s). */
@@ -91,8 +93,9 @@ void layer_init(void)
     log_step = (log(FORCE_MAX_N) - log_min) / (TABLE_SIZE - 1);
     for (int i = 0; i < TABLE_SIZE; i++) {
         const double force = exp(log_min + i * log_step), pressure = force / CELL_AREA_M2;
-        table[i] = rise_of(force);
-        contact_table[i] = (1.0 - stretch_of(pressure)) * LAYER_PILLAR_HEIGHT_M + sheet_compression(pressure);
+        const double stretch = stretch_of(pressure);
+        table[i] = rise_of(stretch);
+        contact_table[i] = (1.0 - stretch) * LAYER_PILLAR_HEIGHT_M + sheet_compression(pressure);
         contact_pressures[i] = pressure;
     }
     for (int i = 0, low = 0; i <= CONTACT_STARTS; i++) {
@@ -106,10 +109,10 @@ void layer_init(void)
         const double pressure = ldexp(CURVE_MIN_PA * (1.0 + (double)(i % CURVE_STEPS) / CURVE_STEPS), octave);
         const double stretch = stretch_of(pressure);
         curve[i].compression = (1.0 - stretch) * LAYER_PILLAR_HEIGHT_M;
-        curve[i].rise = permittivity_of(stretch) / permittivity_of(1.0) - 1.0;
+        curve[i].rise = rise_of(stretch);
     }
     for (int i = 0; i <= DEPTH_STEPS; i++) {
-        depth_table[i] = permittivity_of(1.0 - (1.0 - PILLAR_FRACTION) * i / DEPTH_STEPS) / permittivity_of(1.0) - 1.0;
+        depth_table[i] = rise_of(1.0 - (1.0 - PILLAR_FRACTION) * i / DEPTH_STEPS);
     }
 }
 
