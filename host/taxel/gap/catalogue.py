@@ -13,6 +13,7 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.noise import Noise
+from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
@@ -23,7 +24,7 @@ DROPOUT = "dropout"
 
 CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
-        "contact_propagation": (ContactPropagation("kept"), ContactPropagation("added")),
+        "contact_propagation": (ContactPropagation("kept"), ContactPropagation("added"), PillarPropagation()),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),
             ElectrodeCrosstalk("network"),
