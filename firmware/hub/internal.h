@@ -143,7 +143,10 @@ static inline uint8_t taxel_hub_after_large(uint8_t index)
     return index == TAXEL_HUB_LARGE_MAX - 1u ? 0 : (uint8_t)(index + 1u);
 }
 void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault);
+/* `text`: no longer than TAXEL_LOG_TEXT_MAX. */
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text);
+/* The same at a place of the pool, whose turn is the next large frame's. */
+void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t at);
 
 /* inbox.c */
 void taxel_hub_inbox_init(struct taxel_hub *hub);

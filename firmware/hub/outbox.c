@@ -91,10 +91,8 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
-    if (outbox->is_held) {
-        at = hub->job.at; /* in the place of another (stall.c) */
-    } else if (at == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
-                                              config->transmit_ring_size) {
+    if (at == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
+                                       config->transmit_ring_size) {
         return false;
     }
     uint8_t *base = config->transmit_ring;
@@ -118,9 +116,7 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
         struct taxel_large *large = &outbox->large[outbox->large_next];
         outbox->large_next = taxel_hub_after_large(outbox->large_next);
         large->end = (uint16_t)(at + length);
-        if (!outbox->is_held) {
-            large->mark = outbox->head;
-        }
+        large->mark = outbox->head;
         atomic_signal_fence(memory_order_release);
         large->left = (uint16_t)length;
     }
@@ -168,16 +164,21 @@ void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *sl
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_FAULT, bytes, sizeof bytes, NULL, 0);
 }
 
-void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text)
+void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t at)
 {
     uint8_t bytes[TAXEL_LOG_HEADER_SIZE];
-    const size_t length = strlen(text);
     const struct taxel_log_header header = {
         .level = level,
         .code = code,
         .hub_time_us = taxel_hub_now(hub),
     };
     taxel_log_header_pack(&header, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text,
-                         length < TAXEL_LOG_TEXT_MAX ? length : TAXEL_LOG_TEXT_MAX);
+    if (!taxel_hub_emit(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text, strlen(text), at)) {
+        hub->outbox.frames_dropped++;
+    }
+}
+
+void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text)
+{
+    taxel_hub_log_at(hub, level, code, text, TAXEL_HUB_IN_RING);
 }

@@ -31,11 +31,11 @@ void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
 static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
     if (fault == TAXEL_BOARD_FAULT_NONE) {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_INFO, TAXEL_LOG_CODE_BUS_FREE, "I2C bus: free again");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_INFO, TAXEL_LOG_CODE_BUS_FREE, "I2C: free");
     } else if (fault == TAXEL_BOARD_FAULT_SCL_STUCK) {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C bus: SCL stays low");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SCL_STUCK, "I2C: SCL low");
     } else {
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C bus: SDA stays low");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_ERROR, TAXEL_LOG_CODE_SDA_STUCK, "I2C: SDA low");
     }
 }
 

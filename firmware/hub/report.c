@@ -92,7 +92,7 @@ static void tell_overruns(struct taxel_hub *hub)
 {
     if (hub->inbox.overruns_told != hub->inbox.overruns) {
         hub->inbox.overruns_told = hub->inbox.overruns;
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_RECEIVE_OVERRUN, "UART: bytes were lost");
+        taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_RECEIVE_OVERRUN, "bytes lost");
     }
 }
 

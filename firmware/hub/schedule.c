@@ -80,11 +80,12 @@ static enum launch launch_retry(struct taxel_hub *hub)
     return LAUNCH_NOTHING;
 }
 
-/* One clock and a few probes, which are a twentieth of a fast cycle, need not be in every one. */
+/* One clock and a few probes, which are a twentieth of a fast cycle, need not be in every one: but in the first ones, until each
+ * board's clock has been told. */
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;
-    return !cycle->launched || taxel_hub_now(hub) - cycle->upkept_us >= UPKEEP_PERIOD_US;
+    return !cycle->launched || cycle->count < hub->slot_count || taxel_hub_now(hub) - cycle->upkept_us >= UPKEEP_PERIOD_US;
 }
 
 static bool is_unjudged(const struct taxel_hub *hub)

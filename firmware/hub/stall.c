@@ -48,12 +48,15 @@ TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
     struct taxel_outbox *outbox = &hub->outbox;
     uint8_t *const pool = config->transfer_pool;
     const uint16_t sequence = outbox->sequence;
+    uint16_t numbers[TAXEL_HUB_LARGE_MAX];
     outbox->is_held = true;
     atomic_signal_fence(memory_order_seq_cst);
-    struct taxel_large *const first = &outbox->large[outbox->large_first];
-    for (struct taxel_large *large = outbox->large; large != outbox->large + TAXEL_HUB_LARGE_MAX; large++) {
-        if (large != first && large->left) {
-            large->end = take_back(hub, pool + large->end - large->left); /* its number: where it ends is not wanted any more */
+    const uint8_t begun = outbox->large_first;
+    struct taxel_large *const first = &outbox->large[begun];
+    for (uint8_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
+        const struct taxel_large *large = &outbox->large[i];
+        if (i != begun && large->left) {
+            numbers[i] = take_back(hub, pool + large->end - large->left);
             outbox->bytes_sent -= large->left;
             outbox->frames_sent--;
         }
@@ -64,12 +67,15 @@ TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
     }
     first->end = end;
     if (end) { /* else all was sent a moment ago */
-        outbox->large_next = taxel_hub_after_large(outbox->large_first);
+        outbox->large_next = taxel_hub_after_large(begun);
     }
-    for (struct taxel_large *large; (large = &outbox->large[outbox->large_next]) != first && large->left; end = large->end) {
-        hub->job.at = end;
-        outbox->sequence = large->end;
-        taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "UART: no reader"); /* takes this entry */
+    for (uint8_t i; (i = outbox->large_next) != begun && outbox->large[i].left;) {
+        struct taxel_large *large = &outbox->large[i];
+        const uint16_t mark = large->mark; /* what is in the ring has its place between them */
+        outbox->sequence = numbers[i];
+        taxel_hub_log_at(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "no reader", end); /* takes this entry */
+        large->mark = mark;
+        end = large->end;
     }
     outbox->sequence = sequence;
     atomic_signal_fence(memory_order_seq_cst);

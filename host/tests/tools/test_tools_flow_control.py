@@ -88,7 +88,7 @@ def test_a_line_that_is_not_wired_is_found_out_and_costs_time_only(worlds, make_
     run_all(wire, {address: read_often(address, 30) for address in range(0x50, 0x54)})
     assert wire.hub.window == HELD_WINDOW, "four boards alone have no more under way than the ring holds"
     run_all(wire, {place: burst_of(*(Transfer(0x50 + place % 4, b"\x00", 60),) * 3) for place in range(40)})
-    assert "UART: bytes were lost" in wire.hub.logs
+    assert "bytes lost" in wire.hub.logs
     assert wire.hub.window == WINDOW
     results = update_all(wire, make_firmware(), range(0x50, 0x54))
     assert {result.after for result in results.values()} == {(1, 2, 3)}
