@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.effects.effect import Effect
-from taxel.gap.state import State
+from taxel.gap.state import Signal, State
 
 Array = NDArray[np.float64]
 
@@ -54,10 +56,34 @@ class Chain:
         """The simulator's features with these effects, f64[C, F, n]."""
         if not any(link.effect.memory for link in self.links):
             state = state.coarse
-        signal = state.base
-        for link in self.links:
-            signal = link.effect.apply(state, signal, link.values)
-        features = state.predicted(signal)
+        features = state.predicted(_signal_of(state, self.links))
         for link in self.links:
             features = link.effect.features(state, features, link.values)
         return features
+
+
+class _Recent(threading.local):
+    """Of each state, the links that this thread applied last and what the signal was after each of them."""
+
+    def __init__(self) -> None:
+        self.steps: WeakKeyDictionary[State, list[tuple[Link, Signal]]] = WeakKeyDictionary()
+
+
+_recent = _Recent()
+
+
+def _signal_of(state: State, links: Sequence[Link]) -> Signal:
+    """The signal after all links. A fit moves one of them at a time: those before it are not worked out anew."""
+    known = _recent.steps.get(state, [])
+    same = 0
+    for (before, _), link in zip(known, links, strict=False):
+        if before.effect is not link.effect or before.values is not link.values:
+            break
+        same += 1
+    steps = known[:same]
+    signal = steps[-1][1] if steps else state.base
+    for link in links[same:]:
+        signal = link.effect.apply(state, signal, link.values)
+        steps.append((link, signal))
+    _recent.steps[state] = steps
+    return signal

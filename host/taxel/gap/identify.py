@@ -22,6 +22,7 @@ from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import Column, Problem, fit, normal_equations, start_of, started
 from taxel.gap.judge import REFITS, Judge
+from taxel.gap.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -100,21 +101,22 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
         name: [form for form in (*own, *LIKE.get(name, ())) if not form.unavailable(state)]
         for name, own in forms.items()
     }
-    columns = {
-        name: [start_of(state, Chain((_typical_link(judge, form),))).columns for form in own]
-        for name, own in usable.items()
-    }
+    own_columns = in_threads(
+        state,
+        lambda own: [start_of(state, Chain((_typical_link(judge, form),))).columns for form in own],
+        usable.values(),
+    )
+    columns = dict(zip(usable, own_columns, strict=True))
     nuisance = start_of(state, Chain((started(state, Latency("hand")),))).columns
     found = {link.effect.name: link for link in links}
-    rows = []
-    for name, own in usable.items():
-        if not own:
-            continue
-        plain = [_plain(judge, form) for form in own]
+
+    def rows_of(name: str) -> list[Likeness]:
+        plain = [_plain(judge, form) for form in usable[name]]
         vector = _of_link(judge, found[name]) if name in found else max(plain, key=lambda v: _length2(judge, v))
         whole = _length2(judge, vector)
         if whole < EXCITED:
-            continue
+            return []
+        rows = []
         for other, bases in columns.items():
             if other == name or not bases:
                 continue
@@ -122,7 +124,9 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
             if name in found and _degrees(left, whole) < NEAR_DEG:
                 left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
             rows.append(Likeness(name, other, _degrees(left, whole), left))
-    return rows
+        return rows
+
+    return [row for rows in in_threads(state, rows_of, [name for name, own in usable.items() if own]) for row in rows]
 
 
 def is_alike(left: float, whole: float) -> bool:

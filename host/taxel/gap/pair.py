@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.boards import BoardLayout, layouts_of
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
 from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
@@ -69,6 +70,11 @@ class Pair:
     def baseline_age_s(self) -> float:
         """How old the hand's baselines are when closing begins: the middle of their frames."""
         return 0.5 * float(self.real.frames.mean()) * self.frame_s
+
+    @cached_property
+    def boards(self) -> tuple[BoardLayout, ...]:
+        """Where each board's taxels lie."""
+        return layouts_of(self.groups.sensor, self.taxels)
 
     @property
     def n(self) -> int:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap import catalogue
 from taxel.gap.effects.effect import Parameter, Prior
 from taxel.gap.errors import GapInputError
 
@@ -38,12 +38,12 @@ def read_priors(path: str | PathLike[str]) -> Priors:
 
 
 def _effect(file: str, name: str, table: Any) -> dict[str, Prior]:
-    if name not in CATALOGUE or not CATALOGUE[name]:
-        known = ", ".join(effect for effect, forms in CATALOGUE.items() if forms)
+    if name not in catalogue.CATALOGUE or not catalogue.CATALOGUE[name]:
+        known = ", ".join(effect for effect, forms in catalogue.CATALOGUE.items() if forms)
         raise GapInputError(f"{file}: [{name}]", f"one of {known}", "another name", "correct the name")
     if not isinstance(table, dict):
         raise GapInputError(f"{file}: {name}", "a table", type(table).__name__, f"write [{name}] above its parameters")
-    parameters = {one.name: one for form in CATALOGUE[name] for one in form.own_parameters()}
+    parameters = {one.name: one for form in catalogue.CATALOGUE[name] for one in form.own_parameters()}
     return {key: _prior(f"{file}: {name}.{key}", parameters, key, value) for key, value in table.items()}
 
 

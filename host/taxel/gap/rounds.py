@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +17,7 @@ from taxel.gap.effects.effect import HAND, Effect
 from taxel.gap.effects.noise import Noise
 from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
+from taxel.gap.threads import in_threads
 from taxel.gap.trial import LEVEL, Round, Trial
 
 Array = NDArray[np.float64]
@@ -54,10 +54,6 @@ PLAIN_FLOORS: Final = 2.0
 
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
-
-THREADS: Final = 2
-WORTH_THREADS: Final = 200_000
-"""Values of the simulator's signal, [Q, K, n], below which threads wait for each other longer than they work."""
 
 FIXED: Final = (DROPOUT,)
 """Links that are found, not fitted with the others."""
@@ -103,13 +99,14 @@ def next_round(standing: Standing, forms: Forms) -> Round:
     """Try every effect that was not found yet. forms: the catalogue."""
     judge, base, start = standing.judge, standing.base, standing.start
     least, noticeable = (NEXT_SHARE, judge.noticeable) if standing.chain.links else (LEAST_SHARE, np.zeros(5))
-    with ThreadPoolExecutor(THREADS if judge.state.drop.size >= WORTH_THREADS else 1) as pool:
-        trials = list(pool.map(lambda job: _glanced(judge, job[0], standing.chain, job[1]), _jobs(standing, forms)))
-        trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
-        trials.sort(key=lambda trial: trial.inside.value)
-        shares = [trial.inside.share_of(start, base, noticeable) for trial in trials]
-        chosen = [trial for trial, share in zip(trials, shares, strict=True) if share > 0.5 * least][:SHORTLIST]
-        held = list(pool.map(lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen))
+    # The longest first: nobody waits for it at the end.
+    jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
+    trials = in_threads(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
+    trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
+    trials.sort(key=lambda trial: trial.inside.value)
+    shares = [trial.inside.share_of(start, base, noticeable) for trial in trials]
+    chosen = [trial for trial, share in zip(trials, shares, strict=True) if share > 0.5 * least][:SHORTLIST]
+    held = in_threads(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
     known = (trial for trial in best_of.values() if trial.held is not None)

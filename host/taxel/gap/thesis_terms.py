@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from taxel.cloud.treatment import FORCE_FILTER_COUNTS, Sor, sor_of
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap import catalogue
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
 from taxel.gap.features import known_mean
@@ -192,14 +192,14 @@ def _mean_distance(places: Array, points: Array, wanted: float) -> Array:
 def _propagation(judge: Judge, selection: Selection) -> tuple[Link, Array] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
-    reasons = [form.unavailable(state) for form in CATALOGUE[NAME]]
+    reasons = [form.unavailable(state) for form in catalogue.CATALOGUE[NAME]]
     if all(reasons):
         return reasons[0]
     first = selection.rounds[0].trials if selection.rounds else ()
     for trial in first:
         if trial.name == NAME:
             return trial.link, trial.features
-    fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in CATALOGUE[NAME]]
+    fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in catalogue.CATALOGUE[NAME]]
     best = min(fits, key=lambda fit: judge.score(fit.features).value)
     return best.chain.links[0], best.features
 

@@ -11,6 +11,7 @@ import numpy as np
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats, distances_to_cloud
+from taxel.cloud.errors import CloudError
 from taxel.cloud.filters import force_filter, without_outliers
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_points
@@ -73,6 +74,9 @@ class ObjectResult:
 def clouds_of(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
     """Accumulate and treat both sides' clouds of an object. Raises CloudError of one line."""
     raw, model = accumulate(real, name), accumulate(sim, name)
+    for side, cloud in ((real, raw), (sim, model)):
+        if not len(cloud.grasps):
+            raise CloudError(str(side.path), name, "grasps of it", "none", "use a whole campaign of taxel grasp")
     item = real.objects[name]
     mesh = TriangleMesh(name, item.vertices, item.faces.astype(np.int64))
     spread = accumulate(sim, name, propagation=PROPAGATION)

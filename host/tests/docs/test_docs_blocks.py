@@ -88,6 +88,7 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
         return
     for pattern, shorter in SHORTER:
         line = pattern.sub(shorter, line)
+    line = line.replace("python tools/", f"python {ROOT}/tools/")
     done = subprocess.run(
         ["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800
     )

@@ -36,7 +36,11 @@ STAND_INS = (
     ("--grasps 10 ", "--grasps 4 --overwrite "),
     ("--grasps 100000 ", "--grasps 6 "),
     ("--worlds 24", "--worlds 1"),
-    ("taxel thesis", "taxel thesis --real out/campaign/real.h5 --sim out/campaign/sim.h5 --no-gap"),
+    (
+        "taxel thesis",
+        "taxel grasp --source both --grasps 12 --out out/all && "
+        "taxel thesis --real out/all/real.h5 --sim out/all/sim.h5 --no-gap",
+    ),
     ("taxel gap diagnose out/campaign/", "taxel gap diagnose out/demo/"),  # 12 grasps tell nothing
     ("gap/report.json out/campaign/", "gap/report.json out/demo/"),
     ("out/more/sim.h5", "out/demo/sim.h5"),

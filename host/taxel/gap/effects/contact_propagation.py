@@ -8,7 +8,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter, groups_of, pitch_m
+from taxel.gap.boards import BoardLayout
+from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
 from taxel.gap.state import Signal, State
 
 FAR_M: Final = 0.04
@@ -41,29 +42,25 @@ class ContactPropagation(Effect):
         if not values[1].any() or signal.force is None:
             return signal
         force = signal.force.copy()
-        boards = groups_of(state.pair.groups.sensor)
-        for number, taxels in enumerate(boards):
+        for number, board in enumerate(state.pair.boards):
+            taxels = board.taxels
             block = number if self.scope == BOARD else 0
             spread, strength = 1e-3 * values[0, block], values[1, block]
-            own = signal.force[:, :, taxels]
-            if strength == 0.0 or not own.any():
+            own = signal.force[:, :, taxels].reshape(-1, len(taxels))
+            loaded = np.flatnonzero(own.any(axis=1))
+            if strength == 0.0 or not len(loaded):
                 continue
-            kernel = spread_kernel(state, number, float(spread))
-            spread_force = own @ kernel
+            rows = own[loaded]
             keep = 1.0 if self.variant == "added" else 1.0 - strength
-            force[:, :, taxels] = keep * own + strength * spread_force
+            own[loaded] = keep * rows + strength * (rows @ spread_kernel(board, float(spread)))
+            force[:, :, taxels] = own.reshape(len(force), -1, len(taxels))
         return signal.with_force(force)
 
 
-def spread_kernel(state: State, board: int, spread_m: float) -> Array:
+def spread_kernel(board: BoardLayout, spread_m: float) -> Array:
     """Share of a taxel's force (row) that reaches another (column) of the same board, f64[m, m]; rows add to 1."""
-    taxels = np.flatnonzero(state.pair.groups.sensor == board)
-    table = state.pair.taxels
-    places = table.position[taxels]
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    side = pitch_m(places, table.size[taxels])
-    distance, share = _square_kernel(round(spread_m, 7), round(side, 6))
-    kernel = np.where(apart < FAR_M, np.interp(apart, distance, share), 0.0)
+    distance, share = _square_kernel(round(spread_m, 7), round(board.pitch_m, 6))
+    kernel = np.where(board.apart_m < FAR_M, np.interp(board.apart_m, distance, share), 0.0)
     return np.asarray(kernel / kernel.sum(axis=1, keepdims=True))
 
 

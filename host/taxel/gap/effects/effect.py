@@ -145,18 +145,3 @@ class Effect(ABC):
         """Each parameter for every press and taxel, P arrays f64[Q, 1, n]."""
         blocks = self.blocks(state)[state.cell]
         return [row[blocks][:, None, :] for row in values]
-
-
-def groups_of(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Members of each group: positions of 0, of 1, ..."""
-    order = np.argsort(index, kind="stable")
-    return np.split(order, np.cumsum(np.bincount(index))[:-1])
-
-
-def pitch_m(position: Array, size: Array) -> float:
-    """Distance of neighbouring taxels of a board, metres. position: f64[m, 3], size: f64[m]."""
-    if len(position) < 2:
-        return float(size.mean())
-    apart = np.linalg.norm(position[:, None] - position, axis=2)
-    apart[apart == 0] = np.inf
-    return float(np.median(apart.min(axis=1)))

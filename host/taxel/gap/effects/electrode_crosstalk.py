@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter, groups_of
+from taxel.gap.boards import groups_of
+from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Groups
 from taxel.gap.state import Signal, State

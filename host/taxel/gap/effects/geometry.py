@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from taxel.gap.effects.effect import groups_of, pitch_m
+from taxel.gap.boards import groups_of, pitch_m
 from taxel.gap.state import State
 from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_format import Phase
@@ -25,6 +25,7 @@ PIECES: Final = 3
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
 
+COARSE: Final = 16
 MOST_STEPS: Final = 40
 CLOSE: Final = 1e-11
 """Relative error of a board's net force."""
@@ -183,16 +184,22 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
     near, wanted = depth[depth + high > 0.0], net_force * depth.shape[1]
 
-    def beyond(shift: float) -> float:
-        return float(np.sum(law.force(np.maximum(near + shift, 0.0))) - wanted)
+    def beyond(shift: float | Array) -> Array:
+        return np.asarray(law.force(np.maximum(near + shift, 0.0)).sum(axis=-1) - wanted)
 
-    # The force rises with the shift: a false position that halves the end which stays (the Illinois rule).
-    below, above = -wanted, beyond(high)
+    # The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
+    # which stays (the Illinois rule).
+    coarse = np.linspace(low, high, COARSE)
+    known = beyond(coarse[:, None])
+    first = int(np.argmax(known > 0.0))
+    if not first:
+        return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
+    low, high, below, above = (float(one) for one in (*coarse[first - 1 : first + 1], *known[first - 1 : first + 1]))
     stays = 0
     for _ in range(MOST_STEPS):
-        middle = high - above * (high - low) / (above - below) if above > 0 else high
-        value = beyond(middle)
-        if abs(value) <= CLOSE * wanted or above <= 0:
+        middle = high - above * (high - low) / (above - below)
+        value = float(beyond(middle))
+        if abs(value) <= CLOSE * wanted:
             break
         if value < 0:
             low, below = middle, value

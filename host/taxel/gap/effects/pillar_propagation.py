@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taxel.gap.boards import BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
-from taxel.gap.effects.effect import BOARD, Array, Parameter, groups_of, pitch_m
+from taxel.gap.effects.effect import BOARD, Array, Parameter
 from taxel.gap.state import Signal, State
 
 STEPS: Final = 3
@@ -40,7 +40,8 @@ class PillarPropagation(ContactPropagation):
         if not values[1].any() or signal.force is None:
             return signal
         force = signal.force.copy()
-        for number, taxels in enumerate(groups_of(state.pair.groups.sensor)):
+        for number, board in enumerate(state.pair.boards):
+            taxels = board.taxels
             block = number if self.scope == BOARD else 0
             spread, strength = 1e-3 * values[0, block], values[1, block]
             own = signal.force[:, :, taxels].reshape(-1, len(taxels))
@@ -49,19 +50,16 @@ class PillarPropagation(ContactPropagation):
                 continue
             depth = np.maximum(own[loaded], 0.0) ** (1.0 / HERTZ)
             drawn = np.zeros_like(depth)
-            for fall in _falls(state, taxels, 1.0 / spread):
+            for fall in _falls(board, 1.0 / spread):
                 drawn += _drawn_down(depth, fall) ** HERTZ / STEPS
             own[loaded] += strength * np.maximum(drawn - own[loaded], 0.0)
             force[:, :, taxels] = own.reshape(len(force), -1, len(taxels))
         return signal.with_force(force)
 
 
-def _falls(state: State, taxels: NDArray[np.intp], slope: float) -> list[Array]:
+def _falls(board: BoardLayout, slope: float) -> list[Array]:
     """What is lost from each taxel (row) on the way to a near, a middle and a far place of another (column)."""
-    table = state.pair.taxels
-    places = table.position[taxels]
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    side = pitch_m(places, table.size[taxels])
+    apart, side = board.apart_m, board.pitch_m
     steps = (np.arange(STEPS) + 0.5) / STEPS * side
     return [slope * np.where(apart > 0.0, np.maximum(apart - side + step, 0.0), 0.0) for step in steps]
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap import catalogue
+from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.diagnosis import Show, diagnose, quiet
 from taxel.gap.dropped import find_dropped
@@ -38,7 +39,9 @@ def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
     found = diagnose(real, sim, show=show)
     verdict = found.report["verdict"]
     links = found.held.links
-    return findings_of(found.judge, found.selection, CATALOGUE, verdict["effects"], verdict["confounded_with"], links)
+    return findings_of(
+        found.judge, found.selection, catalogue.CATALOGUE, verdict["effects"], verdict["confounded_with"], links
+    )
 
 
 def findings_in(path: Text, show: Show = quiet) -> Findings:
@@ -101,7 +104,7 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
     found = report.verdict.maybe("confounded_with")
     named = {} if found is None else {name: [item.as_text() for item in own.items()] for name, own in found.entries()}
     for name in {*named, *(other for others in named.values() for other in others)}:
-        if name not in CATALOGUE:
+        if name not in catalogue.CATALOGUE:
             where = f"{shown_path(reported.path)}: verdict.confounded_with"
             raise GapInputError(where, "names of the catalogue", shown(name), AGAIN)
     return named
@@ -109,7 +112,7 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
 
 def _starts(state: State, report: Report, name: str) -> list[Link]:
     """An effect in the form that the report has of it; in all forms if it has none."""
-    forms = [form for form in CATALOGUE[name] if not form.unavailable(state)]
+    forms = [form for form in catalogue.CATALOGUE[name] if not form.unavailable(state)]
     entry: Value | None = next((one for one in report.effects if one.text("name") == name), None)
     model = None if entry is None else entry.maybe("model")
     if model is not None:

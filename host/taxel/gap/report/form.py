@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap import catalogue
 from taxel.gap.attribution import Attribution
-from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.confounding import classes
 from taxel.gap.held_out import HeldOut
 from taxel.gap.identify import Likeness, identifiability
@@ -22,6 +22,7 @@ from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
 from taxel.gap.rounds import Forms
 from taxel.gap.signature.bank import unexplained
+from taxel.gap.threads import in_threads
 from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
@@ -48,6 +49,11 @@ def report_of(
     after = selection.features
     found = products(real, before, layout)
     left = unexplained(pair, layout, real, after, judge.fold, seed)
+
+    def entry(name: str) -> dict[str, Any]:
+        known = identifiability(name, judge, tried, likes, confounded)
+        return effect_entry(name, judge, selection, held, gap, told, known)
+
     return {
         "format": "taxel-gap-report",
         "version": 1,
@@ -72,13 +78,7 @@ def report_of(
             "confounded_with": dict(confounded),
             "one_line": _one_line(verdict, left["signature"]),
         },
-        "effects": [
-            effect_entry(
-                name, judge, selection, held, gap, told, identifiability(name, judge, tried, likes, confounded)
-            )
-            for name in CATALOGUE
-            if name in tried
-        ],
+        "effects": in_threads(judge.state, entry, [name for name in catalogue.CATALOGUE if name in tried]),
         "after": {
             "before": held.before,
             "value": held.after,

@@ -13,7 +13,8 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap import catalogue
+from taxel.gap.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
@@ -119,7 +120,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     entries = {entry.text("name"): entry for entry in report.effects}
     effects = []
     for index, name in enumerate(known):
-        if name not in CATALOGUE or known.index(name) != index:
+        if name not in catalogue.CATALOGUE or known.index(name) != index:
             raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", shown(name), REMEDY)
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
@@ -177,7 +178,7 @@ def _intervals(parameters: Value | None) -> dict[str, Interval]:
 
 
 def _form(name: str, form: str, scope: str, model: Value) -> Effect:
-    forms = CATALOGUE[name]
+    forms = catalogue.CATALOGUE[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
     if found is None:
         known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)
