@@ -43,18 +43,19 @@ class ContactPropagation(Effect):
             return signal
         force = signal.force.copy()
         for number, board in enumerate(state.pair.boards):
-            taxels = board.taxels
             block = number if self.scope == BOARD else 0
-            spread, strength = 1e-3 * values[0, block], values[1, block]
-            own = signal.force[:, :, taxels].reshape(-1, len(taxels))
+            spread_m, strength = 1e-3 * float(values[0, block]), float(values[1, block])
+            own = signal.force[:, :, board.taxels].reshape(-1, len(board.taxels))
             loaded = np.flatnonzero(own.any(axis=1))
-            if strength == 0.0 or not len(loaded):
-                continue
-            rows = own[loaded]
-            keep = 1.0 if self.variant == "added" else 1.0 - strength
-            own[loaded] = keep * rows + strength * (rows @ spread_kernel(board, float(spread)))
-            force[:, :, taxels] = own.reshape(len(force), -1, len(taxels))
+            if strength != 0.0 and len(loaded):
+                own[loaded] = self.spread(board, own[loaded], spread_m, strength)
+                force[:, :, board.taxels] = own.reshape(len(force), -1, len(board.taxels))
         return signal.with_force(force)
+
+    def spread(self, board: BoardLayout, force: Array, spread_m: float, strength: float) -> Array:
+        """What becomes of a board's forces f64[r, m] at r moments."""
+        keep = 1.0 if self.variant == "added" else 1.0 - strength
+        return np.asarray(keep * force + strength * (force @ spread_kernel(board, spread_m)))
 
 
 def spread_kernel(board: BoardLayout, spread_m: float) -> Array:

@@ -8,8 +8,7 @@ import numpy as np
 
 from taxel.gap.boards import BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
-from taxel.gap.effects.effect import BOARD, Array, Parameter
-from taxel.gap.state import Signal, State
+from taxel.gap.effects.effect import Array, Parameter
 
 STEPS: Final = 3
 """Places along a taxel at which its depth is asked for."""
@@ -35,26 +34,13 @@ class PillarPropagation(ContactPropagation):
         """Spread and strength."""
         return Parameter("spread_mm", "mm", 0.3, 15.0, 2.0, 3.0), Parameter("strength", "1", 0.0, 1.5, 0.0, 0.8)
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
-        """See `Effect`."""
-        if not values[1].any() or signal.force is None:
-            return signal
-        force = signal.force.copy()
-        for number, board in enumerate(state.pair.boards):
-            taxels = board.taxels
-            block = number if self.scope == BOARD else 0
-            spread, strength = 1e-3 * values[0, block], values[1, block]
-            own = signal.force[:, :, taxels].reshape(-1, len(taxels))
-            loaded = np.flatnonzero(own.any(axis=1))
-            if strength == 0.0 or not len(loaded):
-                continue
-            depth = np.maximum(own[loaded], 0.0) ** (1.0 / HERTZ)
-            drawn = np.zeros_like(depth)
-            for fall in _falls(board, 1.0 / spread):
-                drawn += _drawn_down(depth, fall) ** HERTZ / STEPS
-            own[loaded] += strength * np.maximum(drawn - own[loaded], 0.0)
-            force[:, :, taxels] = own.reshape(len(force), -1, len(taxels))
-        return signal.with_force(force)
+    def spread(self, board: BoardLayout, force: Array, spread_m: float, strength: float) -> Array:
+        """See `ContactPropagation`."""
+        depth = np.maximum(force, 0.0) ** (1.0 / HERTZ)
+        drawn = np.zeros_like(depth)
+        for fall in _falls(board, 1.0 / spread_m):
+            drawn += _drawn_down(depth, fall) ** HERTZ / STEPS
+        return np.asarray(force + strength * np.maximum(drawn - force, 0.0))
 
 
 def _falls(board: BoardLayout, slope: float) -> list[Array]:
