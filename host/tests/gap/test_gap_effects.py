@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.gap.boards import BoardLayout
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
 from taxel.gap.identify import seen
@@ -54,6 +56,41 @@ def test_spreading_pressure_keeps_each_boards_net_force(state):
         own = state.pair.groups.sensor == board
         np.testing.assert_allclose(moved.force[:, :, own].sum(axis=2), state.base.force[:, :, own].sum(axis=2))
     assert (moved.force > 0).sum() > (state.base.force > 0).sum()
+
+
+def test_a_press_draws_down_what_is_near_it_and_no_more():
+    """Three taxels in a row, 5 mm apart: force^(2/3) falls by 1 over `spread_m`, at three places of each taxel."""
+    apart = 5e-3 * np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
+    board = BoardLayout(np.arange(3), apart, 5e-3)
+    force = np.array([[8.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    moved = PillarPropagation().spread(board, force, 5e-3, 1.0)
+    left = np.maximum(4.0 - (np.arange(3) + 0.5) / 3, 0.0)
+    far = np.maximum(3.0 - (np.arange(3) + 0.5) / 3, 0.0)
+    np.testing.assert_allclose(moved[0], [8.0, (left**1.5).mean(), (far**1.5).mean()])
+    assert moved[1, 1] == 0.5
+    assert 0.0 < moved[1, 0] == moved[1, 2] < 0.5
+    half = PillarPropagation().spread(board, force, 5e-3, 0.5)
+    np.testing.assert_allclose(half - force, 0.5 * (moved - force))
+    weak = PillarPropagation().spread(
+        board, force, 1e-3, 1.0
+    )  # the neighbour's nearest place is 0.83 mm away: 0.63 does not reach it
+    np.testing.assert_array_equal(weak[1, 2], 0.0)
+
+
+def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):
+    """What was worked out for the links before it is used again, in whatever order they are asked for."""
+    links = [
+        started(state, CATALOGUE[name][0]) for name in ("contact_propagation", "electrode_crosstalk", "saturation")
+    ]
+    whole = Chain.of(links)
+    first = whole.features(state)
+    moved = [Link(link.effect, link.values * 1.1) for link in whole.links]
+    mixed = [Chain((*whole.links[:k], moved[k], *whole.links[k + 1 :])) for k in (2, 0, 1, 2)]
+    found = [chain.features(state) for chain in mixed]
+    np.testing.assert_array_equal(whole.features(state), first)
+    for chain, again in zip(mixed, found, strict=True):
+        fresh = replace(state)  # nothing was worked out for this one yet
+        np.testing.assert_array_equal(chain.features(fresh), again)
 
 
 def test_presses_that_do_not_show_an_effect_say_so(state):
