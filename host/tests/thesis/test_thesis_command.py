@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
+import h5py
 import pytest
 
 from host.tests.command_line import exit_status
@@ -48,6 +50,17 @@ def test_a_wider_and_displaced_cloud_lies_farther_from_its_model(made):
 def test_half_a_campaign_is_refused(capsys, campaign, tmp_path):
     assert exit_status("thesis", "--real", campaign[0], "--out", tmp_path / "out") == 1
     assert "--real and --sim: expected both or none" in capsys.readouterr().err
+
+
+def test_an_object_that_was_never_grasped_is_refused(capsys, campaign, tmp_path):
+    """Datasets name objects; that does not mean that somebody took them in hand."""
+    cut = tmp_path / "real.h5"
+    shutil.copyfile(campaign[0], cut)
+    with h5py.File(cut, "r+") as file:
+        for name in [name for name, grasp in file["grasps"].items() if grasp.attrs["object"] == "rectangular_prism"]:
+            del file["grasps"][name]
+    assert exit_status("thesis", "--real", cut, "--sim", campaign[1], "--no-gap", "--out", tmp_path / "out") == 1
+    assert f"{cut}: rectangular_prism: expected grasps of this object, found none;" in capsys.readouterr().err
 
 
 def test_negative_numbers_are_refused(capsys, tmp_path):
