@@ -76,7 +76,7 @@ def clouds_of(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
     raw, model = accumulate(real, name), accumulate(sim, name)
     for side, cloud in ((real, raw), (sim, model)):
         if not len(cloud.grasps):
-            raise CloudError(str(side.path), name, "grasps of this object", "none", "use a whole campaign of taxel grasp")
+            raise CloudError(str(side.path), name, "grasps of this object", "none", "use a whole campaign")
     item = real.objects[name]
     mesh = TriangleMesh(name, item.vertices, item.faces.astype(np.int64))
     spread = accumulate(sim, name, propagation=PROPAGATION)
