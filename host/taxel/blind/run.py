@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -80,9 +81,17 @@ def _json(path: Path) -> Any:
 
 
 def run_worlds(
-    out: Path, worlds: Sequence[World], jobs: int | None = None, show: Show = lambda done, total: None
+    out: Path,
+    worlds: Sequence[World],
+    jobs: int | None = None,
+    show: Show = lambda done, total: None,
+    seconds: float | None = None,
 ) -> None:
-    """Make and diagnose every world that has no result yet. jobs: worlds at a time; None: one a core."""
+    """Make and diagnose every world that has no result yet, in order. jobs: worlds at a time; None: one a core.
+
+    seconds: no world is begun after so many.
+    """
+    until = None if seconds is None else time.monotonic() + seconds
     jobs = jobs or os.cpu_count() or 1
     missing = [world for world in worlds if not (out / WORLDS / f"{world.number:04d}" / "done").exists()]
     done = len(worlds) - len(missing)
@@ -97,18 +106,20 @@ def run_worlds(
     ignore = (signal.SIGINT, signal.SIG_IGN)
     makers = ProcessPoolExecutor(len(own), get_context("spawn"), initializer=signal.signal, initargs=ignore)
 
-    def one(world: World) -> None:
+    def one(world: World) -> bool:
+        if until is not None and time.monotonic() >= until:
+            return False
         lane = lanes.get()
         try:
             _one_world(out, world, makers, lane)
         finally:
             lanes.put(lane)
+        return True
 
     pool = ThreadPoolExecutor(len(own))
     try:
         for future in as_completed([pool.submit(one, world) for world in missing]):
-            future.result()
-            done += 1
+            done += future.result()
             show(done, len(worlds))
     finally:  # also when it is cut: worlds that have not begun are left for the next time
         pool.shutdown(cancel_futures=True)

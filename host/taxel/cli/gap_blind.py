@@ -24,6 +24,7 @@ def blind(
     full_hand: Annotated[int, typer.Option(help="Worlds on the whole hand, besides.")] = 0,
     seed: Annotated[int | None, typer.Option(help="For tests: of the draws, instead of the system's entropy.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worlds at a time; default: one a core.")] = None,
+    minutes: Annotated[float | None, typer.Option(help="Begin no world after that; score what is there.")] = None,
     page: Annotated[Path | None, typer.Option(help="Write the score sheet here too (Markdown).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the score as JSON.")] = False,
 ) -> None:
@@ -37,6 +38,8 @@ def blind(
         raise TaxelError(f"--seed: expected 0 or more, found {seed}")
     if jobs is not None and jobs < 1:
         raise TaxelError(f"--jobs: expected 1 or more, found {jobs}")
+    if minutes is not None and not minutes >= 0:
+        raise TaxelError(f"--minutes: expected 0 or more, found {minutes:g}")
     console = Console(stderr=as_json)
     drawn = seal(out, worlds, full_hand, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
@@ -49,7 +52,8 @@ def blind(
     )
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("worlds", total=len(drawn))
-        run_worlds(out, drawn, jobs, lambda done, total: progress.update(task, completed=done, total=total))
+        seconds = None if minutes is None else 60.0 * minutes
+        run_worlds(out, drawn, jobs, lambda done, total: progress.update(task, completed=done, total=total), seconds)
     found = score(answers(out, opened(out)))
     (out / "score.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     whole = f" --full-hand {full_hand}" if full_hand else ""

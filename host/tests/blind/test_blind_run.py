@@ -221,3 +221,12 @@ def test_wrong_numbers_are_refused_in_one_line(arguments, message, capsys, tmp_p
     assert exit_status("gap", "blind", *arguments, "--out", tmp_path / "check") == 1
     assert message in capsys.readouterr().err
     assert not (tmp_path / "check").exists()
+
+
+def test_a_check_that_may_begin_no_world_scores_none(tmp_path, capsys):
+    out = tmp_path / "check"
+    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
+    assert read(out / "score.json")["worlds"] == 0
+    assert "0 worlds gave a report" in capsys.readouterr().out
+    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 1
+    assert "--minutes: expected 0 or more, found -1" in capsys.readouterr().err
