@@ -24,6 +24,9 @@ TICK_MM = 20.0
 MOST_OBJECTS = 8
 """Columns that a picture has room for; a generated shard has an object a grasp."""
 
+MANY_POINTS = 600.0
+"""Of a cloud, from about which on points are drawn smaller."""
+
 _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
 
@@ -44,7 +47,9 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
                 points = accumulate(data, name).points
                 grasps = sum(grasp.object == name for grasp in data)
                 _draw_object(axis, data, name, np.eye(4))
-                axis.scatter(*(1e3 * points.T), s=2.0, c=_ACTIVE, alpha=0.5, linewidths=0)
+                share = min(len(points) / MANY_POINTS, 1.0)  # a few must be seen too
+                how = {"s": 12.0 - 10.0 * share, "alpha": 0.9 - 0.4 * share}
+                axis.scatter(*(1e3 * points.T), c=_ACTIVE, linewidths=0, depthshade=False, **how)
                 label = "real" if data.source == "real" else "simulated"
                 axis.set_title(f"{name.replace('_', ' ')}, {label}\n{len(points)} points, {grasps} grasps", fontsize=10)
                 _frame(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
@@ -87,19 +92,28 @@ def _draw_object(axis: Any, data: GraspDataset, name: str, pose: Array) -> None:
 
     mesh = data.objects[name]
     corners = 1e3 * apply(pose, mesh.vertices)
-    axis.add_collection3d(Line3DCollection(corners[_sharp_edges(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8))
+    axis.add_collection3d(Line3DCollection(corners[_outline(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8))
 
 
-def _sharp_edges(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """Edges between faces that meet at an angle, [e, 2]: what an eye sees as the object's outline."""
+def _outline(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """What an eye sees as an object: edges [e, 2] where faces meet at an angle, or turn away from `VIEW`."""
+    elevation, azimuth = np.radians(VIEW)
+    towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    is_front = normals @ towards > 0.0
     owners: dict[tuple[int, int], list[int]] = {}
     for index, face in enumerate(faces.tolist()):
         for a, b in ((0, 1), (1, 2), (2, 0)):
             owners.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
-    sharp = [edge for edge, own in owners.items() if len(own) != 2 or normals[own[0]] @ normals[own[1]] < 0.9]
-    return np.array(sharp, dtype=np.intp).reshape(-1, 2)
+
+    def is_drawn(own: list[int]) -> bool:
+        if len(own) != 2:
+            return True
+        first, second = own
+        return bool(normals[first] @ normals[second] < 0.9 or is_front[first] != is_front[second])
+
+    return np.array([edge for edge, own in owners.items() if is_drawn(own)], dtype=np.intp).reshape(-1, 2)
 
 
 def _frame(axis: Any, points: Array) -> None:
