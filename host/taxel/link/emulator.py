@@ -88,7 +88,9 @@ class EmulatorLink:
         if not ready:
             return None
         try:
-            data = self._socket.recv(READ_SIZE)
+            data = self._socket.recv(READ_SIZE, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None  # somebody else who reads this link has taken it meanwhile
         except ConnectionError:
             data = b""
         if not data:

@@ -88,6 +88,15 @@ def test_the_hub_answers(small_world):
     link.close()
 
 
+def test_bytes_that_another_reader_took_are_not_waited_for(small_world, monkeypatch):
+    """Two threads that read one link are both told that there is something; one of them finds nothing."""
+    link = EmulatorLink(small_world)
+    ask(link, HELLO, FrameType.HUB_HELLO)
+    monkeypatch.setattr("taxel.link.emulator.select.select", lambda reads, *others: (reads, [], []))
+    assert any(link.read(1.0) is None for _ in range(1000))
+    link.close()
+
+
 @pytest.mark.parametrize("name", BAD_WORLDS)
 def test_a_bad_world_ends_in_the_emulators_own_line(name):
     world, words = BAD_WORLDS[name]
