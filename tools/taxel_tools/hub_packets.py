@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from taxel.link import Link, clock_of
+from taxel.stream import HubClient
 from taxel_protocol.bootloader import (
     BOOT_PACKET_MAX,
     BOOT_PACKET_OVERHEAD,
@@ -44,6 +45,8 @@ class HubPackets:
         self._number = 0
         self._ended: list[Ended] = []
         self._response = b""
+        self.frames: HubClient | None = None
+        """Who reads the link while the application runs: then time goes by with that, or bytes of frames were lost."""
 
     def submit(self, transfer: Transfer) -> int:
         """Send the packet and wait for its response now."""
@@ -95,6 +98,9 @@ class HubPackets:
 
     def _pass(self, seconds: float) -> None:
         """Let time go by; what comes meanwhile answers nothing."""
+        if self.frames is not None:
+            self.frames.wait(seconds)
+            return
         deadline = self.now_s() + max(seconds, GRAIN_S)
         while (left := deadline - self.now_s()) > 0.0:
             self._link.read(max(left, GRAIN_S))

@@ -112,7 +112,7 @@ class HubTarget:
 
     def _greeted(self) -> HubClient:
         if self._client is None:
-            self._client = HubClient(self._link)
+            self._client = self.wire.frames = HubClient(self._link)
         if not self._client.is_greeted:
             self._client.greet()
         return self._client
@@ -120,7 +120,7 @@ class HubTarget:
     def _packets(self) -> None:
         if self._client is not None:
             self._client.stream.release()
-            self._client = None
+            self._client = self.wire.frames = None
         self.wire.drain()
 
 
