@@ -7,6 +7,7 @@
  *   identify.c  who a board is, and its scan settings     report.c    status frames
  *   recovery.c  nine clocks for a stuck bus               pool.c      where transfers read to
  *   launch.c    how a transfer begins                     snapshot.c  is it whole, is it news: on to the host
+ *   stall.c     a UART that nobody reads
  *
  * The port calls taxel_hub_on_...() from interrupts and taxel_hub_run() from its main loop after every interrupt, and at
  * the time that hal->wake_at() asked for. All memory is the caller's. */
