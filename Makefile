@@ -20,7 +20,7 @@ SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/na
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-python test-executed fuzz fuzz-short lint bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-threads test-python test-executed fuzz fuzz-short lint bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -48,6 +48,11 @@ test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitiz
 	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
+
+test-threads: $(STAMP)  ## the emulator's threads under the thread sanitizer
+	@$(CMAKE) -S firmware -B $(BUILD)/threads -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE_THREADS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
+	@$(BIN)/cmake --build $(BUILD)/threads --target test_crew test_effects_world | tail -n 1
+	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(crew|effects_world)$$'
 
 test-python: $(STAMP)  ## Python tests
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile

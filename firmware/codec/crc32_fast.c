@@ -1,17 +1,15 @@
 #include "codec/crc32.h"
 
-#include <pthread.h>
-
 #include "codec/crc32_ways.h"
 
 #define SLICES 16u
 
 /* Slicing (Kounavis and Berry, 2005), sixteen bytes a step: tables[k][b] is byte b followed by k zero bytes. */
 static uint32_t tables[SLICES][256];
-static pthread_once_t tables_once = PTHREAD_ONCE_INIT;
 static bool has_clmul;
 
-static void fill_tables(void)
+/* Before anything runs: a conversion adds two bytes, and must not ask each time whether the tables are there. */
+__attribute__((constructor)) static void fill_tables(void)
 {
     has_clmul = taxel_crc32_has_clmul();
     for (uint32_t b = 0; b < 256; b++) {
@@ -35,7 +33,6 @@ static uint32_t little_endian_u32(const uint8_t *bytes)
 
 uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
 {
-    pthread_once(&tables_once, fill_tables);
     crc = ~crc;
     while (size >= SLICES) {
         const uint32_t first = little_endian_u32(bytes) ^ crc;
@@ -57,7 +54,6 @@ uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
 
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
-    pthread_once(&tables_once, fill_tables);
     return has_clmul && size >= TAXEL_CRC32_CLMUL_MIN ? taxel_crc32_clmul(crc, bytes, size)
                                                       : taxel_crc32_sliced(crc, bytes, size);
 }

@@ -55,6 +55,20 @@ static double past_rise(const struct board_fields *fields, const struct late_spa
                                 : rise_of_force(before->force + span->fraction * (after.force - before->force));
 }
 
+static void past_rises(const struct board_fields *fields, const struct late_span *span, vtime from, double *rise)
+{
+    const struct taxel_field *before = span->before, *after = span->fraction != 0.0 ? span->after : span->before;
+    if (!fields->skin->boards || !after) { /* forces; or fields that are not remembered yet */
+        for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
+            rise[taxel] = past_rise(fields, span, taxel, from);
+        }
+        return;
+    }
+    for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
+        rise[taxel] = before[taxel].rise + span->fraction * (after[taxel].rise - before[taxel].rise);
+    }
+}
+
 /* Is that time, put back by the delay, before what the skin knows by itself? */
 static bool is_past(const struct board_fields *fields, vtime *time, struct late_span *span)
 {
@@ -109,10 +123,7 @@ void board_fields_rises(const struct board_fields *fields, vtime time, double *r
         present_rises(fields, time, rise);
         return;
     }
-    const vtime from = present_interval(fields).from;
-    for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
-        rise[taxel] = past_rise(fields, &span, taxel, from);
-    }
+    past_rises(fields, &span, present_interval(fields).from, rise);
 }
 
 bool board_fields_are_still(const struct board_fields *fields, vtime time)

@@ -185,8 +185,8 @@ int board_node_init(struct board_node *board, const struct board_description *de
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     board->compact_end = VTIME_NEVER;
-    random_init(&board->random, world->seed, description->address);
-    front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->random);
+    normals_init(&board->normals, world->seed, description->address);
+    front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->normals);
     fill_taxel_table(board);
     if (open_effects(board, world)) {
         return -1;

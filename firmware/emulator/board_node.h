@@ -33,7 +33,7 @@ struct board_node {
     struct clock_wander wander;
     double wander_rate; /* of the clock during this scan */
     struct front_end front_end;
-    struct random_source random;
+    struct normals normals;
     uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
     taxel_compact_state compact_states[TAXEL_COMPACT_TAXELS_MAX];

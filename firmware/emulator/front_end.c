@@ -10,14 +10,14 @@
 #define FRINGE_CAPACITANCE_F 0.70e-12
 #define CAPACITANCE_SPREAD 0.05 /* taxels differ at rest (thesis, section 2.5); relative standard deviation */
 
-void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random)
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normals *normals)
 {
     front_end->taxel_count = taxel_count;
     front_end->noise_counts = noise_counts;
-    front_end->random = random;
+    front_end->normals = normals;
     front_end->idac_gain = 1.0;
     for (uint16_t i = 0; i < taxel_count; i++) {
-        front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_SPREAD * random_normal(random));
+        front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_SPREAD * normals_next(normals));
         front_end->taxels[i].fringe_f = FRINGE_CAPACITANCE_F;
     }
 }
@@ -74,7 +74,7 @@ double front_end_hardware_count(const struct front_end *front_end, uint16_t taxe
 
 double front_end_noise(struct front_end *front_end)
 {
-    return front_end->noise_counts > 0.0 ? front_end->noise_counts * random_normal(front_end->random) : 0.0;
+    return front_end->noise_counts > 0.0 ? front_end->noise_counts * normals_next(front_end->normals) : 0.0;
 }
 
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count)

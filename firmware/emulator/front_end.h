@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "emulator/random.h"
+#include "emulator/normals.h"
 #include "emulator/vtime.h"
 #include "generated/taxel_protocol.h"
 
@@ -34,10 +34,10 @@ struct front_end {
     vtime conversion_time;
     vtime settle_time;
     double noise_counts;
-    struct random_source *random;
+    struct normals *normals;
 };
 
-void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct random_source *random);
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normals *normals);
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate);
 /* The same from registers. Returns whether anything has changed. */
 bool front_end_set(struct front_end *front_end, const struct front_end_setting *setting, double clock_rate);

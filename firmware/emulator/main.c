@@ -23,6 +23,7 @@ struct options {
     const char *host_input;
     const char *statistics;
     double duration;
+    unsigned long threads;
     bool fast;
     bool live;
 };
@@ -39,16 +40,17 @@ static void on_signal(int number)
 static int usage(const char *what)
 {
     fprintf(stderr,
-            "taxel-emulator: %s\n"
             "usage: taxel-emulator --world FILE [--stimulus FILE|fd:N] [--live] [--uart pty|fd:N|capture:FILE|none]\n"
-            "                      [--host-input CAPTURE] [--fast] [--duration SECONDS] [--stats FILE]\n",
+            "                      [--host-input CAPTURE] [--fast] [--duration SECONDS] [--threads N]\n"
+            "                      [--stats FILE]\n"
+            "taxel-emulator: %s\n", /* last: callers show the last line */
             what);
     return -1;
 }
 
 static int parse(struct options *options, int argc, char **argv)
 {
-    *options = (struct options){.uart = "pty", .duration = DURATION_MAX_S};
+    *options = (struct options){.uart = "pty", .duration = DURATION_MAX_S, .threads = 1};
     for (int i = 1; i < argc; i++) {
         const char *name = argv[i];
         if (strcmp(name, "--fast") == 0) {
@@ -75,12 +77,17 @@ static int parse(struct options *options, int argc, char **argv)
             options->statistics = value;
         } else if (strcmp(name, "--duration") == 0) {
             options->duration = strtod(value, NULL);
+        } else if (strcmp(name, "--threads") == 0) {
+            options->threads = strtoul(value, NULL, 10);
         } else {
             return usage("an option is unknown or lacks its value");
         }
     }
     if (!(options->duration > 0.0 && options->duration <= DURATION_MAX_S)) {
         return usage("--duration must be a number of seconds up to 1e7");
+    }
+    if (options->threads < 1 || options->threads > CREW_MAX) {
+        return usage("--threads must be a number from 1 to 16");
     }
     return options->world ? 0 : usage("--world is needed");
 }
@@ -148,6 +155,7 @@ int main(int argc, char **argv)
     static struct stimulus stimulus;
     static struct endpoint endpoint;
     static struct host_script script;
+    static struct crew crew;
     struct options options;
     if (parse(&options, argc, argv)) {
         return 2;
@@ -162,9 +170,10 @@ int main(int argc, char **argv)
         return 1;
     }
     endpoint.wait_for_reader = options.fast;
-    if (world_init(&world, &description, &stimulus, &endpoint, &script)) {
+    if (world_init(&world, &description, &stimulus, &endpoint, &script) || crew_open(&crew, options.threads)) {
         return 1;
     }
+    world.crew = world.skin.crew = &crew;
     if (endpoint.kind == ENDPOINT_PTY) {
         printf("%s\n", endpoint.pty_name);
         fflush(stdout);
@@ -178,6 +187,7 @@ int main(int argc, char **argv)
     stimulus_close(&stimulus);
     host_script_close(&script);
     world_free(&world);
+    crew_close(&crew);
     world_file_free(&description);
     return result ? 1 : 0;
 }

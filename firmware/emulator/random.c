@@ -1,6 +1,6 @@
 #include "emulator/random.h"
 
-#include <math.h>
+#include "emulator/polar.h"
 
 static uint64_t splitmix64(uint64_t *state)
 {
@@ -33,7 +33,7 @@ double random_normal(struct random_source *source)
         v = 2.0 * random_uniform(source) - 1.0;
         s = u * u + v * v;
     } while (s >= 1.0 || s == 0.0);
-    const double factor = sqrt(-2.0 * log(s) / s);
+    const double factor = polar_factor(s);
     source->spare = v * factor;
     source->has_spare = true;
     return u * factor;

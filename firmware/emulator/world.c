@@ -4,6 +4,9 @@
 #include <string.h>
 
 #include "emulator/power_cuts.h"
+#include "emulator/world_fields.h"
+
+#define SHARED_STEP (4u * VTIME_MS) /* what one thread would do at a board's read is shared before, now and then */
 
 size_t world_taxels(const struct world_description *description)
 {
@@ -22,35 +25,6 @@ static size_t first_taxel_of(const struct world_description *description, size_t
         first += description->boards[i].taxel_count;
     }
     return first;
-}
-
-static int leave_fields(struct world *world, vtime now)
-{
-    for (size_t i = 0; i < world->board_count; i++) {
-        if (board_fields_leave(&world->boards[i].fields, now)) {
-            fprintf(stderr, "board 0x%02X: out of memory\n", world->description->boards[i].address);
-            return -1;
-        }
-    }
-    return 0;
-}
-
-static void enter_fields(struct world *world, vtime now)
-{
-    struct droop_loads *loads = &world->loads;
-    const bool drooping = droop_is_on(&world->description->effects.droop);
-    loads->all_before = loads->all_after = 0.0;
-    for (size_t i = 0; i < world->board_count; i++) {
-        const struct board_node *board = &world->boards[i];
-        const struct front_end_taxel *taxels = board->front_end.taxels;
-        board_fields_enter(&world->boards[i].fields, now);
-        if (drooping) {
-            loads->before[i] = board_fields_load(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
-            loads->after[i] = board_fields_load(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
-            loads->all_before += loads->before[i];
-            loads->all_after += loads->after[i];
-        }
-    }
 }
 
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
@@ -73,7 +47,7 @@ int world_init(struct world *world, const struct world_description *description,
         }
         world->boards[i].log = &world->log;
     }
-    enter_fields(world, 0);
+    world_fields_enter(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
     world->bus.hold = (vtime)(description->hub_byte_us * (double)VTIME_US);
     uart_init(&world->uart, endpoint, description, &world->log);
@@ -91,23 +65,6 @@ void world_free(struct world *world)
     }
     hub_node_free(&world->hub);
     skin_free(&world->skin);
-}
-
-static int take_stimulus(struct world *world, vtime now)
-{
-    if (leave_fields(world, now) || stimulus_advance(world->stimulus, now)) {
-        return -1;
-    }
-    skin_advance(&world->skin, world->stimulus);
-    enter_fields(world, now);
-    return 0;
-}
-
-static void advance_boards(struct world *world, vtime until)
-{
-    for (size_t i = 0; i < world->board_count; i++) {
-        board_advance(&world->boards[i], until);
-    }
 }
 
 static vtime next_fault_time(const struct world *world)
@@ -197,21 +154,14 @@ static int handle(struct world *world, enum event event, vtime now, vtime until)
 {
     switch (event) {
     case EVENT_STIMULUS:
-        advance_boards(world, now);
-        return take_stimulus(world, now);
+        return world_fields_next(world, now);
     case EVENT_FAULT:
         return world_inject(world, &world->description->faults[world->next_fault++]);
     case EVENT_POWER:
         power_cuts_make(world, now);
         return 0;
     case EVENT_SKIN:
-        advance_boards(world, now);
-        if (leave_fields(world, now)) {
-            return -1;
-        }
-        skin_step(&world->skin, world->stimulus);
-        enter_fields(world, now);
-        return 0;
+        return world_fields_step(world, now);
     case EVENT_SCRIPT:
         (void)uart_host_sends(&world->uart, world->script->bytes, world->script->size, now);
         return host_script_advance(world->script);
@@ -248,6 +198,9 @@ int world_run(struct world *world, vtime until)
         }
         world->now = vtime_max(world->now, time);
         world->events++;
+        if (world->crew && time >= world->shared + SHARED_STEP) {
+            world_boards_advance(world, time);
+        }
         if (handle(world, event, time, until)) {
             return -1;
         }
@@ -256,23 +209,9 @@ int world_run(struct world *world, vtime until)
     return 0;
 }
 
-/* Between two records the fields stand still; then the boards measure with the new ones. */
-static int take_live(struct world *world, const float *values)
-{
-    struct stimulus *stimulus = world->stimulus;
-    advance_boards(world, world->now);
-    if (leave_fields(world, world->now) ||
-        (values ? stimulus_set(stimulus, values, world->now) : stimulus_take_live(stimulus, world->now))) {
-        return -1;
-    }
-    skin_take_live(&world->skin, stimulus, world->now);
-    enter_fields(world, world->now);
-    return 0;
-}
-
 int world_press(struct world *world, const float *values)
 {
-    return take_live(world, values);
+    return world_fields_live(world, values);
 }
 
 int world_poll(struct world *world)
@@ -282,7 +221,7 @@ int world_poll(struct world *world)
     const size_t got = endpoint_receive(world->endpoint, bytes, room < sizeof bytes ? room : sizeof bytes);
     (void)uart_host_sends(&world->uart, bytes, got, world->now);
     while (stimulus_poll(world->stimulus)) {
-        if (take_live(world, NULL)) {
+        if (world_fields_live(world, NULL)) {
             return -1;
         }
     }

@@ -4,6 +4,7 @@
 
 #include "emulator/board_node.h"
 #include "emulator/bus.h"
+#include "emulator/crew.h"
 #include "emulator/endpoint.h"
 #include "emulator/fault_log.h"
 #include "emulator/host_script.h"
@@ -27,6 +28,7 @@ struct world {
     size_t board_count;
     struct droop_loads loads;
     struct skin skin;
+    struct crew *crew; /* who works on boards and skin; NULL: the caller alone */
     struct bus bus;
     struct bus_adapter adapter;
     struct uart uart;
@@ -35,6 +37,7 @@ struct world {
     struct fault_log log;
     bool has_power_cuts; /* some are planned */
     vtime now;
+    vtime shared; /* boards have come that far at least */
     uint64_t events;
 };
 

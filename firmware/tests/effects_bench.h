@@ -24,7 +24,7 @@ static inline int read_effect(struct world_description *world, const char *text)
 struct bench {
     struct world_description world;
     struct front_end front_end;
-    struct random_source random;
+    struct normals normals;
     struct electronics *electronics; /* NULL: no effect acts */
     struct droop_loads loads;
     double rise[TAXEL_TAXELS_MAX];
@@ -81,8 +81,8 @@ static inline void bench_open(struct bench *bench, size_t board)
 {
     const struct board_description *description = &bench->world.boards[board];
     bench_close(bench);
-    random_init(&bench->random, bench->world.seed, description->address);
-    front_end_init(&bench->front_end, description->taxel_count, bench->world.noise_counts, &bench->random);
+    normals_init(&bench->normals, bench->world.seed, description->address);
+    front_end_init(&bench->front_end, description->taxel_count, bench->world.noise_counts, &bench->normals);
     gain_apply(&bench->world.effects.gain, board, bench->world.seed, description->address, &bench->front_end);
     front_end_configure(&bench->front_end, &bench->world.scan, 1.0);
     if (electronics_needed(&bench->world, board)) {

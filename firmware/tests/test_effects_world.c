@@ -8,10 +8,13 @@
 #include "skin_bench.h"
 
 #define BOARDS 2u
+#define BOARDS_MAX 12u
 #define TAXELS 12u
 #define RECORDS 40u
 
 static struct fake_world fake;
+static struct crew *crew; /* of the next runs */
+static unsigned boards = BOARDS;
 static struct taxel_place places[TAXELS];
 static struct object_description table = {
     .shape = {.kind = SHAPE_CONVEX, .bound = 0.3, .plane_count = 6,
@@ -20,8 +23,9 @@ static struct object_description table = {
 
 static void describe(const char *const *lines)
 {
-    fake_world_describe(&fake, BOARDS, TAXELS);
+    fake_world_describe(&fake, boards, TAXELS);
     fake.description.noise_counts = 0.0;
+    fake.description.boards[2].address = 0x21; /* which the bench's leaves free */
     fake.description.boards[1].address = BENCH_ADDRESS;
     table.offset = frame_identity;
     fake.description.objects = &table;
@@ -29,7 +33,7 @@ static void describe(const char *const *lines)
     for (size_t i = 0; i < TAXELS; i++) {
         places[i] = (struct taxel_place){.position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
     }
-    for (size_t i = 0; i < BOARDS; i++) {
+    for (size_t i = 0; i < boards; i++) {
         fake.description.boards[i].places = places;
         fake.description.boards[i].placed = TAXELS;
     }
@@ -38,30 +42,33 @@ static void describe(const char *const *lines)
     }
 }
 
-/* Records every 20 ms from 0.5 s on: a press that grows and goes, on board 0; none before, none after. */
+/* Records every 20 ms from 0.5 s on: a press that grows and goes, on board 0 (on all, if there are more
+ * than two); none before, none after. */
 static int stimulus_file(enum stimulus_kind kind)
 {
     uint8_t header[24] = "TAXELSTM";
     const int fd = memfd_create("stimulus", 0);
     taxel_put_u32(header + 8, 1);
     taxel_put_u32(header + 12, (uint32_t)kind);
-    taxel_put_u32(header + 16, BOARDS * TAXELS);
-    taxel_put_u32(header + 20, kind == STIMULUS_SCENE ? BOARDS : 0u);
+    taxel_put_u32(header + 16, boards * TAXELS);
+    taxel_put_u32(header + 20, kind == STIMULUS_SCENE ? boards : 0u);
     bool written = write(fd, header, sizeof header) == (ssize_t)sizeof header;
     for (unsigned i = 0; i < RECORDS; i++) {
         const double time = 0.5 + 0.02 * i;
         const float part = (float)(i < RECORDS / 2 ? i : RECORDS - 1u - i) / (RECORDS / 2 - 1u);
-        float values[STIMULUS_SCENE_VALUES(BOARDS)] = {0.0f};
-        size_t count = BOARDS * TAXELS;
+        float values[STIMULUS_SCENE_VALUES(BOARDS_MAX)] = {0.0f};
+        size_t count = boards * TAXELS;
         if (kind == STIMULUS_FORCE) {
-            values[3] = values[4] = 0.5f * part;
+            for (size_t n = 0; n < count; n += boards > BOARDS ? TAXELS : count) {
+                values[n + 3] = values[n + 4] = 0.5f * part;
+            }
         } else {
             const float height = 0.001f + 0.001f - 0.0012f * part; /* 1 mm above the skin to 0.2 mm into it, face down */
-            count = STIMULUS_SCENE_VALUES(BOARDS);
-            for (size_t pose = 0; pose <= BOARDS; pose++) {
+            count = STIMULUS_SCENE_VALUES(boards);
+            for (size_t pose = 0; pose <= boards; pose++) {
                 values[1 + 12 * pose] = 1.0f;
                 values[6 + 12 * pose] = values[11 + 12 * pose] = pose ? -1.0f : 1.0f;
-                values[12 + 12 * pose] = pose == 0 ? 0.0f : pose == 1 ? height : 1.0f;
+                values[12 + 12 * pose] = pose == 0 ? 0.0f : pose == 1 || boards > BOARDS ? height : 1.0f;
             }
         }
         written = written && write(fd, &time, sizeof time) == (ssize_t)sizeof time &&
@@ -82,6 +89,7 @@ static struct outcome run(enum stimulus_kind kind, const char *const *lines)
     struct outcome outcome;
     describe(lines);
     CHECK_EQUAL(fake_world_open(&fake, stimulus_file(kind)), 0);
+    fake.world.crew = fake.world.skin.crew = crew;
     CHECK(fake_world_start(&fake));
     memcpy(outcome.rest, fake.counts_of[0x20], sizeof outcome.rest);
     CHECK_EQUAL(fake_world_run(&fake, 0.385), 0);
@@ -139,6 +147,23 @@ static void a_seed_repeats_with_all_effects_on(void)
         CHECK_EQUAL(once.crc, again.crc);
         CHECK(once.crc != run(kinds[k], NULL).crc);
     }
+}
+
+static void threads_change_not_a_bit(void)
+{
+    static struct crew many;
+    boards = BOARDS_MAX;
+    for (size_t k = 0; k < 2; k++) {
+        const uint32_t alone = run(kinds[k], all).crc;
+        for (size_t threads = 1; threads <= 4; threads *= 2) {
+            CHECK_EQUAL(crew_open(&many, threads), 0);
+            crew = &many;
+            CHECK_EQUAL(run(kinds[k], all).crc, alone);
+            crew = NULL;
+            crew_close(&many);
+        }
+    }
+    boards = BOARDS;
 }
 
 /* Of `taxel`, in counts; every effect alone. */
@@ -247,6 +272,7 @@ int main(void)
 {
     RUN(an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit);
     RUN(a_seed_repeats_with_all_effects_on);
+    RUN(threads_change_not_a_bit);
     RUN(each_effect_is_seen_by_the_host);
     RUN(forces_spread_to_the_neighbours);
     RUN(rest_drifts_without_any_stimulus);

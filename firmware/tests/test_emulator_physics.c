@@ -32,14 +32,14 @@ static void the_layers_curve_rises_and_saturates(void)
 }
 
 static struct front_end front_end;
-static struct random_source random_source;
+static struct normals normals;
 
 static void prepare_front_end(double noise_counts)
 {
     const struct taxel_scan_settings settings = {160, 40, 1, 16, 96};
     layer_init();
-    random_init(&random_source, 3, 0);
-    front_end_init(&front_end, TAXELS, noise_counts, &random_source);
+    normals_init(&normals, 3, 0);
+    front_end_init(&front_end, TAXELS, noise_counts, &normals);
     front_end_configure(&front_end, &settings, 1.0);
 }
 

@@ -1,6 +1,5 @@
 """What a benchmark returns, and how it takes its time."""
 
-import resource
 import statistics
 import time
 from collections.abc import Callable
@@ -62,9 +61,3 @@ def compared(ours: Callable[[], object], reference: Callable[[], object], rounds
         statistics.median(own for _, own in times),
         statistics.median(theirs for theirs, _ in times),
     )
-
-
-def children_seconds() -> float:
-    """Processor time of the processes that have ended so far."""
-    use = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return use.ru_utime + use.ru_stime

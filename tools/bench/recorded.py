@@ -15,9 +15,10 @@ def record(
     stimulus: Path | None = None,
     settings: WorldSettings | None = None,
     world: str | None = None,
+    threads: int = 1,
 ) -> tuple[Path, dict[str, Any]]:
     """(capture, statistics) of 17 boards, at 400 kHz unless `settings` say otherwise, for so many virtual seconds."""
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)
     text = world or world_text(load_hand("allegro"), settings or WorldSettings())
-    return capture, run_emulator(text, capture, seconds, script, stimulus)
+    return capture, run_emulator(text, capture, seconds, script, stimulus, threads)

@@ -79,6 +79,7 @@ void noise_open(struct noise_board *noise, const struct noise_effect *effect, si
         if (acts_on(&effect->slots[i], board)) {
             struct noise_state *state = &noise->state[noise->count];
             random_init(&state->random, seed, NOISE_STREAM | (i << 8) | address);
+            normals_init(&state->normals, seed, NOISE_STREAM | (i << 8) | address);
             noise->slot[noise->count++] = &effect->slots[i];
         }
     }
@@ -164,7 +165,7 @@ double noise_counts(struct noise_board *noise, double time, int tx, int rx, size
         struct noise_state *state = &noise->state[i];
         switch (slot->form) {
         case NOISE_WHITE:
-            sum += slot->counts * random_normal(&state->random);
+            sum += slot->counts * normals_next(&state->normals);
             break;
         case NOISE_LINE:
             if (slot->axis == 0 && is_new_line) {

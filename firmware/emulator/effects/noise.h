@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "emulator/effects/effect_boards.h"
-#include "emulator/random.h"
+#include "emulator/normals.h"
 #include "generated/taxel_protocol.h"
 
 #define NOISE_SLOTS_MAX 8
@@ -46,7 +46,8 @@ struct noise_effect {
 
 /* One slot's present values on one board. */
 struct noise_state {
-    struct random_source random;
+    struct random_source random; /* of what is drawn seldom, or not normal */
+    struct normals normals;      /* of white noise */
     double common;                 /* line: of the TX line or scan under way */
     double of_rx[TAXEL_LINES_MAX]; /* line, axis 1 */
     double pink[TAXEL_TAXELS_MAX], process[NOISE_OCTAVES][TAXEL_TAXELS_MAX];

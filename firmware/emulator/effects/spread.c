@@ -127,7 +127,7 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns;
     double line[GRID_MAX];
-    static double out[GRID_MAX * GRID_MAX];
+    double out[GRID_MAX * GRID_MAX];
     if (!state->keep) {
         return;
     }

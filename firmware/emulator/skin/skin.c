@@ -101,43 +101,70 @@ void skin_free(struct skin *skin)
     memset(skin, 0, sizeof *skin);
 }
 
+struct press {
+    struct skin *skin;
+    const struct stimulus *stimulus;
+    const float *values;
+};
+
+static void press_board(void *context, size_t item)
+{
+    const struct press *press = context;
+    const struct skin *skin = press->skin;
+    struct skin_board *board = &skin->boards[item];
+    const struct field_load *last = &board->loads[skin->earlier];
+    struct field_load *load = &board->loads[skin->earlier ^ 1u];
+    if (press->stimulus->kind == STIMULUS_SCENE) {
+        press_scene(board, skin->description, item, press->values, last, load);
+    } else {
+        press_forces(board, press->values + board->first_taxel, load);
+    }
+}
+
 static void press_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
 {
-    for (size_t i = 0; i < skin->board_count; i++) {
-        struct skin_board *board = &skin->boards[i];
-        const struct field_load *last = &board->loads[skin->earlier];
-        struct field_load *load = &board->loads[skin->earlier ^ 1u];
-        if (stimulus->kind == STIMULUS_SCENE) {
-            press_scene(board, skin->description, i, values, last, load);
-        } else {
-            press_forces(board, values + board->first_taxel, load);
-        }
+    struct press press = {.skin = skin, .stimulus = stimulus, .values = values};
+    crew_share(skin->crew, skin->board_count, press_board, &press);
+}
+
+struct advance {
+    struct skin *skin;
+    struct field_moment moment;
+};
+
+static void advance_board(void *context, size_t item)
+{
+    const struct advance *advance = context;
+    const struct skin *skin = advance->skin;
+    const struct field_moment *moment = &advance->moment;
+    struct skin_board *board = &skin->boards[item];
+    const struct field_load *before = &board->loads[skin->earlier], *after = &board->loads[skin->earlier ^ 1u];
+    const bool steady = moment->fraction == 0.0 || after->repeats || (before->idle && after->idle);
+    board->quiet = steady && !field_is_awake(&board->field, moment->time) ? board->quiet + 1u : 0u;
+    if (board->quiet > 2u) {
+        return; /* `before` and `after` are what this would make them */
     }
+    struct taxel_field *const spare = board->before;
+    board->before = board->after;
+    board->after = spare;
+    field_advance(&board->field, before, after, moment, board->after);
 }
 
 /* Fields at `until`, those that were there before to be those at `from`. */
 static void advance_fields(struct skin *skin, double fraction, vtime time)
 {
-    const struct field_moment moment = {
-        .fraction = fraction,
-        .seconds = time > skin->remembered ? (double)(time - skin->remembered) / (double)VTIME_SECOND : 0.0,
-        .time = (double)time / (double)VTIME_SECOND,
-        .jump = skin->jump,
+    struct advance advance = {
+        .skin = skin,
+        .moment =
+            {
+                .fraction = fraction,
+                .seconds = time > skin->remembered ? (double)(time - skin->remembered) / (double)VTIME_SECOND : 0.0,
+                .time = (double)time / (double)VTIME_SECOND,
+                .jump = skin->jump,
+            },
     };
     skin->remembered = vtime_max(skin->remembered, time);
-    for (size_t i = 0; i < skin->board_count; i++) {
-        struct skin_board *board = &skin->boards[i];
-        const struct field_load *before = &board->loads[skin->earlier], *after = &board->loads[skin->earlier ^ 1u];
-        const bool steady = fraction == 0.0 || after->repeats || (before->idle && after->idle);
-        board->quiet = steady && !field_is_awake(&board->field, moment.time) ? board->quiet + 1u : 0u;
-        if (board->quiet > 2u) {
-            continue; /* `before` and `after` are what this would make them */
-        }
-        struct taxel_field *const spare = board->before;
-        board->before = board->after;
-        board->after = spare;
-        field_advance(&board->field, before, after, &moment, board->after);
-    }
+    crew_share(skin->crew, skin->board_count, advance_board, &advance);
 }
 
 static bool load_changes(const struct stimulus *stimulus)

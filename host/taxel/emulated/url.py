@@ -18,7 +18,7 @@ _NUMBERS = {
 }
 """Lowest and highest value of each number of `WorldSettings` that a URL may set."""
 
-_OTHERS = {"speed", "stimulus", "duration_s", "live", "effect"}
+_OTHERS = {"speed", "stimulus", "duration_s", "live", "effect", "threads"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
@@ -26,8 +26,9 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
 
     Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE`
     (see `taxel.link.write_stimulus`) or `live=1` (see `EmulatorLink.apply`), `duration_s`, `effect=LINE` (as often as
-    wanted: a line of the world file without the word `effect`), and the numbers of `WorldSettings`: seed, scl_hz, baud,
-    usb_latency_ms, noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
+    wanted: a line of the world file without the word `effect`), `threads` (1 to 16 that share its work; for speed=max
+    on a machine with cores to spare), and the numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms,
+    noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
     """
     parts = split_url(url)
     if parts.path or parts.netloc:
@@ -52,6 +53,9 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
             raise LinkError(url, f"option 'seed' must be a whole number, found '{options['seed']}'")
         numbers["seed"] = int(numbers["seed"])
     settings = WorldSettings(**numbers, effects=_effects(url, parts.query))
+    threads = _number(url, "threads", options.get("threads", "1"), 1, 16)
+    if threads % 1.0:
+        raise LinkError(url, f"option 'threads' must be a whole number, found '{options['threads']}'")
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(
         world_text(hand, settings),
@@ -60,6 +64,7 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         duration,
         settings.baud,
         hand.n_taxels if live == "1" else None,
+        int(threads),
     )
 
 

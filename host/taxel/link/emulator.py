@@ -35,8 +35,9 @@ class EmulatorLink:
     """An emulator process of our own, ended with the link.
 
     `world` is the text of a world file; `stimulus` a stimulus file or None; `fast` runs as fast as the reader reads
-    (virtual time), else in real time. With `live_taxels`, the number of the skin's taxels, forces come from `apply()`
-    instead of a file. Raises `LinkError` with the emulator's own line if it refuses world or stimulus.
+    (virtual time), else in real time; `threads` share its work on the boards (1 to 16; the bytes are the same). With
+    `live_taxels`, the number of the skin's taxels, forces come from `apply()` instead of a file. Raises `LinkError`
+    with the emulator's own line if it refuses world or stimulus.
     """
 
     is_recorded = False
@@ -50,6 +51,7 @@ class EmulatorLink:
         duration_s: float | None = None,
         baud: float = 1e6,
         live_taxels: int | None = None,
+        threads: int = 1,
     ) -> None:
         self.name = "emulator:"
         self.baud = baud
@@ -66,6 +68,7 @@ class EmulatorLink:
         arguments += ["--stats", str(self._stats)]
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         arguments += ["--fast"] if fast else []
+        arguments += ["--threads", str(threads)]
         arguments += ["--duration", repr(duration_s)] if duration_s is not None else []
         self._live, their_live = socket.socketpair()
         if live_taxels is not None:
@@ -168,11 +171,13 @@ def run_emulator(
     duration_s: float,
     host_input: str | os.PathLike[str] | None = None,
     stimulus: str | os.PathLike[str] | None = None,
+    threads: int = 1,
 ) -> dict[str, Any]:
     """Run an emulator from start to end without a host: virtual time only, repeatable to the byte.
 
     `host_input` is a capture of what a host would send and when. The hub's bytes go to `capture`; returns the
-    emulator's statistics. Raises `LinkError` with the emulator's own line if it refuses its input.
+    emulator's statistics. `threads` (1 to 16) share its work; the bytes are the same whatever their number. Raises
+    `LinkError` with the emulator's own line if it refuses its input.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world_path = Path(folder) / "world.txt"
@@ -185,6 +190,8 @@ def run_emulator(
             str(world_path),
             "--uart",
             f"capture:{os.fspath(capture)}",
+            "--threads",
+            str(threads),
         ]
         arguments += ["--duration", repr(duration_s), "--stats", str(statistics)]
         arguments += ["--host-input", os.fspath(host_input)] if host_input else []

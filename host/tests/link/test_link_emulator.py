@@ -244,16 +244,19 @@ def write_host_input(path):
         writer.write(START, 150_000_000)
 
 
-def test_a_run_without_a_host_is_repeatable_to_the_byte(tmp_path):
+def test_a_run_without_a_host_is_repeatable_to_the_byte_in_any_number_of_threads(tmp_path):
     hand = load_hand("allegro")
     settings = WorldSettings(faults=("0.5 unplug 0x22", "0.8 plug 0x22", "1.0 corrupt 0x23 3"))
     write_host_input(tmp_path / "host.bin")
+    times = np.arange(0.0, 1.5, 0.02)
+    write_stimulus(tmp_path / "press.stm", times, np.outer(np.sin(times) ** 2, np.ones(hand.n_taxels)))
     files = []
     counts = []
-    for run in "abc":
+    for run, threads in (("a", 1), ("b", 3), ("c", 1)):
         world = world_text(hand, settings if run != "c" else WorldSettings(seed=2, faults=settings.faults))
-        counts.append(run_emulator(world, tmp_path / f"{run}.bin", 1.5, host_input=tmp_path / "host.bin"))
-        files.append((tmp_path / f"{run}.bin").read_bytes())
+        capture = tmp_path / f"{run}.bin"
+        counts.append(run_emulator(world, capture, 1.5, tmp_path / "host.bin", tmp_path / "press.stm", threads))
+        files.append(capture.read_bytes())
     assert files[0] == files[1]
     assert files[0] != files[2]
     for statistics in counts:
@@ -287,8 +290,10 @@ def test_a_run_refuses_bad_input_with_the_emulators_own_line(tmp_path, small_wor
         ({"stimulus": bad}, "TAXELSTM"),
         ({"stimulus": tmp_path / "none"}, "No such file"),
         ({"capture": tmp_path / "none" / "a.bin"}, "No such file"),
-        ({"duration_s": -1.0}, "duration"),
-        ({"duration_s": float("nan")}, "duration"),
+        ({"duration_s": -1.0}, "--duration must be"),
+        ({"duration_s": float("nan")}, "--duration must be"),
+        ({"threads": 0}, "--threads must be a number from 1 to 16"),
+        ({"threads": 17}, "--threads must be a number from 1 to 16"),
     ]
     for changed, words in cases:
         arguments = {"world": small_world, "capture": tmp_path / "a.bin", "duration_s": 0.1} | changed

@@ -19,7 +19,8 @@ from taxel.link import (
 )
 
 EMULATOR_OPTIONS = (
-    "baud", "clock_spread_ppm", "duration_s", "noise_counts", "scl_hz", "seed", "speed", "stimulus", "usb_latency_ms",
+    "baud", "clock_spread_ppm", "duration_s", "noise_counts", "scl_hz", "seed", "speed", "stimulus", "threads",
+    "usb_latency_ms",
 )  # fmt: skip
 
 
@@ -108,6 +109,9 @@ def test_a_wrong_serial_option_is_named_with_the_url(query, field):
         ("baud=x", "baud"),
         ("duration_s=nan", "duration_s"),
         ("duration_s=0", "duration_s"),
+        ("threads=0", "threads"),
+        ("threads=17", "threads"),
+        ("threads=1.5", "threads"),
         ("noise_counts=inf", "noise_counts"),
         ("clock_spread_ppm=1e6", "clock_spread_ppm"),
         ("stimulus=", "stimulus"),

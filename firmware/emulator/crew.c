@@ -1,0 +1,124 @@
+#include "emulator/crew.h"
+
+#include <sched.h>
+#include <stdio.h>
+#include <string.h>
+
+#define ITEM_BITS 16
+#define ITEM_MASK ((1u << ITEM_BITS) - 1u)
+#define SPINS 40000 /* some ms: jobs follow each other faster than the kernel wakes a thread */
+
+static inline void relax(void)
+{
+#ifdef __x86_64__
+    __builtin_ia32_pause();
+#endif
+}
+
+/* One item of whatever job there is. Taking it by the job's own number keeps the job, and so `work`, in place until it is done. */
+static bool take(struct crew *crew)
+{
+    uint64_t ticket = atomic_load(&crew->ticket);
+    do {
+        if ((ticket & ITEM_MASK) == 0) {
+            return false;
+        }
+    } while (!atomic_compare_exchange_weak(&crew->ticket, &ticket, ticket - 1u));
+    crew->work(crew->context, (size_t)(ticket & ITEM_MASK) - 1u);
+    atomic_fetch_add(&crew->done, 1u);
+    return true;
+}
+
+static bool is_called(struct crew *crew)
+{
+    return (atomic_load(&crew->ticket) & ITEM_MASK) != 0 || atomic_load(&crew->ends);
+}
+
+static void wait_for_work(struct crew *crew)
+{
+    for (int i = 0; i < SPINS; i++) {
+        if (is_called(crew)) {
+            return;
+        }
+        relax();
+    }
+    pthread_mutex_lock(&crew->mutex);
+    atomic_fetch_add(&crew->sleepers, 1u);
+    while (!is_called(crew)) {
+        pthread_cond_wait(&crew->wake, &crew->mutex);
+    }
+    atomic_fetch_sub(&crew->sleepers, 1u);
+    pthread_mutex_unlock(&crew->mutex);
+}
+
+static void *help(void *context)
+{
+    struct crew *crew = context;
+    while (!atomic_load(&crew->ends)) {
+        if (!take(crew)) {
+            wait_for_work(crew);
+        }
+    }
+    return NULL;
+}
+
+static void wake_sleepers(struct crew *crew)
+{
+    if (atomic_load(&crew->sleepers)) {
+        pthread_mutex_lock(&crew->mutex);
+        pthread_cond_broadcast(&crew->wake);
+        pthread_mutex_unlock(&crew->mutex);
+    }
+}
+
+int crew_open(struct crew *crew, size_t threads)
+{
+    memset(crew, 0, sizeof *crew);
+    pthread_mutex_init(&crew->mutex, NULL);
+    pthread_cond_init(&crew->wake, NULL);
+    while (crew->helpers + 1u < threads) {
+        if (pthread_create(&crew->threads[crew->helpers], NULL, help, crew)) {
+            fprintf(stderr, "threads: no more than %zu can be started\n", crew->helpers + 1u);
+            crew_close(crew);
+            return -1;
+        }
+        crew->helpers++;
+    }
+    return 0;
+}
+
+void crew_close(struct crew *crew)
+{
+    atomic_store(&crew->ends, true);
+    wake_sleepers(crew);
+    for (size_t i = 0; i < crew->helpers; i++) {
+        pthread_join(crew->threads[i], NULL);
+    }
+    pthread_cond_destroy(&crew->wake);
+    pthread_mutex_destroy(&crew->mutex);
+}
+
+void crew_share(struct crew *crew, size_t count, crew_work work, void *context)
+{
+    if (!crew || crew->helpers == 0) {
+        for (size_t i = 0; i < count; i++) {
+            work(context, i);
+        }
+        return;
+    }
+    const uint64_t number = (atomic_load(&crew->ticket) >> ITEM_BITS) + 1u;
+    crew->work = work;
+    crew->context = context;
+    atomic_store(&crew->done, 0u);
+    atomic_store(&crew->ticket, number << ITEM_BITS | count);
+    wake_sleepers(crew);
+    while (take(crew)) {
+    }
+    for (int i = 0; atomic_load(&crew->done) != count; i++) { /* the others are at their last items */
+        if (i < SPINS) {
+            relax();
+        } else {
+            sched_yield(); /* one of them waits for this core */
+        }
+    }
+}
