@@ -10,6 +10,8 @@
 #define FRAMES_MAX (SEARCHED_MAX / 12u)
 #define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX) /* the shortest compact one is 30, and may have all taxels */
 
+#define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* a register of all ones, after four bytes of zero */
+
 size_t taxel_batch_struct_size(void)
 {
     return sizeof(struct taxel_batch);
@@ -86,13 +88,43 @@ static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict byt
     }
 }
 
+static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_t size)
+{
+    for (size_t i = 0; i < batch->size_count; i++) {
+        if (batch->beyond_header[i].size == size) {
+            return &batch->beyond_header[i];
+        }
+    }
+    if (batch->size_count == TAXEL_BATCH_SIZES) {
+        return NULL;
+    }
+    struct taxel_crc32_zeros *zeros = &batch->beyond_header[batch->size_count++];
+    taxel_crc32_zeros_init(zeros, size);
+    return zeros;
+}
+
+/* Is the board's CRC right, in a frame whose own is? The frame's goes over header, snapshot and the board's CRC b; the board's over
+ * its address a and the same snapshot. Two registers, the header's h and the address's, differ after n more bytes by what n zeros
+ * make of h - a. So if b is the register of a and snapshot, inverted, then that of the frame without b differs from b's bytes by all
+ * ones and that; four zeros on, it is the frame's CRC. No byte of the snapshot is looked at. */
+static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
+{
+    const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE, *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
+    const size_t size = (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE; /* with the board's CRC */
+    const struct taxel_crc32_zeros *zeros = zeros_of(batch, size);
+    if (!zeros) {
+        return taxel_crc32(taxel_crc32(0, &address, 1), snapshot, size - 4u) == taxel_get_u32(snapshot + size - 4u);
+    }
+    const uint32_t apart = taxel_crc32(0, body, (size_t)(snapshot - body)) ^ taxel_crc32(0, &address, 1);
+    return (~taxel_get_u32(snapshot + size) ^ ONES_AND_FOUR_ZEROS) == taxel_crc32_zeros_after(zeros, apart);
+}
+
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     struct taxel_batch_output *output = batch->output;
     struct taxel_taxel_header header;
     struct taxel_snapshot_header snapshot;
     const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
-    const size_t snapshot_size = (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE;
     taxel_taxel_header_unpack(&header, frame->payload);
     taxel_snapshot_header_unpack(&snapshot, bytes);
     row->board_sequence = snapshot.sequence;
@@ -101,15 +133,11 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     row->size = header.taxel_count;
     unpack_counts(output->counts + output->count_count, bytes + TAXEL_SNAPSHOT_HEADER_SIZE, header.taxel_count);
     output->count_count += header.taxel_count;
-    /* The address before the snapshot, where all has been read: one CRC instead of two. */
-    uint8_t *const covered = batch->body + (bytes - batch->body) - 1;
-    covered[0] = header.address;
-    const uint32_t crc = taxel_crc32(0, covered, snapshot_size - 3u);
-    if (crc != taxel_get_u32(bytes + snapshot_size - 4u)) {
+    if (board_crc_is_right(batch, frame, header.address)) {
+        batch->totals.received[header.address]++;
+    } else {
         row->flags |= TAXEL_BATCH_BOARD_CRC_BAD;
         batch->totals.damaged[header.address]++;
-    } else {
-        batch->totals.received[header.address]++;
     }
     account(batch, row, &header, 0);
 }

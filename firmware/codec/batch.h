@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "codec/compact_receiver.h"
+#include "codec/crc32_zeros.h"
 #include "codec/deframer.h"
 #include "generated/taxel_protocol.h"
 
@@ -45,6 +46,7 @@ struct taxel_batch_output {
 };
 
 #define TAXEL_BATCH_ADDRESSES 128u
+#define TAXEL_BATCH_SIZES 8u /* of boards; a hand has two or three kinds */
 #define TAXEL_BATCH_CHUNK_SIZE (2u * (TAXEL_ENCODED_MAX + 2u))
 
 /* Totals of a stream. Only 64-bit members: the Python host reads it as one array. */
@@ -68,6 +70,8 @@ struct taxel_batch {
     uint16_t last_cycle[TAXEL_BATCH_ADDRESSES];
     uint16_t last_scan[TAXEL_BATCH_ADDRESSES];
     struct taxel_compact_receiver receivers[TAXEL_BATCH_ADDRESSES];
+    struct taxel_crc32_zeros beyond_header[TAXEL_BATCH_SIZES]; /* what follows a taxel header, a kind of board each */
+    size_t size_count;
     uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE];
     uint8_t body[TAXEL_BODY_MAX];
 };

@@ -46,6 +46,17 @@ uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
         bytes += SLICES;
         size -= SLICES;
     }
+    if (size >= 4) { /* fewer than a step: all bytes at once again, and not one after the other */
+        const uint32_t first = little_endian_u32(bytes) ^ crc;
+        crc = 0;
+        for (size_t i = 0; i < 4; i++) {
+            crc ^= tables[size - 1u - i][(first >> (8u * i)) & 0xFFu];
+        }
+        for (size_t i = 4; i < size; i++) {
+            crc ^= tables[size - 1u - i][bytes[i]];
+        }
+        return ~crc;
+    }
     while (size--) {
         crc = (crc >> 8) ^ tables[0][(crc ^ *bytes++) & 0xFFu];
     }

@@ -3,6 +3,7 @@
 
 #include "check.h"
 #include "codec/crc32_ways.h"
+#include "codec/crc32_zeros.h"
 #include "emulator/random.h"
 
 #define SIZE_MAX_TRIED 700u
@@ -52,10 +53,25 @@ static void the_check_value_of_the_standard(void)
     CHECK_EQUAL(taxel_crc32(0, (const uint8_t *)"123456789", 9), 0xCBF43926u);
 }
 
+static void zeros_are_put_behind_a_register_at_once(void)
+{
+    static const uint8_t none[SIZE_MAX_TRIED];
+    struct random_source random;
+    random_init(&random, 2, 0);
+    for (size_t size = 0; size <= SIZE_MAX_TRIED; size++) {
+        struct taxel_crc32_zeros zeros;
+        const uint32_t state = (uint32_t)random_u64(&random);
+        taxel_crc32_zeros_init(&zeros, size);
+        CHECK_EQUAL(taxel_crc32_zeros_after(&zeros, state), (uint32_t)~by_definition(~state, none, size));
+        CHECK_EQUAL(taxel_crc32_zeros_after(&zeros, 0), 0);
+    }
+}
+
 int main(void)
 {
     RUN(every_size_at_every_place);
     RUN(a_crc_goes_on_where_it_stopped);
+    RUN(zeros_are_put_behind_a_register_at_once);
     RUN(the_check_value_of_the_standard);
     return check_summary();
 }
