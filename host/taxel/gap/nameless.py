@@ -19,6 +19,7 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.fit import Column
 from taxel.gap.identify import is_alike, linear_left
 from taxel.gap.judge import Judge
+from taxel.gap.uneven import odd_pattern
 
 Array = NDArray[np.float64]
 
@@ -30,10 +31,28 @@ ABOVE: float = 1.25
 """Full scale over the largest drop, where no sensor model tells it."""
 
 
-def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Names of such effects. chain: fitted. confounded: what was found, and what cannot be told from it: a class of
-    named effects is an honest answer.
+def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str]]) -> dict[str, str]:
+    """Names of such effects, and why each may be another. chain: fitted. confounded: what was found, and what cannot be
+    told from it: a class of named effects is an honest answer, if its values are as parts have them.
     """
+    odd = {
+        link.effect.name: pattern
+        for link in chain.links
+        if link.effect.name in AMPLITUDE and (pattern := odd_pattern(judge, link))
+    }
+    plain = _plain_amplitude(judge, chain, confounded)
+    ladder = (
+        f"these presses do not tell {' and '.join(map(_plain, plain))} from any other change of amplitude: "
+        "press a force ladder"
+    )
+    return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {odd[name]}, as parts are not" for name in odd}}
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _plain_amplitude(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str]]) -> tuple[str, ...]:
     found = set(chain.names)
     amplitude = [link for link in chain.links if link.effect.name in AMPLITUDE]
     compared = any(set(confounded.get(link.effect.name, ())) - found for link in amplitude)

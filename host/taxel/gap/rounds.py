@@ -104,8 +104,13 @@ def next_round(standing: Standing, forms: Forms) -> Round:
     trials = in_threads(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
     trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
     trials.sort(key=lambda trial: trial.inside.value)
-    shares = [trial.inside.share_of(start, base, noticeable) for trial in trials]
-    chosen = [trial for trial, share in zip(trials, shares, strict=True) if share > 0.5 * least][:SHORTLIST]
+    before = judge.score(standing.features).value
+    chosen = [
+        trial
+        for trial in trials
+        if trial.inside.share_of(start, base, noticeable) > 0.5 * least
+        or (before > 0 and 1.0 - trial.inside.value / before > MOST_OF_LEFT)
+    ][:SHORTLIST]
     held = in_threads(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)

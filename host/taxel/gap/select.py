@@ -102,7 +102,8 @@ def _pruned(standing: Standing, found: Trial) -> Trial:
         without = cross_validated(judge, tried(judge, found.name, found.chain.without(name)))
         assert without.held is not None
         assert found.held is not None
-        _, p_value = found.held.better_than(without.held)
-        if found.held.share_of(standing.start, without.held) < NEXT_SHARE or p_value > LEVEL:
+        gain, p_value = found.held.better_than(without.held)
+        small = found.held.share_of(standing.start, without.held) < NEXT_SHARE
+        if p_value > LEVEL or (small and gain <= MOST_OF_LEFT * without.held.value):
             found = without
     return found

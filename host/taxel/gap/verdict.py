@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 from taxel.gap.catalogue import DROPOUT
@@ -67,11 +68,11 @@ def judge_verdict(
     names: tuple[str, ...],
     held: HeldOut,
     simulated2: float = 0.0,
-    nameless: Collection[str] = (),
+    nameless: Mapping[str, str] = MappingProxyType({}),
 ) -> Verdict:
     """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
     which the other side's means scatter, where it has sessions as well. nameless: of the found ones those that may as
-    well be a cause without a name.
+    well be a cause without a name, and why.
     """
     margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
     # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
@@ -91,12 +92,10 @@ def judge_verdict(
     if not (within and local) and not _is_enough(selection, held, margin):
         line = f"Partly explained: {size}, {less}; the rest is unknown."
         return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
-    unsure = [name.replace("_", " ") for name in names if name in nameless]
+    unsure = "; ".join(dict.fromkeys(nameless[name] for name in names if name in nameless))
     if unsure:
-        line = f"Partly explained: {size}, {less}; but these presses do not tell {' and '.join(unsure)} from any other "
-        return Verdict(
-            "partly_explained", (*names, UNKNOWN), f"{line}change of amplitude: press a force ladder.", margin
-        )
+        line = f"Partly explained: {size}, {less}; but {unsure}."
+        return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
     return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
 
 

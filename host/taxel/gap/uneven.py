@@ -1,0 +1,116 @@
+"""Gains and stiffnesses that parts do not have: on one board alone, in a patch, on all boards alike, beyond any part.
+
+Etched electrodes and moulded pillars scatter from taxel to taxel, on every board, each by itself. A model with a value
+for each taxel or board also takes on what somebody else did to the amplitude: a drop of water, a bit that sticks, a
+force that is lost. What such a model was fitted to shows in the pattern of its values.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from taxel.gap.chain import Link
+from taxel.gap.effects.effect import BOARD, TAXEL
+from taxel.gap.judge import Judge
+
+Array = NDArray[np.float64]
+
+LEVEL: Final = 0.01
+"""Of a pattern being chance."""
+
+ALONE: Final = 3.0
+"""Standard deviation of one board's values over the others', from which on it stands alone."""
+
+PATCHY: Final = 0.25
+"""Correlation of neighbouring taxels (Moran 1950), from which on values come in patches."""
+
+NEIGHBOUR: Final = 1.2
+"""Pitches between neighbours."""
+
+COMMON, COMMON_SPREAD = 0.1, 0.1
+"""Least mean log of a value that all boards share, and their standard deviation over it."""
+
+LEAST_TAXELS: Final = 8
+"""Of a board, for its values to be looked at."""
+
+SHUFFLES: Final = 499
+
+
+def odd_pattern(judge: Judge, link: Link) -> str | None:
+    """What is odd about the values of a gain or stiffness, as words after its name; None: they are as parts' are."""
+    (parameter, *_) = link.effect.own_parameters()
+    values = link.values[0]
+    logs = values if parameter.neutral == 0 else np.log(values)
+    if link.effect.scope == BOARD:
+        return _pattern_of_boards(judge, logs, bool(np.isclose(values, [[parameter.low], [parameter.high]]).any()))
+    return _pattern_of_taxels(judge, logs, parameter.prior) if link.effect.scope == TAXEL else None
+
+
+def _pattern_of_boards(judge: Judge, logs: Array, at_limit: bool) -> str | None:
+    if at_limit:
+        return "is at the limit of what parts can be"
+    told = np.bincount(judge.state.pair.groups.sensor, _information(judge), len(logs)) > 0
+    common = abs(float(logs[told].mean())) if told.sum() >= 3 else 0.0
+    return "is the same on every board" if common > COMMON and logs[told].std() < COMMON_SPREAD * common else None
+
+
+def _information(judge: Judge) -> Array:
+    """On the log gain of each taxel, f64[n]."""
+    bins = judge.layout.bins
+    return np.asarray((judge.weight[:, :bins] * judge.state.mean[:, :bins] ** 2).sum(axis=(0, 1)))
+
+
+def _pattern_of_taxels(judge: Judge, logs: Array, prior: float) -> str | None:
+    known = _information(judge) * prior**2 > 1.0
+    boards = [one.taxels[known[one.taxels]] for one in judge.state.pair.boards]
+    boards = [own for own in boards if len(own) >= LEAST_TAXELS]
+    if len(boards) >= 3 and _stands_alone([float(np.var(logs[own], ddof=1)) for own in boards], [*map(len, boards)]):
+        return "is uneven on one board alone"
+    return "comes in patches" if _is_patchy(judge, logs, known) else None
+
+
+def _stands_alone(variances: list[float], counts: list[int]) -> bool:
+    """Whether the board that scatters most does so far more than all others (F test, corrected for the choice)."""
+    most = int(np.argmax(variances))
+    freedom = np.array(counts) - 1.0
+    others = np.arange(len(counts)) != most
+    pooled = float(np.average(np.array(variances)[others], weights=freedom[others]))
+    ratio = variances[most] / max(pooled, 1e-12)
+    chance = float(fisher.sf(ratio, freedom[most], freedom[others].sum())) * len(counts)
+    return ratio > ALONE**2 and chance < LEVEL
+
+
+def _is_patchy(judge: Judge, logs: Array, known: NDArray[np.bool_]) -> bool:
+    """Whether neighbours of a board are alike, beyond what an exchange of its taxels gives."""
+    pairs, groups = [], []
+    centred = np.zeros_like(logs)
+    for one in judge.state.pair.boards:
+        own = np.flatnonzero(known[one.taxels])
+        if len(own) < LEAST_TAXELS:
+            continue
+        taxels = one.taxels[own]
+        first, second = np.nonzero(np.triu(one.apart_m[np.ix_(own, own)] < NEIGHBOUR * one.pitch_m, 1))
+        pairs.append(np.stack([taxels[first], taxels[second]]))
+        groups.append(taxels)
+        centred[taxels] = logs[taxels] - logs[taxels].mean()
+    if not pairs or not any(one.size for one in pairs):
+        return False
+    first, second = np.concatenate(pairs, axis=1)
+    everyone = np.concatenate(groups)
+
+    def alike(values: Array) -> float:
+        return float((values[first] * values[second]).mean() / max((values[everyone] ** 2).mean(), 1e-12))
+
+    found, rng = alike(centred), np.random.default_rng(0)
+    if found < PATCHY:
+        return False
+    mixed, as_much = centred.copy(), 1
+    for _ in range(SHUFFLES):
+        for taxels in groups:
+            mixed[taxels] = centred[rng.permutation(taxels)]
+        as_much += alike(mixed) >= found
+    return as_much / (SHUFFLES + 1) < LEVEL

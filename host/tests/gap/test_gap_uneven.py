@@ -1,0 +1,89 @@
+"""What the pattern of gains and stiffnesses says of their cause."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taxel.gap.boards import layouts_of
+from taxel.gap.chain import Link
+from taxel.gap.effects.effect import BOARD, TAXEL
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.uneven import odd_pattern
+from taxel.recording import TaxelTable
+
+ROWS, COLUMNS, BOARDS = 6, 5, 4
+EACH = ROWS * COLUMNS
+N = BOARDS * EACH
+SEEDS = range(8)
+
+
+@pytest.fixture
+def judge():
+    """Every taxel pressed by 200 counts."""
+    board, number = np.divmod(np.arange(N), EACH)
+    tx, rx = number // COLUMNS, number % COLUMNS
+    place = np.column_stack([0.005 * tx + 0.1 * board, 0.005 * rx, np.zeros(N)])
+    normal, size = np.tile([0.0, 0.0, 1.0], (N, 1)), np.full(N, 0.003)
+    table = TaxelTable((0x20 + board).astype(np.uint8), tx.astype(np.uint8), rx.astype(np.uint8), place, normal, size)
+    pair = SimpleNamespace(boards=layouts_of(board, table), groups=SimpleNamespace(sensor=board), tx=tx, rx=rx)
+    state = SimpleNamespace(mean=np.full((3, 2, N), 200.0), pair=pair)
+    return SimpleNamespace(layout=SimpleNamespace(bins=2), weight=np.full((3, 2, N), 0.01), state=state)
+
+
+def gains(values):
+    return Link(GainMismatch(TAXEL), np.asarray(values)[None])
+
+
+def of_boards(values, effect=GainMismatch):
+    return Link(effect(BOARD), np.array([values], float))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_parts_that_scatter_everywhere_are_plain(judge, seed):
+    assert odd_pattern(judge, gains(np.random.default_rng(seed).normal(0.0, 0.2, N))) is None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_one_board_that_scatters_alone_is_odd(judge, seed):
+    values = np.random.default_rng(seed).normal(0.0, 0.03, N)
+    values[EACH : 2 * EACH] *= 10.0
+    assert "on one board alone" in odd_pattern(judge, gains(values))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_patches_are_odd(judge, seed):
+    rng, pair = np.random.default_rng(seed), judge.state.pair
+    waves = np.sin(0.9 * pair.tx + rng.uniform(0, 6)) * np.cos(0.8 * pair.rx + rng.uniform(0, 6))
+    assert "patches" in odd_pattern(judge, gains(0.3 * waves + rng.normal(0.0, 0.05, N)))
+
+
+def test_what_was_never_pressed_is_not_asked(judge):
+    judge.state.mean[:, :, EACH:] = 0.0
+    values = np.random.default_rng(0).normal(0.0, 0.2, N)
+    assert odd_pattern(judge, gains(values)) is None
+    judge.state.mean[:] = 0.0
+    assert odd_pattern(judge, gains(values)) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ([-0.4, -0.41, -0.39, -0.4], "same on every board"),
+        ([-0.02, 0.01, -0.4, 0.0], None),
+        ([0.02, 0.021, 0.02, 0.02], None),
+        ([0.0, 1.0, 0.0, 0.0], "at the limit"),
+    ],
+)
+def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, values, words):
+    found = odd_pattern(judge, of_boards(values))
+    assert found is None if words is None else words in found
+
+
+def test_a_stiffness_at_its_limit_is_odd(judge):
+    assert "at the limit" in odd_pattern(judge, of_boards([1.0, 10.0, 1.0, 0.98], Stiffness))
+    assert odd_pattern(judge, of_boards([1.0, 1.6, 1.0, 0.98], Stiffness)) is None
+    assert odd_pattern(judge, Link(Stiffness(), np.array([[1.5]]))) is None
