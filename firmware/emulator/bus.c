@@ -147,6 +147,7 @@ static struct byte_damage next_damage(struct bus *bus)
     for (size_t i = 0; damage.brown_out && i < bus->board_count; i++) {
         struct board_node *board = &bus->boards[i];
         if (board->address == bus->transfer.address && board->powered) {
+            board_advance(board, bus->next); /* what it has measured by then does not hang on who looked at it last */
             board_power(board, false, bus->next, TAXEL_RESET_CAUSE_BROWN_OUT);
             board_power(board, true, bus->next + damage.off_time, TAXEL_RESET_CAUSE_BROWN_OUT);
             bus->slave_count = 0; /* nobody else was called */

@@ -1,12 +1,15 @@
+#define _GNU_SOURCE
 #include "emulator/crew.h"
 
 #include <sched.h>
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 
 #define ITEM_BITS 16
 #define ITEM_MASK ((1u << ITEM_BITS) - 1u)
-#define SPINS 40000 /* some ms: jobs follow each other faster than the kernel wakes a thread */
+_Static_assert(CREW_ITEMS_MAX <= ITEM_MASK, "the job's number lies above the items");
+#define SPINS 40000 /* a ms or some: jobs follow each other faster than the kernel wakes a thread */
 
 static inline void relax(void)
 {
@@ -71,18 +74,23 @@ static void wake_sleepers(struct crew *crew)
     }
 }
 
+/* Signals are the caller's: one that came to a helper would not interrupt what the caller waits in. */
 int crew_open(struct crew *crew, size_t threads)
 {
+    sigset_t all, before;
     memset(crew, 0, sizeof *crew);
+    sigfillset(&all);
     pthread_mutex_init(&crew->mutex, NULL);
     pthread_cond_init(&crew->wake, NULL);
-    while (crew->helpers + 1u < threads) {
-        if (pthread_create(&crew->threads[crew->helpers], NULL, help, crew)) {
-            fprintf(stderr, "threads: no more than %zu can be started\n", crew->helpers + 1u);
-            crew_close(crew);
-            return -1;
-        }
+    pthread_sigmask(SIG_BLOCK, &all, &before);
+    while (crew->helpers + 1u < threads && !pthread_create(&crew->threads[crew->helpers], NULL, help, crew)) {
         crew->helpers++;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (crew->helpers + 1u < threads) {
+        fprintf(stderr, "threads: no more than %zu can be started\n", crew->helpers + 1u);
+        crew_close(crew);
+        return -1;
     }
     return 0;
 }
@@ -114,8 +122,9 @@ void crew_share(struct crew *crew, size_t count, crew_work work, void *context)
     wake_sleepers(crew);
     while (take(crew)) {
     }
-    for (int i = 0; atomic_load(&crew->done) != count; i++) { /* the others are at their last items */
-        if (i < SPINS) {
+    for (int spins = 0; atomic_load(&crew->done) != count;) { /* the others are at their last items */
+        if (spins < SPINS) {
+            spins++;
             relax();
         } else {
             sched_yield(); /* one of them waits for this core */

@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #define CREW_MAX 16u /* threads, the caller's among them */
+#define CREW_ITEMS_MAX 1024u
 
 typedef void (*crew_work)(void *context, size_t item);
 
@@ -31,7 +32,8 @@ struct crew {
 int crew_open(struct crew *crew, size_t threads);
 void crew_close(struct crew *crew);
 
-/* Do `work` for items 0 to count - 1, some of it in other threads; all is done when it returns. A crew of NULL does it alone. */
+/* Do `work` for items 0 to count - 1 (CREW_ITEMS_MAX at most), some of it in other threads; all is done when it returns. Not from
+ * within `work`. A crew of NULL does it alone. */
 void crew_share(struct crew *crew, size_t count, crew_work work, void *context);
 
 #endif

@@ -87,7 +87,7 @@ static int parse(struct options *options, int argc, char **argv)
         return usage("--duration must be a number of seconds up to 1e7");
     }
     if (options->threads < 1 || options->threads > CREW_MAX) {
-        return usage("--threads must be a number from 1 to 16");
+        return usage("--threads must be a number from 1 to 16"); /* CREW_MAX */
     }
     return options->world ? 0 : usage("--world is needed");
 }

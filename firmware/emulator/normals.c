@@ -5,7 +5,7 @@
 #define INLINED __attribute__((always_inline))
 
 struct pairs {
-    double u[NORMALS_PAIRS + 1u], v[NORMALS_PAIRS + 1u], s[NORMALS_PAIRS + 1u];
+    double u[NORMALS_PAIRS], v[NORMALS_PAIRS], s[NORMALS_PAIRS];
 };
 
 void normals_init(struct normals *normals, uint64_t seed, uint64_t stream)

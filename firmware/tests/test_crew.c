@@ -71,15 +71,24 @@ static void nobody_but_the_caller_is_needed(void)
     check_job(NULL, 0, 2);
 }
 
+static bool all_sleep(struct crew *by)
+{
+    const struct timespec pause = {.tv_nsec = 200000};
+    const time_t end = time(NULL) + 20;
+    while (atomic_load(&by->sleepers) != by->helpers && time(NULL) < end) {
+        nanosleep(&pause, NULL);
+    }
+    return atomic_load(&by->sleepers) == by->helpers;
+}
+
 static void helpers_that_fell_asleep_are_woken(void)
 {
-    const struct timespec pause = {.tv_nsec = 3000000}; /* far more than they look for work */
     CHECK_EQUAL(crew_open(&crew, 3), 0);
     for (unsigned number = 1; number <= 20; number++) {
-        nanosleep(&pause, NULL);
+        CHECK(all_sleep(&crew));
         check_job(&crew, 17, number);
     }
-    nanosleep(&pause, NULL);
+    CHECK(all_sleep(&crew));
     crew_close(&crew);
 }
 

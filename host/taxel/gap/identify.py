@@ -18,11 +18,11 @@ from scipy.linalg import lstsq
 
 from taxel.gap.catalogue import LIKE
 from taxel.gap.chain import Chain, Link
+from taxel.gap.cores import in_copies, in_threads
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import Column, Problem, fit, normal_equations, start_of, started
 from taxel.gap.judge import REFITS, Judge
-from taxel.gap.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
             rows.append(Likeness(name, other, _degrees(left, whole), left))
         return rows
 
-    return [row for rows in in_threads(state, rows_of, [name for name, own in usable.items() if own]) for row in rows]
+    return [row for rows in in_copies(state, rows_of, [name for name, own in usable.items() if own]) for row in rows]
 
 
 def is_alike(left: float, whole: float) -> bool:

@@ -45,7 +45,7 @@ def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str
         f"these presses do not tell {' and '.join(map(_plain, plain))} from any other change of amplitude: "
         "press a force ladder"
     )
-    return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {odd[name]}, as parts are not" for name in odd}}
+    return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {odd[name]}" for name in odd}}
 
 
 def _plain(name: str) -> str:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
+from taxel.gap.cores import in_copies
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, Effect
 from taxel.gap.effects.noise import Noise
 from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
-from taxel.gap.threads import in_threads
 from taxel.gap.trial import LEVEL, Round, Trial
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def next_round(standing: Standing, forms: Forms) -> Round:
     least, noticeable = (NEXT_SHARE, judge.noticeable) if standing.chain.links else (LEAST_SHARE, np.zeros(5))
     # The longest first: nobody waits for it at the end.
     jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
-    trials = in_threads(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
+    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
     trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
     trials.sort(key=lambda trial: trial.inside.value)
     before = judge.score(standing.features).value
@@ -111,7 +111,7 @@ def next_round(standing: Standing, forms: Forms) -> Round:
         if trial.inside.share_of(start, base, noticeable) > 0.5 * least
         or (before > 0 and 1.0 - trial.inside.value / before > MOST_OF_LEFT)
     ][:SHORTLIST]
-    held = in_threads(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
+    held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
     known = (trial for trial in best_of.values() if trial.held is not None)

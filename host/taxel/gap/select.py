@@ -104,6 +104,7 @@ def _pruned(standing: Standing, found: Trial) -> Trial:
         assert found.held is not None
         gain, p_value = found.held.better_than(without.held)
         small = found.held.share_of(standing.start, without.held) < NEXT_SHARE
-        if p_value > LEVEL or (small and gain <= MOST_OF_LEFT * without.held.value):
+        left = gain / without.held.value if without.held.value > 0 else 0.0
+        if p_value > LEVEL or (small and left <= MOST_OF_LEFT):
             found = without
     return found

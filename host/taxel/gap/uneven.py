@@ -1,4 +1,5 @@
-"""Gains and stiffnesses that parts do not have: on one board alone, in a patch, on all boards alike, beyond any part.
+"""Gains and stiffnesses that parts do not have: of taxels on one board alone or in patches; of boards all alike, or
+beyond any part.
 
 Etched electrodes and moulded pillars scatter from taxel to taxel, on every board, each by itself. A model with a value
 for each taxel or board also takes on what somebody else did to the amplitude: a drop of water, a bit that sticks, a
@@ -31,8 +32,15 @@ PATCHY: Final = 0.25
 NEIGHBOUR: Final = 1.2
 """Pitches between neighbours."""
 
-COMMON, COMMON_SPREAD = 0.1, 0.1
+COMMON: Final = 0.1
+COMMON_SPREAD: Final = 0.1
 """Least mean log of a value that all boards share, and their standard deviation over it."""
+
+TELLING: Final = 0.1
+"""Standard error of a board's log value, above which these presses do not tell it."""
+
+FREE: Final = 0.35
+"""Scatter of parts that nobody has told anything of."""
 
 LEAST_TAXELS: Final = 8
 """Of a board, for its values to be looked at."""
@@ -42,24 +50,28 @@ SHUFFLES: Final = 499
 
 def odd_pattern(judge: Judge, link: Link) -> str | None:
     """What is odd about the values of a gain or stiffness, as words after its name; None: they are as parts' are."""
-    (parameter, *_) = link.effect.own_parameters()
-    values = link.values[0]
-    logs = values if parameter.neutral == 0 else np.log(values)
+    (parameter, *_) = link.effect.parameters()
+    values, middle = link.values[0], parameter.middle
+    logs = values - middle if parameter.neutral == 0 else np.log(values / middle)
     if link.effect.scope == BOARD:
-        return _pattern_of_boards(judge, logs, bool(np.isclose(values, [[parameter.low], [parameter.high]]).any()))
-    return _pattern_of_taxels(judge, logs, parameter.prior) if link.effect.scope == TAXEL else None
+        return _pattern_of_boards(judge, logs, np.isclose(values[:, None], (parameter.low, parameter.high)).any(axis=1))
+    return _pattern_of_taxels(judge, logs, min(parameter.prior, FREE)) if link.effect.scope == TAXEL else None
 
 
-def _pattern_of_boards(judge: Judge, logs: Array, at_limit: bool) -> str | None:
-    if at_limit:
+def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -> str | None:
+    told = np.bincount(judge.state.pair.groups.sensor, _information(judge), len(logs)) * TELLING**2 > 1.0
+    if (at_limit & told).any():
         return "is at the limit of what parts can be"
-    told = np.bincount(judge.state.pair.groups.sensor, _information(judge), len(logs)) > 0
     common = abs(float(logs[told].mean())) if told.sum() >= 3 else 0.0
-    return "is the same on every board" if common > COMMON and logs[told].std() < COMMON_SPREAD * common else None
+    if common > COMMON and logs[told].std() < COMMON_SPREAD * common:
+        return "is the same on every board, which that of parts is not"
+    return None
 
 
 def _information(judge: Judge) -> Array:
-    """On the log gain of each taxel, f64[n]."""
+    """On the log gain of each taxel, f64[n]; on a stiffness, which drops follow the less the harder a press, at most
+    as much.
+    """
     bins = judge.layout.bins
     return np.asarray((judge.weight[:, :bins] * judge.state.mean[:, :bins] ** 2).sum(axis=(0, 1)))
 
@@ -69,8 +81,8 @@ def _pattern_of_taxels(judge: Judge, logs: Array, prior: float) -> str | None:
     boards = [one.taxels[known[one.taxels]] for one in judge.state.pair.boards]
     boards = [own for own in boards if len(own) >= LEAST_TAXELS]
     if len(boards) >= 3 and _stands_alone([float(np.var(logs[own], ddof=1)) for own in boards], [*map(len, boards)]):
-        return "is uneven on one board alone"
-    return "comes in patches" if _is_patchy(judge, logs, known) else None
+        return "is uneven on one board alone, which that of parts is not"
+    return "comes in patches, which that of parts does not" if _is_patchy(judge, logs, known) else None
 
 
 def _stands_alone(variances: list[float], counts: list[int]) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from taxel.gap.boards import layouts_of
 from taxel.gap.chain import Link
-from taxel.gap.effects.effect import BOARD, TAXEL
+from taxel.gap.effects.effect import BOARD, TAXEL, Prior
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.uneven import odd_pattern
@@ -81,6 +81,17 @@ def test_what_was_never_pressed_is_not_asked(judge):
 def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, values, words):
     found = odd_pattern(judge, of_boards(values))
     assert found is None if words is None else words in found
+
+
+def test_a_board_that_is_hardly_touched_says_nothing(judge):
+    judge.state.mean[:, :, :EACH] = 0.5
+    assert odd_pattern(judge, of_boards([10.0, 1.0, 1.0, 0.98], Stiffness)) is None
+    assert "same on every board" in odd_pattern(judge, of_boards([0.0, -0.4, -0.41, -0.39]))
+
+
+def test_what_was_known_beforehand_is_not_odd(judge):
+    known = GainMismatch(BOARD).with_priors({"log_gain": Prior(-0.4, 0.05)})
+    assert odd_pattern(judge, Link(known, np.full((1, BOARDS), -0.4))) is None
 
 
 def test_a_stiffness_at_its_limit_is_odd(judge):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -110,6 +111,20 @@ def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, prepared
     count = stream.losses.boards[0x20]
     assert (count.received, count.missing, count.damaged) == (4, 0, 1)
     assert (stream.losses.received, stream.losses.lost_on_wire) == (5, 0)
+
+
+def test_a_wrong_board_crc_is_seen_on_boards_of_every_size(account_of, hub):
+    """A board's CRC is told from the frame's by a table for each size of board, of which there are few, then read."""
+    rng = np.random.default_rng(1)
+    sizes = [1, 2, 3, 7, 8, 15, 16, 29, 63, 64, 77, 100, 113, 128, 199, 240]
+    sent = [
+        (0x20 + place, cycle, hub.taxels(0x20 + place, cycle, rng.integers(0, 65536, size), damage=damage))
+        for cycle, damages in enumerate(([0] * 16, [1 << int(rng.integers(0, 32)) for _ in sizes], [0] * 16))
+        for place, (size, damage) in enumerate(zip(sizes, damages, strict=True))
+    ]
+    account = account_of(b"".join(wire for _, _, wire in sent))
+    assert {(count.received, count.damaged) for count in account.boards.values()} == {(2, 1)}
+    assert len(account.boards) == len(sizes)
 
 
 @pytest.mark.parametrize("size", [1, 50, 10_000], ids=["byte by byte", "in pieces", "at once"])

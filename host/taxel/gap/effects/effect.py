@@ -88,7 +88,7 @@ class Effect(ABC):
     def with_priors(self, priors: Mapping[str, Prior]) -> Effect:
         """The same effect, of which something is known."""
         known = copy(self)
-        known.priors = MappingProxyType(dict(priors))
+        known.priors = dict(priors)  # no proxy: an effect is sent to other processes
         return known
 
     @abstractmethod

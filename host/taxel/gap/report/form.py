@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taxel.gap import catalogue
 from taxel.gap.attribution import Attribution
 from taxel.gap.confounding import classes
+from taxel.gap.cores import in_copies
 from taxel.gap.held_out import HeldOut
 from taxel.gap.identify import Likeness, identifiability
 from taxel.gap.judge import Judge
@@ -22,7 +23,6 @@ from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
 from taxel.gap.rounds import Forms
 from taxel.gap.signature.bank import unexplained
-from taxel.gap.threads import in_threads
 from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
@@ -78,7 +78,7 @@ def report_of(
             "confounded_with": dict(confounded),
             "one_line": _one_line(verdict, left["signature"]),
         },
-        "effects": in_threads(judge.state, entry, [name for name in catalogue.CATALOGUE if name in tried]),
+        "effects": in_copies(judge.state, entry, [name for name in catalogue.CATALOGUE if name in tried]),
         "after": {
             "before": held.before,
             "value": held.after,
