@@ -132,7 +132,10 @@ in_copies(SimpleNamespace(drop=np.zeros(WORTH), coarse=SimpleNamespace(drop=0)),
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize("form", [form for forms in CATALOGUE.values() for form in forms], ids=str)
+FORMS = [form for forms in CATALOGUE.values() for form in forms]
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: f"{form.name} {form.variant} {form.scope}")
 def test_an_effect_of_which_something_is_known_can_be_sent(form):
     name = form.own_parameters()[0].name
     again = pickle.loads(pickle.dumps(form.with_priors({name: Prior(0.1, 0.2)})))
