@@ -6,9 +6,23 @@
 #include <stdio.h>
 #include <string.h>
 
-#define ITEM_BITS 16
-#define ITEM_MASK ((1u << ITEM_BITS) - 1u)
-_Static_assert(CREW_ITEMS_MAX <= ITEM_MASK, "the job's number lies above the items");
+/* A ticket: the job's number, the first item that nobody has taken, and the one after the last. */
+#define END_BITS 16
+#define END_MASK ((1u << END_BITS) - 1u)
+#define FIRST (1ull << END_BITS)
+#define NUMBER_SHIFT (2 * END_BITS)
+_Static_assert(CREW_ITEMS_MAX <= END_MASK, "items have END_BITS each");
+
+static size_t first_of(uint64_t ticket)
+{
+    return (size_t)(ticket >> END_BITS) & END_MASK;
+}
+
+static size_t end_of(uint64_t ticket)
+{
+    return (size_t)ticket & END_MASK;
+}
+
 #define SPINS 40000 /* a ms or some: jobs follow each other faster than the kernel wakes a thread */
 
 static inline void relax(void)
@@ -18,23 +32,25 @@ static inline void relax(void)
 #endif
 }
 
-/* One item of whatever job there is. Taking it by the job's own number keeps the job, and so `work`, in place until it is done. */
-static bool take(struct crew *crew)
+/* One item of whatever job there is. Taking it by the job's own number keeps the job, and so `work`, in place until it is done. The
+ * caller begins with the first, helpers with the last: what an item works on stays in the cache of the core that had it before. */
+static bool take(struct crew *crew, bool helps)
 {
     uint64_t ticket = atomic_load(&crew->ticket);
     do {
-        if ((ticket & ITEM_MASK) == 0) {
+        if (first_of(ticket) == end_of(ticket)) {
             return false;
         }
-    } while (!atomic_compare_exchange_weak(&crew->ticket, &ticket, ticket - 1u));
-    crew->work(crew->context, (size_t)(ticket & ITEM_MASK) - 1u);
+    } while (!atomic_compare_exchange_weak(&crew->ticket, &ticket, helps ? ticket - 1u : ticket + FIRST));
+    crew->work(crew->context, helps ? end_of(ticket) - 1u : first_of(ticket));
     atomic_fetch_add(&crew->done, 1u);
     return true;
 }
 
 static bool is_called(struct crew *crew)
 {
-    return (atomic_load(&crew->ticket) & ITEM_MASK) != 0 || atomic_load(&crew->ends);
+    const uint64_t ticket = atomic_load(&crew->ticket);
+    return first_of(ticket) != end_of(ticket) || atomic_load(&crew->ends);
 }
 
 static void wait_for_work(struct crew *crew)
@@ -58,7 +74,7 @@ static void *help(void *context)
 {
     struct crew *crew = context;
     while (!atomic_load(&crew->ends)) {
-        if (!take(crew)) {
+        if (!take(crew, true)) {
             wait_for_work(crew);
         }
     }
@@ -114,13 +130,13 @@ void crew_share(struct crew *crew, size_t count, crew_work work, void *context)
         }
         return;
     }
-    const uint64_t number = (atomic_load(&crew->ticket) >> ITEM_BITS) + 1u;
+    const uint64_t number = (atomic_load(&crew->ticket) >> NUMBER_SHIFT) + 1u;
     crew->work = work;
     crew->context = context;
     atomic_store(&crew->done, 0u);
-    atomic_store(&crew->ticket, number << ITEM_BITS | count);
+    atomic_store(&crew->ticket, number << NUMBER_SHIFT | count);
     wake_sleepers(crew);
-    while (take(crew)) {
+    while (take(crew, false)) {
     }
     for (int spins = 0; atomic_load(&crew->done) != count;) { /* the others are at their last items */
         if (spins < SPINS) {

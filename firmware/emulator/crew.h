@@ -18,7 +18,7 @@ typedef void (*crew_work)(void *context, size_t item);
 struct crew {
     size_t helpers;
     pthread_t threads[CREW_MAX - 1u];
-    _Atomic uint64_t ticket; /* the job's number, and below it how many of its items nobody has taken yet */
+    _Atomic uint64_t ticket; /* which job it is, and which of its items nobody has taken yet */
     _Atomic size_t done;
     _Atomic size_t sleepers;
     _Atomic bool ends;

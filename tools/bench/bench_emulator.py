@@ -17,7 +17,7 @@ from taxel.hand.press import Press, share_of_force
 from taxel.hand.world import WorldSettings, world_text
 from taxel.link import write_stimulus
 
-VIRTUAL_S, REPEATS, THREADS_MAX = 20.0, 5, 4
+VIRTUAL_S, REPEATS, THREADS_MAX = 60.0, 5, 4
 IDEAL, ALL_EFFECTS = 100.0, 20.0
 EFFECTS = (
     "coupling traces picofarad=2 tx_ohm=400 rx_ohm=400",
