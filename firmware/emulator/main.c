@@ -173,7 +173,7 @@ int main(int argc, char **argv)
     if (world_init(&world, &description, &stimulus, &endpoint, &script) || crew_open(&crew, options.threads)) {
         return 1;
     }
-    world.crew = world.skin.crew = &crew;
+    world_share(&world, &crew);
     if (endpoint.kind == ENDPOINT_PTY) {
         printf("%s\n", endpoint.pty_name);
         fflush(stdout);

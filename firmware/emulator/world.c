@@ -58,6 +58,11 @@ int world_init(struct world *world, const struct world_description *description,
     return 0;
 }
 
+void world_share(struct world *world, struct crew *crew)
+{
+    world->crew = world->skin.crew = crew;
+}
+
 void world_free(struct world *world)
 {
     for (size_t i = 0; i < world->board_count; i++) {

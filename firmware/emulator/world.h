@@ -45,6 +45,9 @@ size_t world_taxels(const struct world_description *description);
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script);
 
+/* Who works on boards and skin from now on, besides the caller. The crew outlives the world. */
+void world_share(struct world *world, struct crew *crew);
+
 void world_free(struct world *world);
 
 /* Run every event up to and including `until`. Returns 0, or -1 if the stimulus was bad. */

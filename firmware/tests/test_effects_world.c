@@ -89,7 +89,7 @@ static struct outcome run(enum stimulus_kind kind, const char *const *lines)
     struct outcome outcome;
     describe(lines);
     CHECK_EQUAL(fake_world_open(&fake, stimulus_file(kind)), 0);
-    fake.world.crew = fake.world.skin.crew = crew;
+    world_share(&fake.world, crew);
     CHECK(fake_world_start(&fake));
     memcpy(outcome.rest, fake.counts_of[0x20], sizeof outcome.rest);
     CHECK_EQUAL(fake_world_run(&fake, 0.385), 0);

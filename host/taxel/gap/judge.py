@@ -60,6 +60,10 @@ class Score:
         gone = base.families - self.families
         return float(np.max(gone[there] / start.families[there], initial=0.0))
 
+    def gone_of(self, other: Score) -> float:
+        """Share of what `other` has left that is gone with this one; 0 where it has left nothing."""
+        return 1.0 - self.value / other.value if other.value > 0 else 0.0
+
     def better_than(self, other: Score) -> tuple[float, float]:
         """By how much this score is lower, and the p-value of that being chance."""
         gain = other.value - self.value

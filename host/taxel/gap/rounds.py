@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -81,6 +82,11 @@ class Standing:
         start, mean = judge.score(judge.state.mean), judge.state.mean
         return Standing(judge, Chain(), mean, mean, start, start)
 
+    @cached_property
+    def fitted(self) -> Score:
+        """Of `features`: where the chain was fitted."""
+        return self.judge.score(self.features)
+
     def after(self, found: Trial) -> Standing:
         """One effect more. What does not answer says nothing of other effects, and is so large that they would look
         small beside it: from here on the rest alone is judged.
@@ -104,12 +110,11 @@ def next_round(standing: Standing, forms: Forms) -> Round:
     trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
     trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
     trials.sort(key=lambda trial: trial.inside.value)
-    before = judge.score(standing.features).value
     chosen = [
         trial
         for trial in trials
         if trial.inside.share_of(start, base, noticeable) > 0.5 * least
-        or (before > 0 and 1.0 - trial.inside.value / before > MOST_OF_LEFT)
+        or trial.inside.gone_of(standing.fitted) > MOST_OF_LEFT
     ][:SHORTLIST]
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     every = held + [trial for trial in trials if trial not in chosen]
@@ -123,7 +128,7 @@ def next_round(standing: Standing, forms: Forms) -> Round:
         gain, p_value = trial.held.better_than(base)
         p_value = min(1.0, p_value * names_tried)
         share = trial.held.share_of(start, base, noticeable)
-        left = gain / base.value if base.value > 0 else 0.0
+        left = trial.held.gone_of(base)
         level = PLAIN_LEVEL if left > NEARLY_ALL else LEVEL
         worth_it = p_value < level and (share > least or left > MOST_OF_LEFT)
         accepted = worth_it and _is_material(standing, trial, least, gain / start.value)
@@ -174,8 +179,7 @@ def _is_material(standing: Standing, trial: Trial, least: float, gain: float) ->
 def _is_plain_beside(standing: Standing, trial: Trial) -> bool:
     """Whether an effect does much of what the earlier ones have left, both where it was fitted and where not."""
     assert trial.held is not None
-    before = standing.judge.score(standing.features).value
-    inside = 1.0 - trial.inside.value / before if before > 0 else 0.0
+    inside = trial.inside.gone_of(standing.fitted)
     whole = (standing.base.value - trial.held.value) / standing.start.value
     return inside > MOST_OF_LEFT and whole > PLAIN_BESIDE
 

@@ -102,9 +102,8 @@ def _pruned(standing: Standing, found: Trial) -> Trial:
         without = cross_validated(judge, tried(judge, found.name, found.chain.without(name)))
         assert without.held is not None
         assert found.held is not None
-        gain, p_value = found.held.better_than(without.held)
+        _, p_value = found.held.better_than(without.held)
         small = found.held.share_of(standing.start, without.held) < NEXT_SHARE
-        left = gain / without.held.value if without.held.value > 0 else 0.0
-        if p_value > LEVEL or (small and left <= MOST_OF_LEFT):
+        if p_value > LEVEL or (small and found.held.gone_of(without.held) <= MOST_OF_LEFT):
             found = without
     return found
