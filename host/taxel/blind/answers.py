@@ -12,11 +12,9 @@ import numpy as np
 
 from taxel.blind.drawing import World
 from taxel.blind.hidden import UNKNOWN, Place
+from taxel.blind.reference import CLEAR, form_of
 from taxel.blind.run import WORLDS
 from taxel.recording.grasp_dataset import GraspDataset
-
-CLEAR: Final = 2.0
-"""Gap over floor from which on an answer is asked for."""
 
 LOADED_COUNTS: Final = 150.0
 """A taxel on which the simulator expects as much was pressed."""
@@ -186,10 +184,9 @@ def _compared(
     for entry in effects:
         if entry["name"] != cause.name or not entry["in_verdict"]:
             continue
-        model = entry.get("model", {})
         # What a definition fixes is asked for alone; the rest of such a cause has no truth.
         by_fit = not cause.parameters
-        still = reference.get(f"{model.get('form', '')} {model.get('scope', '')}", {})
+        still = reference.get(form_of(entry), {})
         truth = still if by_fit else world.hidden.truth(cause)
         for name, one in entry["parameters"].items():
             true = truth.get(name, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import secrets
 from dataclasses import asdict, dataclass, replace
 from itertools import cycle
@@ -27,6 +28,12 @@ APPROACHES, SESSIONS, REPEATS = (8, 9), (4, 6), (1, 3)
 
 PRESSES = (48, 120)
 """The same of all presses of a world."""
+
+FLOORS: Final = (0.5, 6.0)
+"""How far a single cause's gap lies above the floor, in floors, at strength 0 and 1 (`tools/blind/strengths.py`)."""
+
+TOGETHER_FLOORS: Final = (2.0, 6.0)
+"""The same of each of several: one that alone would make no clear gap cannot be asked for beside others."""
 
 SALT_BYTES: Final = 32
 
@@ -142,9 +149,16 @@ def _singles(rng: np.random.Generator, count: int, scale: float) -> list[Plan]:
 
 
 def _strengths(rng: np.random.Generator, count: int) -> list[float]:
-    """Between 0 and 1, evenly, in a drawn order."""
+    """Between 0 and 1, evenly in floors, in a drawn order."""
     even = (np.arange(count) + rng.random(count)) / max(count, 1)
-    return [float(value) for value in rng.permutation(even)]
+    low, high = FLOORS
+    return [_strength(float(low + (high - low) * value)) for value in rng.permutation(even)]
+
+
+def _strength(floors: float) -> float:
+    """At which a cause's gap lies that far above the floor: its ranges are logarithmic."""
+    low, high = FLOORS
+    return math.log(floors / low) / math.log(high / low)
 
 
 def _together(rng: np.random.Generator) -> tuple[Form, ...]:
@@ -172,7 +186,7 @@ def _world(rng: np.random.Generator, number: int, hand: Hand, plan: Plan, is_sea
 
 def _cause(rng: np.random.Generator, hand: Hand, form: Form, strength: float, kind: str) -> Cause:
     # Several at once: each has a strength of its own, none so weak that it hides behind the others.
-    return form.draw(rng, hand, float(rng.uniform(0.45, 0.95)) if kind == "several" else strength)
+    return form.draw(rng, hand, _strength(float(rng.uniform(*TOGETHER_FLOORS))) if kind == "several" else strength)
 
 
 def _shape(rng: np.random.Generator) -> Shape:

@@ -1,7 +1,8 @@
 """Every cause that a world may hide: the emulator's words, with parameters drawn by a strength between 0 and 1.
 
-Ranges are chosen so that the gap goes from about half the floor to six times it; what a world's gap came out as is
-measured, and the score tells accuracy against it.
+Ranges are chosen so that the gap lies from half a floor to six floors above it (`tools/blind/strengths.py` measures
+them); noise and drift that are others in every session raise the floor as well, and cannot come so far. What a world's
+gap came out as is measured, and the score tells accuracy against it.
 """
 
 from __future__ import annotations
@@ -88,12 +89,12 @@ def _traces(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 def _board_factor(name: str, form: str) -> Form:
-    """One or two boards differ by a factor; strength 1 is a factor of 2.2 either way."""
+    """One or two boards differ by a factor; strength 1 is a factor of 1.8 either way."""
 
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
         lines, truth = [], {}
         for board in _some(rng, hand, 2):
-            log = _between(0.08, 0.8, strength) * float(rng.choice([-1.0, 1.0]))
+            log = _between(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))
             factor = round(float(np.exp(log)), 4)
             lines.append(f"{form} factor={factor} {_address(board)}")
             if name == "gain_mismatch":
@@ -152,11 +153,11 @@ def _unit(rng: Rng) -> np.ndarray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _offset(word: str) -> Form:
-    """A bracket or an object stands elsewhere; strength 1 is 2 mm and 3 degrees."""
+def _offset(word: str, least: float, most: float) -> Form:
+    """A bracket or an object stands elsewhere; strength 1 is `most` mm and half as many degrees again."""
 
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
-        size = _between(0.4, 2.0, strength)
+        size = _between(least, most, strength)
         move, turn = 1e-3 * size * _unit(rng), np.radians(1.5 * size) * _unit(rng)
         numbers = " ".join(f"{value:.5f}" for value in (*move, *turn))
         if word == "bracket_offset":
@@ -171,7 +172,7 @@ def _late(form: str) -> Form:
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
         lines, truth = [], {}
         for board in _some(rng, hand, 2):
-            seconds = _between(0.08, 0.5, strength)
+            seconds = _between(0.04, 0.42, strength)
             lines.append(f"late {form} seconds={seconds} {_address(board)}")
             truth[f"seconds@{board.address}"] = seconds
         return Cause("latency", f"late {form}", tuple(lines), (), truth if form == "delay" else {})
@@ -207,33 +208,33 @@ def _proximity(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 INSIDE: Final = (
-    _simple("contact_propagation", "spread film", 1.0, 6.0, _film),
-    _simple("contact_propagation", "spread pillars", 1.5, 0.1, lambda slope, rng: (f"slope={slope}", {})),
-    _simple("electrode_crosstalk", "coupling resistive", 600, 6000, _resistive),
-    _simple("electrode_crosstalk", "coupling traces", 4.0, 30.0, _traces),
-    _simple("noise", "noise white", 18, 120, _counts("white_counts")),
-    _simple("noise", "noise line", 15, 90, _noise_line),
-    _simple("noise", "noise pink", 20, 120, lambda size, rng: (f"counts={size} shared={int(rng.integers(2))}", {})),
-    _simple("gain_mismatch", "gain electrode", 0.05, 0.35, lambda std, rng: (f"log_std={std}", {"log_std": std})),
+    _simple("contact_propagation", "spread film", 0.35, 2.0, _film),
+    _simple("contact_propagation", "spread pillars", 0.28, 0.12, lambda slope, rng: (f"slope={slope}", {})),
+    _simple("electrode_crosstalk", "coupling resistive", 450, 1700, _resistive),
+    _simple("electrode_crosstalk", "coupling traces", 3.0, 25.0, _traces),
+    _simple("noise", "noise white", 12, 200, _counts("white_counts")),
+    _simple("noise", "noise line", 8, 180, _noise_line),
+    _simple("noise", "noise pink", 40, 400, lambda size, rng: (f"counts={size} shared={int(rng.integers(2))}", {})),
+    _simple("gain_mismatch", "gain electrode", 0.02, 0.35, lambda std, rng: (f"log_std={std}", {"log_std": std})),
     _board_factor("gain_mismatch", "gain idac"),
     _board_factor("stiffness", "modulus board"),
-    _simple("stiffness", "modulus taxels", 0.1, 0.7, lambda std, rng: (f"log_std={std}", {})),
-    _simple("baseline_drift", "drift warm_up", 200, 1200, _drifting(60, 400)),
-    _simple("baseline_drift", "drift wander", 60, 400, _drifting(20, 120)),
-    _simple("hysteresis", "rheology solid", 0.08, 0.7, _solid),
-    _simple("hysteresis", "rheology play", 0.4, 0.9, _play),
-    _simple("saturation", "saturation clip", 1100, 350, _counts("counts")),
-    _simple("saturation", "saturation soft", 6000, 600, _counts("counts")),
-    _simple("proximity", "proximity image", 0.03, 0.3, _proximity),
-    _simple("proximity", "proximity wedge", 0.03, 0.3, _proximity),
+    _simple("stiffness", "modulus taxels", 0.04, 0.42, lambda std, rng: (f"log_std={std}", {})),
+    _simple("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
+    _simple("baseline_drift", "drift wander", 100, 1000, _drifting(20, 120)),
+    _simple("hysteresis", "rheology solid", 0.05, 0.5, _solid),
+    _simple("hysteresis", "rheology play", 0.1, 0.6, _play),
+    _simple("saturation", "saturation clip", 1300, 600, _counts("counts")),
+    _simple("saturation", "saturation soft", 15000, 2500, _counts("counts")),
+    _simple("proximity", "proximity image", 0.005, 0.065, _proximity),
+    _simple("proximity", "proximity wedge", 0.005, 0.065, _proximity),
     _dead("rest"),
     _dead("stuck"),
     _broken("open"),
     _broken("short"),
     Form("dropout", "silent from", _silent),
     Form("dropout", "silent flaky", _flaky),
-    _offset("bracket_offset"),
-    _offset("object_offset"),
+    _offset("bracket_offset", 0.3, 2.5),
+    _offset("object_offset", 0.25, 1.5),
     _late("delay"),
     _late("lag"),
 )  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from taxel.blind.hidden import Cause
 from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
@@ -19,9 +21,31 @@ from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.report.effects import parameters_of
 
+CLEAR: Final = 2.0
+"""Gap over floor from which on an answer is asked for."""
 
-def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str, float]]:
-    """Of the effect `name`, by form and scope: {"kept hand": {"spread_mm": 2.1, ...}, ...}.
+
+def is_clear(report: Mapping[str, Any]) -> bool:
+    """Whether a report's gap is; False for one that is an error."""
+    return "gap" in report and bool(report["gap"]["value"] >= CLEAR * report["gap"]["floor"])
+
+
+def form_of(entry: Mapping[str, Any]) -> str:
+    """Form and scope of an effect in a report, such as "kept hand"; " " for one that was found, not fitted."""
+    model = entry.get("model", {})
+    return f"{model.get('form', '')} {model.get('scope', '')}"
+
+
+def forms_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
+    """Forms of the cause's effect whose parameters a report tells and no definition fixes; none without a clear gap."""
+    if cause.parameters or not is_clear(report):
+        return set()
+    named = [entry for entry in report.get("effects", []) if entry["name"] == cause.name and entry["in_verdict"]]
+    return {form_of(entry) for entry in named}
+
+
+def reference_parameters(real: Path, sim: Path, name: str, forms: Collection[str]) -> dict[str, dict[str, float]]:
+    """Of the effect `name`, for each of `forms`: {"kept hand": {"spread_mm": 2.1, ...}, ...}.
 
     Empty for one that is found, not fitted. Raises DatasetError and GapInputError of one line.
     """
@@ -30,12 +54,11 @@ def reference_parameters(real: Path, sim: Path, name: str) -> dict[str, dict[str
         judge = prepared(pair).judge
         found: dict[str, dict[str, float]] = {}
         for form in CATALOGUE[name]:
-            if form.unavailable(judge.state):
+            key = f"{form.variant} {form.scope}"
+            if key not in forms or form.unavailable(judge.state):
                 continue
             link = _fitted(judge, form)
-            found[f"{form.variant} {form.scope}"] = {
-                label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()
-            }
+            found[key] = {label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()}
     return found
 
 

@@ -7,7 +7,8 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,7 +19,7 @@ from taxel.blind.drawing import World, drawn_worlds
 from taxel.blind.errors import BlindRunError
 from taxel.blind.lane import Lane
 from taxel.blind.making import WorldNotMadeError, make_reference, make_world
-from taxel.blind.reference import reference_parameters
+from taxel.blind.reference import forms_to_fit, reference_parameters
 from taxel.blind.seal import check, commitment
 from taxel.blind.shuffling import shuffled_copy
 from taxel.errors import TaxelError
@@ -87,13 +88,13 @@ def run_worlds(
     show: Show = lambda done, total: None,
     seconds: float | None = None,
 ) -> None:
-    """Make and diagnose every world that has no result yet, in order. jobs: worlds at a time; None: one a core.
+    """Make and diagnose every world that has no result yet. jobs: worlds at a time; None: one a core.
 
     seconds: no world is begun after so many.
     """
     until = None if seconds is None else time.monotonic() + seconds
     jobs = jobs or os.cpu_count() or 1
-    missing = [world for world in worlds if not (out / WORLDS / f"{world.number:04d}" / "done").exists()]
+    missing = [world for world in _evenly(worlds) if not (out / WORLDS / f"{world.number:04d}" / "done").exists()]
     done = len(worlds) - len(missing)
     show(done, len(worlds))
     if not missing:
@@ -128,6 +129,16 @@ def run_worlds(
             lane.close()
 
 
+def _evenly(worlds: Sequence[World]) -> list[World]:
+    """In order, each hand's spread over the whole: a run that is cut has its share of all of them."""
+    total, before = Counter(world.hand for world in worlds), Counter[str]()
+    place = {}
+    for world in worlds:
+        place[world.number] = (before[world.hand] + 0.5) / total[world.hand]
+        before[world.hand] += 1
+    return sorted(worlds, key=lambda world: place[world.number])
+
+
 def _one_world(out: Path, world: World, makers: ProcessPoolExecutor, lane: Lane) -> None:
     folder = out / WORLDS / f"{world.number:04d}"
     shutil.rmtree(folder, ignore_errors=True)
@@ -150,10 +161,12 @@ def _one_world(out: Path, world: World, makers: ProcessPoolExecutor, lane: Lane)
         shuffled = folder / "shuffled.h5"
         makers.submit(shuffled_copy, sim, shuffled, world.seed).result()
         lane.diagnose(real, shuffled, folder / "shuffled.json")
-    if world.hidden.kind == "single" and world.hidden.names[0] != "dropout":
+    single = world.hidden.kind == "single" and world.hidden.names[0] != "dropout"
+    forms = forms_to_fit(world.hidden.causes[0], _json(folder / "report.json")) if single else set()
+    if forms:
         # Not beside the published files: that there is one would tell the kind of world.
         still = out / SEALED / f"still{world.number:04d}.h5"
-        found = makers.submit(_reference, world, still, sim, attempt).result()
+        found = makers.submit(_reference, world, still, sim, attempt, forms).result()
         (out / SEALED / f"reference{world.number:04d}.json").write_text(json.dumps(found))
     (folder / "done").write_text("")
 
@@ -169,11 +182,13 @@ def _make(world: World, real: Path, sim: Path, epoch: str) -> int:
     return make_world(world, real, sim)
 
 
-def _reference(world: World, still: Path, sim: Path, attempt: int) -> dict[str, dict[str, float]]:
+def _reference(
+    world: World, still: Path, sim: Path, attempt: int, forms: Collection[str]
+) -> dict[str, dict[str, float]]:
     """No parameters where the presses do not come to rest without scatter."""
     try:
         make_reference(world, still, attempt)
-        return reference_parameters(still, sim, world.hidden.names[0])
+        return reference_parameters(still, sim, world.hidden.names[0], forms)
     except TaxelError:
         return {}
     finally:

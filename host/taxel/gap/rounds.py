@@ -29,6 +29,11 @@ SHORTLIST: Final = 4
 GLANCE: Final = 4
 """Iterations of the fits that make the short list."""
 
+SECOND_LOOK: Final = 3.0
+"""Squared floors above which what is left may hide an effect that the earlier ones have taken for their own: it is
+looked for once more, while they are fitted with it.
+"""
+
 NEARLY_ALL: Final = 0.8
 PLAIN_LEVEL: Final = 0.05
 """Share of what is left that an effect explains where it was not fitted, from which on this level will do: with four
@@ -103,19 +108,34 @@ class Standing:
 
 def next_round(standing: Standing, forms: Forms) -> Round:
     """Try every effect that was not found yet. forms: the catalogue."""
+    chain, judge = standing.chain, standing.judge
+    found = _round(standing, forms, (*FIXED, *chain.names))
+    fitted = set(chain.names) - set(FIXED)
+    if found.accepted or not fitted or judge.excess(standing.features) <= SECOND_LOOK * judge.floor2:
+        return found
+    again = _round(standing, forms, FIXED)
+    if not again.accepted or again.best is None or _most_gone(standing, again.best) <= MOST_OF_LEFT:
+        return found
+    return again
+
+
+def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
+    """fixed: effects that keep their values while the short list is made."""
     judge, base, start = standing.judge, standing.base, standing.start
     least, noticeable = (NEXT_SHARE, judge.noticeable) if standing.chain.links else (LEAST_SHARE, np.zeros(5))
     # The longest first: nobody waits for it at the end.
     jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
-    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1]), jobs)
+    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1], fixed), jobs)
     trials = [trial for trial in trials if not trial.link.effect.is_idle(judge.state, trial.link.values)]
     trials.sort(key=lambda trial: trial.inside.value)
-    chosen = [
+    worthy = [
         trial
         for trial in trials
         if trial.inside.share_of(start, base, noticeable) > 0.5 * least
         or trial.inside.gone_of(standing.fitted) > MOST_OF_LEFT
-    ][:SHORTLIST]
+    ]
+    # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
+    chosen = worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
@@ -130,7 +150,7 @@ def next_round(standing: Standing, forms: Forms) -> Round:
         share = trial.held.share_of(start, base, noticeable)
         left = trial.held.gone_of(base)
         level = PLAIN_LEVEL if left > NEARLY_ALL else LEVEL
-        worth_it = p_value < level and (share > least or left > MOST_OF_LEFT)
+        worth_it = p_value < level and (share > least or _most_gone(standing, trial) > MOST_OF_LEFT)
         accepted = worth_it and _is_material(standing, trial, least, gain / start.value)
         if place == 0 or accepted:
             found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)
@@ -159,21 +179,37 @@ def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
 def _is_material(standing: Standing, trial: Trial, least: float, gain: float) -> bool:
     """Whether an effect takes counts from the gap, not only from what scatters least; or so much that it need not."""
     assert trial.held is not None
-    assert trial.held_features is not None
     judge = standing.judge
     large = not judge.is_partial or bool((standing.base.families - trial.held.families > judge.noticeable).any())
     if trial.name == DROPOUT or (large and gain > PLAIN_SHARE):
         return True
     if standing.chain.links and _is_plain_beside(standing, trial):
         return True
-    # Both where it was not fitted and where it was: a model with a value for each taxel may leave much of the first to
-    # another, and nothing of the second.
-    pairs = ((standing.held, trial.held_features), (standing.features, trial.features))
-    counts2 = min(judge.excess(before) - judge.excess(after) for before, after in pairs)
+    counts2 = min(before - after for before, after in _excesses(standing, trial))
     whole = max(judge.excess(judge.state.mean), judge.floor2)
     enough = min(least * whole, PLAIN_FLOORS * judge.floor2)
     # Beside what does not answer the rest is a gap of its own: what would be none alone is none here.
     return counts2 > (max(enough, judge.floor2) if judge.is_partial else enough)
+
+
+def _excesses(standing: Standing, trial: Trial) -> tuple[tuple[float, float], ...]:
+    """Counts^2 before and after, both where it was not fitted and where it was: a model with a value for each taxel may
+    leave much of the first to another, and nothing of the second.
+    """
+    assert trial.held_features is not None
+    pairs = ((standing.held, trial.held_features), (standing.features, trial.features))
+    return tuple((standing.judge.excess(before), standing.judge.excess(after)) for before, after in pairs)
+
+
+def _most_gone(standing: Standing, trial: Trial) -> float:
+    """Share of what the earlier effects have left that is gone with this one, of the score or of counts^2, whichever is
+    more; the second where they have left many: beside a proximity of thousands of standard deviations, counts are what
+    still tells.
+    """
+    assert trial.held is not None
+    least = SECOND_LOOK * standing.judge.floor2
+    counts2 = min(1.0 - after / before if before > least else 0.0 for before, after in _excesses(standing, trial))
+    return max(trial.held.gone_of(standing.base), counts2)
 
 
 def _is_plain_beside(standing: Standing, trial: Trial) -> bool:
@@ -215,9 +251,9 @@ def tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) -
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 
-def _glanced(judge: Judge, name: str, chain: Chain, link: Link) -> Trial:
-    """One more effect, while those that were found before keep their values."""
-    fitted = judge.in_sample(chain.with_link(link), (*FIXED, *chain.names), GLANCE)
+def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str, ...]) -> Trial:
+    """One more effect, after a few iterations."""
+    fitted = judge.in_sample(chain.with_link(link), fixed, GLANCE)
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 

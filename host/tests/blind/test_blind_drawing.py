@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from taxel.blind.drawing import MIX, PRESSES, WITHHELD_EACH, drawn_worlds
+from taxel.blind.drawing import FLOORS, MIX, PRESSES, WITHHELD_EACH, drawn_worlds
 from taxel.blind.hidden import UNKNOWN, Cause, Hidden
 from taxel.blind.kinds import INSIDE, NAMES, OUTSIDE, Form
 from taxel.campaign.press import press_settings
@@ -83,8 +83,10 @@ def test_strengths_are_spread_over_each_form(monkeypatch):
     monkeypatch.setattr("taxel.blind.drawing.forms_of", lambda name: (noted,))
     hidden = hidden_of(drawn_worlds(FULL, 0, seed=4), "single")
     strengths = np.array([float(one.causes[0].lines[0]) for one in hidden])
-    for part in range(20):  # 12 effects of 20 worlds: each effect has one in every twentieth
-        assert ((strengths >= part / 20) & (strengths < (part + 1) / 20)).sum() == 12
+    low, high = FLOORS
+    floors = low * (high / low) ** strengths
+    parts = np.floor(20 * (floors - low) / (high - low)).astype(int)
+    assert np.bincount(parts).tolist() == [12] * 20  # 12 effects of 20 worlds: each has one in every twentieth
 
 
 def test_a_stronger_cause_is_never_a_weaker_line():

@@ -16,8 +16,10 @@ from taxel.blind import drawing, run
 from taxel.blind.lane import Lane
 from taxel.gap.catalogue import CATALOGUE
 
-SEED = 112
-"""World 0 hides noise, and is withheld; world 1 hides nothing and has another effect deleted."""
+SEED = 4400
+"""World 0 hides a lag, whose seconds no definition fixes, and is withheld; world 1 hides nothing and has another effect
+deleted.
+"""
 
 SHORT = {"noise", "gain_mismatch", "baseline_drift", "latency"}
 """All the effects that these diagnoses know."""
@@ -64,7 +66,7 @@ def cut(small, tmp_path_factory):
     """A check of two worlds, cut when the first had its report and no more."""
     out = tmp_path_factory.mktemp("blind") / "check"
     first, second = run.seal(out, 2, 0, SEED)
-    assert (first.hidden.names, first.withheld, first.repeated) == (("noise",), True, True)
+    assert (first.hidden.names, first.withheld, first.repeated) == (("latency",), True, True)
     assert (second.hidden.kind, bool(second.decoy)) == ("none", True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "Lane", CutLane)
@@ -97,8 +99,8 @@ def test_each_world_is_diagnosed_as_it_was_drawn(check):
         "0000": {"report.json", "without.json", "seed1.json", "shuffled.json"},
         "0001": {"report.json", "decoy.json"},
     }
-    assert "noise" in {entry["name"] for entry in read(check / "worlds" / "0000" / "report.json")["effects"]}
-    assert "noise" not in {entry["name"] for entry in read(check / "worlds" / "0000" / "without.json")["effects"]}
+    assert "latency" in {entry["name"] for entry in read(check / "worlds" / "0000" / "report.json")["effects"]}
+    assert "latency" not in {entry["name"] for entry in read(check / "worlds" / "0000" / "without.json")["effects"]}
 
 
 def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):

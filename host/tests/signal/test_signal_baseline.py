@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -32,7 +32,6 @@ def streamed(raw, valid, samples):
     return baseline
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(recordings())
 def test_streamed_equals_vectorised_to_the_last_bit(recording):
     raw, valid, samples = recording

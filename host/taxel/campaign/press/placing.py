@@ -16,6 +16,7 @@ from taxel.campaign.press.plan import PressApproach, PressMount
 from taxel.campaign.press.settings import PRESS_SCATTER
 from taxel.campaign.press.soft_rest import SoftRest
 from taxel.campaign.press.standing_layer import PARTS, StandingLayer
+from taxel.campaign.press.stroke import AWAY_M, CLEARANCE_M, LEAST_CLEARANCE_M
 from taxel.campaign.scatter import FACTORS
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
@@ -200,6 +201,9 @@ class Placer:
         under = np.count_nonzero(self._felt(self._coarsest, shape, _moved(touch, GLANCE_M * direction)))
         if under < FEWEST or force_n > GLANCE_N * under:
             return None
+        back = travel_to(skin, shape, _moved(touch, -LEAST_CLEARANCE_M * direction), -direction)
+        if back.min() < AWAY_M + CLEARANCE_M + ROOM_M:
+            return None  # on its way it would touch what lies behind it
         found = self._pressed(shape, touch, direction, force_n)
         if found is None or room.min(initial=np.inf) < found.sunk_m + ROOM_M:
             return None
