@@ -16,7 +16,7 @@ from taxel.campaign.press.placing import HARDEST_N, Skin, travel_to
 from taxel.campaign.press.settings import poll_hz, scl_for
 from taxel.campaign.press.soft_rest import SoftRest
 from taxel.campaign.press.standing_layer import StandingLayer
-from taxel.campaign.press.stroke import AWAY_M, CLEARANCE_M, Stroke
+from taxel.campaign.press.stroke import AWAY_M, CLEARANCE_M, LEAST_CLEARANCE_M, Stroke
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.hand.kinematics import kinematics_of
@@ -93,6 +93,17 @@ def test_the_object_just_touches_at_its_touch_pose(plans, seed, hand):
         travel = travel_to(skin, shape, approach.touch_pose, approach.direction)
         assert travel.min() == pytest.approx(0.0, abs=1e-9)
         assert hand.boards[skin.board[np.argmin(travel)]].name in approach.boards
+
+
+def test_an_object_touches_nothing_on_its_way():
+    """With this seed an object that was withdrawn would lie on a board behind it."""
+    plan = random_press_plan(load_hand("rig4"), 587127759, approaches=9)
+    skin = Skin.of(plan.hand, plan.bracket_poses)
+    for approach in plan.approaches:
+        pose = approach.touch_pose.copy()
+        pose[:3, 3] -= LEAST_CLEARANCE_M * approach.direction
+        back = travel_to(skin, plan.objects[approach.object].shape, pose, -approach.direction)
+        assert back.min() > AWAY_M + CLEARANCE_M
 
 
 def test_one_seed_gives_one_plan_and_another_another(hand, plans):

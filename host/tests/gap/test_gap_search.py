@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap import rounds
 from taxel.gap.catalogue import CATALOGUE, chosen
+from taxel.gap.chain import Chain
 from taxel.gap.confounding import confounded_with
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.fit import started
 from taxel.gap.identify import likenesses
 from taxel.gap.judge import Score
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.rounds import Standing, next_round
+from taxel.gap.rounds import Standing, cross_validated, next_round, tried
 from taxel.gap.screen import screened
 from taxel.gap.select import _realigned
+from taxel.gap.trial import Round
 
 FIRST_BOARD, SECOND_BOARD = slice(0, 30), slice(30, 60)
 
@@ -94,6 +98,23 @@ def test_frames_are_aligned_again_when_an_effect_is_known(judge):
     assert found is not None
     aligned = _realigned(astray.after(found)).judge.state.shift_s
     assert abs(aligned - judge.state.shift_s) < 0.2 * frame_s
+
+
+def test_much_that_is_left_is_looked_at_again_with_the_earlier_effects_free(judge, monkeypatch):
+    looks = []
+
+    def nothing(standing, forms, fixed):
+        looks.append(fixed)
+        return Round(standing.base, (), None, 0.0, 1.0, False)
+
+    monkeypatch.setattr(rounds, "_round", nothing)
+    started_with = {name: Chain((started(judge.state, chosen()[name][0]),)) for name in ("noise", "stiffness")}
+    useless, right = (cross_validated(judge, tried(judge, name, chain)) for name, chain in started_with.items())
+    for found in (useless, right):
+        next_round(Standing.of(judge).after(found), chosen())
+    assert looks == [("dropout", "noise"), ("dropout",), ("dropout", "stiffness")]
+    next_round(Standing.of(judge), chosen())
+    assert looks[3:] == [("dropout",)]
 
 
 def test_features_that_do_not_count_change_no_score(judge):
