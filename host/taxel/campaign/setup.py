@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.grasp.calibration import Calibration
 from taxel.grasp.objects import GraspObject, standing_pose, thesis_objects
-from taxel.grasp.plan import Approach, PlannedGrasp, thesis_approaches
+from taxel.grasp.plan import PLACINGS, Approach, Placing, PlannedGrasp, thesis_approaches
 from taxel.grasp.reach import ArmReach
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand, load_hand
@@ -30,12 +30,14 @@ class Setup:
     """A workstation.
 
     calibration: measured poses of objects in the robot's base and of brackets that were mounted again; what it does not
-    tell is where it was planned. Raises UnknownBoardError for a bracket of a board that the hand lacks.
+    tell is where it was planned. placings: how the hand meets the objects. Raises UnknownBoardError for a bracket of a
+    board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
     objects: Mapping[str, GraspObject] = field(default_factory=thesis_objects)
     calibration: Calibration | None = None
+    placings: Mapping[tuple[str, str], Placing] = field(default_factory=lambda: PLACINGS)
 
     def __post_init__(self) -> None:
         if self.calibration is not None:
@@ -56,7 +58,8 @@ class Setup:
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
-        return {(approach.object, approach.name): approach for approach in thesis_approaches(withdraw_m=WITHDRAW_M)}
+        approaches = thesis_approaches(withdraw_m=WITHDRAW_M, placings=self.placings)
+        return {(approach.object, approach.name): approach for approach in approaches}
 
     @cached_property
     def _arms(self) -> dict[tuple[str, str], NDArray[np.float64]]:

@@ -28,6 +28,12 @@ MISSING: Final = 0.02
 ALIKE: Final = 0.03
 """Share of the expected squared difference of two lines below which they show the same."""
 
+HALF: Final = 0.35
+"""Two lines in one show half of the sum of what they should; lines that are alike and show less have another cause."""
+
+GAINS: Final = tuple(np.geomspace(0.5, 3.0, 8).tolist())
+"""Sensitivities relative to the expected one that lines whose counts end may have."""
+
 ELSEWHERE: Final = 0.3
 """Share of a line's expected drops, squared, by which another line may miss them and still be taken for it."""
 
@@ -164,6 +170,23 @@ def _answers_elsewhere(state: State, real: SessionMeans, features: Array, line: 
     return False
 
 
+def _only_ends(
+    seen: Array,
+    expected: Array,
+    weight: Array,
+    lines: tuple[NDArray[np.intp], NDArray[np.intp]],
+    share: float,
+    end: float,
+) -> bool:
+    """Whether two lines are alike since counts end at `end`, whatever presses: that tells what they show better than a
+    share of their sum does. seen, expected: f64[C, bins, n]. lines: their taxels, i64[k] each.
+    """
+    shown = np.stack([seen[:, :, own] for own in lines])
+    meant = np.stack([expected[:, :, own] for own in lines])
+    short = float(np.sum(weight * (shown - share * meant.sum(axis=0)) ** 2))
+    return any(float(np.sum(weight * (shown - np.minimum(gain * meant, end)) ** 2)) < short for gain in GAINS)
+
+
 def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> tuple[Short, ...]:
     """Neighbouring lines whose crossings all show the same where they should differ."""
     bins = state.layout.bins
@@ -190,6 +213,7 @@ def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np
                     continue
                 total = seen[:, :, first] + seen[:, :, second]
                 share = 0.5 * float(np.sum(weight * total * together) / np.sum(weight * together**2))
-                if share > DEAD:
+                end = float(seen[:, :, sensor == address].max())
+                if share > HALF and not _only_ends(seen, expected, weight, (first, second), share, end):
                     found.append(Short(address, axis, index, share, pairs))
     return tuple(found)

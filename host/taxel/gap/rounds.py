@@ -14,6 +14,7 @@ from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies
 from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, Effect
 from taxel.gap.effects.noise import Noise
@@ -34,11 +35,6 @@ SECOND_LOOK: Final = 3.0
 looked for once more, while they are fitted with it.
 """
 
-NEARLY_ALL: Final = 0.8
-PLAIN_LEVEL: Final = 0.05
-"""Share of what is left that an effect explains where it was not fitted, from which on this level will do: with four
-sessions even what is plain hardly comes below the other."""
-
 LEAST_SHARE: Final = 0.03
 """Of the whole score, and of the excess in counts^2, that the first effect must explain to be named."""
 
@@ -47,6 +43,9 @@ NEXT_SHARE: Final = 0.05
 
 MOST_OF_LEFT: Final = 0.55
 """Share of what the effects before have left, from which on a further one counts however small it is beside them."""
+
+PLAIN_LEVEL: Final = 0.05
+"""Level that will do for such a one: with four sessions even what is plain hardly comes below the other."""
 
 PLAIN_SHARE: Final = 0.4
 """Share of the whole score that an effect explains on left-out cells, from which on counts^2 are not asked for: they
@@ -148,8 +147,7 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
         gain, p_value = trial.held.better_than(base)
         p_value = min(1.0, p_value * names_tried)
         share = trial.held.share_of(start, base, noticeable)
-        left = trial.held.gone_of(base)
-        level = PLAIN_LEVEL if left > NEARLY_ALL else LEVEL
+        level = PLAIN_LEVEL if trial.held.gone_of(base) > MOST_OF_LEFT else LEVEL
         worth_it = p_value < level and (share > least or _most_gone(standing, trial) > MOST_OF_LEFT)
         accepted = worth_it and _is_material(standing, trial, least, gain / start.value)
         if place == 0 or accepted:
@@ -186,7 +184,9 @@ def _is_material(standing: Standing, trial: Trial, least: float, gain: float) ->
     if standing.chain.links and _is_plain_beside(standing, trial):
         return True
     counts2 = min(before - after for before, after in _excesses(standing, trial))
-    whole = max(judge.excess(judge.state.mean), judge.floor2)
+    # What is noise in the gap is no measure of an effect on drops: it must not hide what else is there.
+    noise = Chain(tuple(link for link in standing.chain.links if link.effect.name == Noise.name))
+    whole = max(judge.excess(noise.features(judge.state)), judge.floor2)
     enough = min(least * whole, PLAIN_FLOORS * judge.floor2)
     # Beside what does not answer the rest is a gap of its own: what would be none alone is none here.
     return counts2 > (max(enough, judge.floor2) if judge.is_partial else enough)
@@ -260,7 +260,7 @@ def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str
 def cross_validated(judge: Judge, trial: Trial) -> Trial:
     """The same trial with what each part is predicted to be by the others."""
     held, parts = judge.cross_validated(trial.chain, FIXED)
-    alone = all(name in (DROPOUT, Noise.name) for name in trial.chain.names)
+    alone = all(name in (DROPOUT, Noise.name, BaselineDrift.name) for name in trial.chain.names)
     if trial.name == DROPOUT and not alone and not _is_evident(trial):
         held = _found_elsewhere(judge, trial.chain, held)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -208,14 +209,17 @@ def approach_of(
     )
 
 
-def thesis_approaches(gap_m: float = 0.0, withdraw_m: float = 0.0) -> tuple[Approach, ...]:
+def thesis_approaches(
+    gap_m: float = 0.0, withdraw_m: float = 0.0, placings: Mapping[tuple[str, str], Placing] = PLACINGS
+) -> tuple[Approach, ...]:
     """The fifteen approaches of Table 5.1, in its order.
 
-    gap_m: from the palm's surface to the nominal object while the hand grasps. withdraw_m: see `Approach`.
+    gap_m: from the palm's surface to the nominal object while the hand grasps. withdraw_m: see `Approach`. placings:
+    of objects and approaches; those that were found for both solvers are the default.
     """
     objects, hand = thesis_objects(), load_hand("allegro")
     return tuple(
-        approach_of(objects[key[0]], key[1], placing, hand, gap_m, withdraw_m) for key, placing in PLACINGS.items()
+        approach_of(objects[key[0]], key[1], placing, hand, gap_m, withdraw_m) for key, placing in placings.items()
     )
 
 

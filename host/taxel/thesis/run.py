@@ -13,6 +13,7 @@ import numpy as np
 
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.cloud.errors import CloudError
 from taxel.gap.diagnosis import diagnose
@@ -25,7 +26,7 @@ from taxel.thesis.gap_beside import Beside, beside
 from taxel.thesis.matching import PARTS, ObjectClouds, ObjectResult, clouds_of, measure
 from taxel.thesis.page import write_page
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
-from taxel.thesis.settings import EFFECTS, SCATTER
+from taxel.thesis.settings import EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED
 from taxel.thesis.tables import all_tables
 
 Show = Callable[[str, int, int], None]
@@ -47,17 +48,22 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
     """The 144 grasps of both sides in `out`; what is there already is gone on with. Raises TaxelError of one line."""
     plan = thesis_plan(seed)
     emulated = EmulatedSettings(seed=seed, effects=EFFECTS, scatter=SCATTER)
-    simulated = SimSettings(seed=seed + SIM_SEED_STEP)
+    simulated = SimSettings(seed=seed + SIM_SEED_STEP, scatter=SIM_SCATTER)
     real, sim = out / "real.h5", out / "sim.h5"
+    setup = Setup(placings=TOUCHED)
     run_emulated(
-        real, plan, emulated, jobs=jobs, resume=True, progress=lambda done, of: show("emulated hand", done, of)
+        real, plan, emulated, setup, jobs=jobs, resume=True, progress=lambda done, of: show("emulated hand", done, of)
     )
-    run_simulated(sim, plan, simulated, jobs=jobs, resume=True, progress=lambda done, of: show("simulator", done, of))
+    thinner = replace(setup, hand=replace(setup.hand, layer_m=SIM_LAYER_M))
+    run_simulated(
+        sim, plan, simulated, thinner, jobs=jobs, resume=True, progress=lambda done, of: show("simulator", done, of)
+    )
     made = (
         f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
         f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
         "places (standard deviation, each axis, each grasp).",
-        f"The simulated side is the simulator with its elastic layer ({simulated.sensing.level}), without any of that.",
+        f"The simulated side is the simulator with its elastic layer, {1e3 * SIM_LAYER_M:.1f} mm thick, without any of "
+        "that: objects stand where they are believed to be.",
     )
     return Campaign(real, sim, made)
 

@@ -7,14 +7,19 @@ chosen on an emulated campaign, for the findings 5 and 7. All are the same for a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from taxel.campaign.scatter import Scatter
 from taxel.cloud.propagation import Propagation
+from taxel.grasp.plan import PLACINGS
+
+PRISM: Final = "triangular_prism"
+PRISM_PRESS_M: Final = 0.0003
 
 EFFECTS: Final = (
-    "noise pink counts=53",
-    "noise pink counts=120 board=0x2d",
+    "noise pink counts=50",
+    "noise pink counts=112 board=0x2d",
     "noise line axis=1 counts=4",
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
@@ -29,6 +34,23 @@ coupling shifts their rest.
 
 SCATTER: Final = Scatter(object_m=3.4e-3, object_rad=0.04)
 """Objects were put in their places by hand; the arm, the hand and its calibration have their share."""
+
+TOUCHED: Final = {
+    (item, approach): replace(placing, press_m=PRISM_PRESS_M) if item == PRISM and not placing.top else placing
+    for (item, approach), placing in PLACINGS.items()
+}
+"""How the hand meets the objects. The thesis's simulated contacts lie 1.53 mm from the triangular prism, twice as far
+as from the others (Tables I-7 to I-9): on its sides the palm hardly presses it.
+"""
+
+SIM_SCATTER: Final = Scatter(object_m=0.0, object_rad=0.0, grip=0.0, remount_m=0.0, remount_rad=0.0)
+"""In the thesis's simulator the object stands where its model says (4.3)."""
+
+SIM_LAYER_M: Final = 0.0016
+"""Thickness of the simulator's layer. The thesis's is rigid and as thick as the dielectric under 50 N, about 1 mm
+(4.2.1); ours bears like springs, and its electrodes come as near to the object as the thesis's with this thickness,
+between that and the 2 mm at rest.
+"""
 
 PROPAGATION: Final = Propagation(from_counts=340.0)
 """Only taxels that are pressed firmly activate their neighbours."""

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.hysteresis import stuck
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
 
 ROWS, COLUMNS = 6, 5
 BOARD = 0x20
@@ -27,6 +30,15 @@ def shorted(force, drop):
     return on_rows(drop, join)
 
 
+def ended(at):
+    """Counts that end where a press hardly begins: lines of the board are then as alike as if they touched."""
+
+    def end(force, drop):
+        return np.minimum(drop, at)
+
+    return end
+
+
 def exchanged(force, drop):
     def swap(grid):
         grid[:, [1, 4]] = grid[:, [4, 1]]
@@ -42,6 +54,12 @@ def test_lines_that_touch_are_found_by_place(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=shorted, sessions=4)).report
     assert report["verdict"]["effects"][:1] == ["dropout"]
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2], [BOARD, "tx", 3]]
+
+
+@pytest.mark.parametrize("at", [150.0, 300.0, 500.0])
+def test_lines_whose_counts_end_are_not_said_to_touch(world, tmp_path, at):
+    judge = prepared(read_pair(*world(tmp_path, effect=ended(at), sessions=4, most=3.0))).judge
+    assert find_dropped(judge.state, judge.sessions, judge.state.mean).shorts == ()
 
 
 def test_exchanged_lines_are_not_called_dead(world, tmp_path):

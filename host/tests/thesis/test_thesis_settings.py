@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from taxel.campaign.session import check_world
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import ContactLibraryError
-from taxel.thesis.settings import EFFECTS, SCATTER
+from taxel.grasp.plan import PLACINGS, thesis_plan
+from taxel.thesis.settings import EFFECTS, PRISM, PRISM_PRESS_M, SCATTER, TOUCHED
 
 
 def test_the_emulator_takes_the_effects():
@@ -18,3 +20,13 @@ def test_the_emulator_takes_the_effects():
 def test_an_effect_without_its_size_is_refused():
     with pytest.raises(ContactLibraryError):
         check_world(Setup(), EmulatedSettings(effects=(*EFFECTS, "saturation clip")))
+
+
+def test_both_sides_press_the_prism_less_and_the_others_as_every_campaign_does():
+    plan = {(planned.object, planned.approach): planned for planned in thesis_plan(1)}
+    usual, here = Setup(), Setup(placings=TOUCHED)
+    for (item, name), planned in plan.items():
+        further = here.approach(planned).palm_pose[:3, 3] - usual.approach(planned).palm_pose[:3, 3]
+        is_less = item == PRISM and name != "top"
+        less = PLACINGS[item, name].press_m - PRISM_PRESS_M if is_less else 0.0
+        assert np.linalg.norm(further) == pytest.approx(less, abs=1e-12)
