@@ -1,8 +1,9 @@
 """Settings of the emulated hand, and of the propagation in the simulated clouds, with which chapter 5 is repeated.
 
 The thesis gives neither sizes of its noise, coupling and spread nor the reach of its contact propagation. These were
-found with `tools/thesis/search.py`, which says what it aimed at; the knee of the counts and the noisier board were then
-chosen on an emulated campaign, for the findings 5 and 7. All are the same for all objects.
+found with `tools/thesis/search.py`, which says what it aimed at; the knee of the counts, the noisier board, the
+simulator's layer and the press on the prism were then chosen on whole campaigns (docs/thesis.md). All but that press
+are the same for all objects.
 """
 
 from __future__ import annotations
