@@ -49,7 +49,14 @@ def main(arguments: list[str]) -> int:
     for name in names:
         if name not in FORMS:
             parser.error(f"--forms: no form '{name}'; choose from: {', '.join(FORMS)}")
-    strengths = [float(word) for word in given.strengths.split(",")]
+    try:
+        strengths = [float(word) for word in given.strengths.split(",")]
+    except ValueError:
+        strengths = []
+    if not strengths or not all(0.0 <= strength <= 1.0 for strength in strengths):
+        parser.error(f"--strengths: expected numbers from 0 to 1, separated by commas, found '{given.strengths}'")
+    if min(given.worlds, given.jobs) < 1:
+        parser.error("--worlds, --jobs: expected at least 1")
     found: dict[tuple[str, float], list[float]] = {}
     with ProcessPoolExecutor(given.jobs) as pool:
         jobs = {

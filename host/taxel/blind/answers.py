@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from taxel.blind.asked import CLEAR, form_of
 from taxel.blind.drawing import World
 from taxel.blind.hidden import UNKNOWN, Place
-from taxel.blind.reference import CLEAR, form_of
 from taxel.blind.run import WORLDS
 from taxel.recording.grasp_dataset import GraspDataset
 

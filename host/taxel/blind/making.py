@@ -11,15 +11,13 @@ import numpy as np
 from taxel.blind.drawing import Shape, World
 from taxel.campaign.press import PressPlan, press_settings, random_press_plan, run_pressed, simulate_pressed
 from taxel.campaign.press.settings import SimPressSettings
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.scatter import STILL
 from taxel.campaign.settings import EmulatedSettings
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
 
 ATTEMPTS = 5
 """Plans that are drawn for a world until every press of it comes to rest."""
-
-STILL = Scatter(object_m=0.0, object_rad=0.0, grip=0.0, remount_m=0.0, remount_rad=0.0)
 
 
 class WorldNotMadeError(TaxelError):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from taxel.blind.asked import form_of, is_clear
 from taxel.blind.hidden import Cause
 from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import CATALOGUE
@@ -20,20 +21,6 @@ from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.report.effects import parameters_of
-
-CLEAR: Final = 2.0
-"""Gap over floor from which on an answer is asked for."""
-
-
-def is_clear(report: Mapping[str, Any]) -> bool:
-    """Whether a report's gap is; False for one that is an error."""
-    return "gap" in report and bool(report["gap"]["value"] >= CLEAR * report["gap"]["floor"])
-
-
-def form_of(entry: Mapping[str, Any]) -> str:
-    """Form and scope of an effect in a report, such as "kept hand"; " " for one that was found, not fitted."""
-    model = entry.get("model", {})
-    return f"{model.get('form', '')} {model.get('scope', '')}"
 
 
 def forms_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from taxel.blind.reference import CLEAR
+from taxel.blind.asked import CLEAR
 
 ASKED: Final = (
     ("single effect named first", "single_first", "at least 95 %", 0.95, True),

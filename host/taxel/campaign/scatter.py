@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,10 @@ class Scatter:
     def moved(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Where the object is in its nominal frame, f64[4, 4], and the factor on the torque, of f64[7] unit draws."""
         return shift(draw[:3], draw[3:6], self.object_m, self.object_rad), max(1.0 + self.grip * float(draw[6]), 0.0)
+
+
+STILL: Final = Scatter(object_m=0.0, object_rad=0.0, grip=0.0, remount_m=0.0, remount_rad=0.0)
+"""Everything is where it is believed to be."""
 
 
 def shift(place: NDArray[np.float64], turn: NDArray[np.float64], metres: float, radians: float) -> NDArray[np.float64]:

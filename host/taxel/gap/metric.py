@@ -18,6 +18,10 @@ from taxel.gap.features import Layout, SessionMeans
 
 Array = NDArray[np.float64]
 
+MARGIN_FLOORS: Final = 3.0
+"""An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
+hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
+
 NORMAL_95: Final = 1.96
 """Standard deviations of a normal distribution that hold 95 %, on either side."""
 

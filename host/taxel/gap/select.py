@@ -9,9 +9,11 @@ from taxel.gap.align import shift_beside
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
-from taxel.gap.rounds import FIXED, MOST_OF_LEFT, NEXT_SHARE, Forms, Standing, cross_validated, next_round, tried
+from taxel.gap.rounds import FIXED, NEXT_SHARE, Forms, cross_validated, next_round, tried
 from taxel.gap.screen import screened
+from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Selection, Trial
+from taxel.gap.weighing import MOST_OF_LEFT
 
 MOST_EFFECTS: Final = 4
 

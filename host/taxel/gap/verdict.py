@@ -9,14 +9,10 @@ from typing import Final
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.held_out import HeldOut
-from taxel.gap.metric import Gap
+from taxel.gap.metric import MARGIN_FLOORS, Gap
 from taxel.gap.trial import Selection
 
 UNKNOWN: Final = "unknown"
-
-MARGIN_FLOORS: Final = 3.0
-"""An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
-hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
 
 LEAST_MARGIN_COUNTS: Final = 3.0
 """A gap of fewer counts is none, however small the floor is or if nobody knows it: no simulator is nearer."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.scatter import STILL, Scatter
 from taxel.cloud.propagation import Propagation
 from taxel.grasp.plan import PLACINGS
 
@@ -44,7 +44,7 @@ TOUCHED: Final = {
 as from the others (Tables I-7 to I-9): on its sides the palm hardly presses it.
 """
 
-SIM_SCATTER: Final = Scatter(object_m=0.0, object_rad=0.0, grip=0.0, remount_m=0.0, remount_rad=0.0)
+SIM_SCATTER: Final = STILL
 """In the thesis's simulator the object stands where its model says (4.3)."""
 
 SIM_LAYER_M: Final = 0.0016

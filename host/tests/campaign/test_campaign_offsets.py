@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.scatter import STILL
 from taxel.campaign.session import _scene
 from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
@@ -12,7 +12,6 @@ from taxel.campaign.store import begin_or_extend
 from taxel.grasp.calibration import Calibration, given_pose
 from taxel.hand import UnknownBoardError
 
-STILL = Scatter(0.0, 0.0, 0.0, 0.0, 0.0)
 LINES = (
     "spread film length_m=0.002",
     "bracket_offset palm 0.001 0 0 0 0 0.02",

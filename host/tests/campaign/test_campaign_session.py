@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.scatter import STILL
 from taxel.campaign.session import LEAD_IN_S, check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import ContactLibraryError
 from taxel.grasp.timeline import Phase
 
-NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, 0.0)
 IDEAL = "noise white counts=0", "coupling traces picofarad=0 tx_ohm=0 rx_ohm=0", "spread film length_m=0.003 strength=0"
 
 
@@ -97,7 +96,7 @@ def test_the_object_is_believed_where_it_nominally_stands_while_it_truly_stands_
     records, setup, settings, two_of_one_session
 ):
     assert all((record.object_pose == setup.object_pose("cylinder")).all() for record in records)
-    elsewhere = replace(settings, scatter=replace(NO_SCATTER, object_m=2e-3))
+    elsewhere = replace(settings, scatter=replace(STILL, object_m=2e-3))
     other = run_session(setup, two_of_one_session[:1], elsewhere)[0]
     assert (other.object_pose == records[0].object_pose).all()
     one, two = (record.raw_counts[record.phase == Phase.HOLD].mean(axis=0) for record in (other, records[0]))

@@ -10,15 +10,13 @@ from taxel.campaign.press.errors import PressError
 from taxel.campaign.press.rest import EmulatedRest
 from taxel.campaign.press.soft_rest import LEVELS, SoftRest
 from taxel.campaign.press.standing_layer import StandingLayer
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.scatter import STILL
 from taxel.campaign.session import session_world
 from taxel.emulated.contact import SkinContact
 from taxel.hand import load_hand
 from taxel.hand.transforms import inverse
 from taxel.sim.sensor_model import SimSensor
 from taxel.sim.soft_contact import LayerLaw, SoftContact
-
-NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +31,7 @@ def plan(hand):
 
 @pytest.fixture(scope="module")
 def contact(hand, plan):
-    with SkinContact(session_world(plan.setup, press_settings(hand, scatter=NO_SCATTER), 0)) as opened:
+    with SkinContact(session_world(plan.setup, press_settings(hand, scatter=STILL), 0)) as opened:
         yield opened
 
 
@@ -91,7 +89,7 @@ def test_both_sides_come_to_the_same_rest_and_the_same_counts(plan, contact):
 def test_brackets_and_objects_that_are_elsewhere_are_met_elsewhere(hand, plan, contact):
     approach = next(item for item in plan.approaches if item.boards == ("sleeve",))
     shifted = ("bracket_offset sleeve 0 0 0.001 0 0 0",)
-    with SkinContact(session_world(plan.setup, press_settings(hand, scatter=NO_SCATTER, effects=shifted), 0)) as skin:
+    with SkinContact(session_world(plan.setup, press_settings(hand, scatter=STILL, effects=shifted), 0)) as skin:
         nearer = emulated(plan, skin, approach).press(approach.force_n)
     usual = emulated(plan, contact, approach).press(approach.force_n)
     towards = -(plan.bracket_poses[3, :3, 2] @ approach.direction)

@@ -16,9 +16,10 @@ from taxel.gap.identify import likenesses
 from taxel.gap.judge import Score
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.rounds import Standing, cross_validated, next_round, tried
+from taxel.gap.rounds import cross_validated, next_round, tried
 from taxel.gap.screen import screened
 from taxel.gap.select import _realigned
+from taxel.gap.standing import Standing
 from taxel.gap.trial import Round
 
 FIRST_BOARD, SECOND_BOARD = slice(0, 30), slice(30, 60)

@@ -1,0 +1,104 @@
+"""What a further effect takes from what the earlier ones have left, and whether that is enough for a name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from taxel.gap.catalogue import DROPOUT
+from taxel.gap.chain import Chain
+from taxel.gap.effects.noise import Noise
+from taxel.gap.judge import Score
+from taxel.gap.metric import MARGIN_FLOORS
+from taxel.gap.standing import Standing
+from taxel.gap.trial import Trial
+
+MOST_OF_LEFT: Final = 0.55
+"""Share of what the effects before have left, from which on a further one counts however small it is beside them."""
+
+PLAIN_SHARE: Final = 0.4
+"""Share of the whole score that an effect explains on left-out cells, from which on counts^2 are not asked for: they
+hang on the few taxels that are pressed hardest."""
+
+PLAIN_BESIDE: Final = 0.2
+"""The same beside another effect, if it also does most of what that has left where they were fitted."""
+
+PLAIN_FLOORS: Final = 2.0
+"""Squared floors that an effect takes from the gap, from which on it is material however large the gap is."""
+
+
+def much_is_left(standing: Standing) -> bool:
+    """Whether what the earlier effects leave would be a gap of its own."""
+    return standing.judge.excess(standing.features) > MARGIN_FLOORS * standing.judge.floor2
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A trial that was cross-validated, beside where the search stands."""
+
+    standing: Standing
+    trial: Trial
+
+    @property
+    def held(self) -> Score:
+        """On cells that were left out."""
+        assert self.trial.held is not None
+        return self.trial.held
+
+    @property
+    def share(self) -> float:
+        """Of the whole score that is gone where it was not fitted."""
+        return (self.standing.base.value - self.held.value) / self.standing.start.value
+
+    @property
+    def gone(self) -> float:
+        """Share of what was left that is gone where it was not fitted."""
+        return self.held.gone_of(self.standing.base)
+
+    @cached_property
+    def excesses(self) -> tuple[tuple[float, float], ...]:
+        """Counts^2 before and after, both where it was not fitted and where it was: a model with a value for each taxel
+        may leave much of the first to another, and nothing of the second.
+        """
+        assert self.trial.held_features is not None
+        judge = self.standing.judge
+        pairs = ((self.standing.held, self.trial.held_features), (self.standing.features, self.trial.features))
+        return tuple((judge.excess(before), judge.excess(after)) for before, after in pairs)
+
+    @cached_property
+    def takes_most(self) -> bool:
+        """Whether it does most of what the earlier effects have left, in the score or, where many are left, in
+        counts^2: beside a proximity of thousands of standard deviations, counts are what still tells.
+        """
+        least = MARGIN_FLOORS * self.standing.judge.floor2
+        in_counts = (1.0 - after / before if before > least else 0.0 for before, after in self.excesses)
+        return self.gone > MOST_OF_LEFT or min(in_counts) > MOST_OF_LEFT
+
+    def is_material(self, least: float) -> bool:
+        """Whether it takes counts from the gap, not only from what scatters least; or so much that it need not. least:
+        share of the gap.
+        """
+        standing, judge = self.standing, self.standing.judge
+        if self.trial.name == DROPOUT:
+            return True
+        if self.share > PLAIN_SHARE and (not judge.is_partial or self._is_noticeable()):
+            return True
+        if standing.chain.links and self._is_plain_beside():
+            return True
+        counts2 = min(before - after for before, after in self.excesses)
+        # What is noise in the gap is no measure of an effect on drops: it must not hide what else is there.
+        noise = Chain(tuple(link for link in standing.chain.links if link.effect.name == Noise.name))
+        whole = max(judge.excess(noise.features(judge.state)), judge.floor2)
+        enough = min(least * whole, PLAIN_FLOORS * judge.floor2)
+        # Beside what does not answer the rest is a gap of its own: what would be none alone is none here.
+        return counts2 > (max(enough, judge.floor2) if judge.is_partial else enough)
+
+    def _is_noticeable(self) -> bool:
+        gone = self.standing.base.families - self.held.families
+        return bool((gone > self.standing.judge.noticeable).any())
+
+    def _is_plain_beside(self) -> bool:
+        """Whether it does much of what the earlier ones have left, both where it was fitted and where not."""
+        inside = self.trial.inside.gone_of(self.standing.fitted)
+        return inside > MOST_OF_LEFT and self.share > PLAIN_BESIDE
