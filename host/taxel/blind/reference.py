@@ -53,8 +53,8 @@ def _fitted(judge: Judge, form: Effect) -> Link:
     """As a diagnosis does: frames are aligned anew once the effect is known."""
     chain = judge.in_sample(Chain((started(judge.state, form),))).chain
     if form.name != Latency.name:
-        judge = judge.shifted(shift_beside(judge, chain))
-        chain = judge.in_sample(chain).chain
+        shift, chain = shift_beside(judge, chain, ())
+        chain = judge.shifted(shift).in_sample(chain).chain
     return chain.links[0]
 
 

@@ -13,23 +13,23 @@ from taxel.gap.judge import Judge
 SURE = 0.05
 """P-value from which on a shift that helps is chance."""
 
-GLANCE = 4
-"""Iterations of a fit of one number."""
-
 FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
 
 
-def shift_beside(judge: Judge, chain: Chain) -> float:
-    """The same for a hand whose effects are known: how much more it is later. chain: fitted."""
+def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[float, Chain]:
+    """The same for a hand whose effects are known: how much more it is later, and the chain fitted to that. Both are
+    fitted at once: an effect with a memory took what was the shift's for its own. chain: fitted. fixed: of its effects
+    those that keep their values.
+    """
     link = started(judge.state, Latency(HAND))
-    fitted = judge.in_sample(chain.with_link(link), chain.names, GLANCE)
+    fitted = judge.in_sample(chain.with_link(link), fixed)
     more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
     most = FRAMES * judge.state.pair.frame_s
     shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
     gain, p_value = judge.score(fitted.features).better_than(judge.score(chain.features(judge.state)))
     few = judge.sessions.value.shape[1] < 3
-    return shift if gain > 0 and (few or p_value < SURE) else 0.0
+    return (shift, fitted.chain.without(link.effect.name)) if gain > 0 and (few or p_value < SURE) else (0.0, chain)
 
 
 def common_shift(judge: Judge) -> float:

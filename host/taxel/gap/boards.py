@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,20 @@ from taxel.recording.grasp_tables import TaxelTable
 
 Array = NDArray[np.float64]
 
+PIECES: Final = 3
+"""Pieces along a taxel's side: an edge that passes over a taxel presses a part of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class BoardLayout:
-    """One board. taxels: i64[m], in the recording. apart_m: f64[m, m], distances. pitch_m: of neighbours."""
+    """One board. taxels: i64[m], in the recording. apart_m: f64[m, m], distances. pitch_m: of neighbours. pieces:
+    f64[m, PIECES^2, 3], metres, the middles of each taxel's pieces, bracket frame.
+    """
 
     taxels: NDArray[np.intp]
     apart_m: Array
     pitch_m: float
+    pieces: Array
 
 
 def layouts_of(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout, ...]:
@@ -27,8 +34,19 @@ def layouts_of(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout
     for taxels in groups_of(sensor):
         places = table.position[taxels]
         apart = np.linalg.norm(places[:, None] - places, axis=2)
-        layouts.append(BoardLayout(taxels, apart, pitch_m(places, table.size[taxels])))
+        pitch = pitch_m(places, table.size[taxels])
+        layouts.append(BoardLayout(taxels, apart, pitch, _pieces(places, table.normal[taxels], pitch)))
     return tuple(layouts)
+
+
+def _pieces(position: Array, normal: Array, pitch: float) -> Array:
+    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normal, first)
+    steps = ((np.arange(PIECES) + 0.5) / PIECES - 0.5)[:, None]
+    along, across = (grid.ravel() * pitch for grid in np.meshgrid(steps, steps, indexing="ij"))
+    return np.asarray(position[:, None] + along[:, None] * first[:, None] + across[:, None] * second[:, None])
 
 
 def groups_of(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:

@@ -34,7 +34,7 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
         "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
-        "hysteresis": tuple(Hysteresis(variant) for variant in ("drop", "force", "depth", "more", "sticks")),
+        "hysteresis": tuple(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more", "sticks")),
         "saturation": (Saturation("clip"), Saturation("soft")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by looking, see `taxel.gap.dropped`

@@ -27,9 +27,6 @@ AMPLITUDE = ("gain_mismatch", "stiffness")
 """A gain is a plain change of amplitude, and is asked whether it might be one that fades. Both together are asked
 whether any change of amplitude would do."""
 
-ABOVE: float = 1.25
-"""Full scale over the largest drop, where no sensor model tells it."""
-
 
 def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str]]) -> dict[str, str]:
     """Names of such effects, and why each may be another. chain: fitted. confounded: what was found, and what cannot be
@@ -88,16 +85,9 @@ def _amplitude(judge: Judge, scope: str, fades: bool) -> Column:
     state, bins = judge.state, judge.layout.bins
     change = np.zeros_like(state.mean)
     drop = state.mean[:, :bins]
-    change[:, :bins] = drop * (1.0 - drop / _full_scale(judge)) if fades else drop
+    change[:, :bins] = drop * (1.0 - drop / state.full_scale) if fades else drop
     pair = state.pair
     own = np.arange(pair.n) if scope == TAXEL else pair.groups.sensor
     count = int(own.max()) + 1
     nothing = np.zeros(count)
     return Column(change, np.broadcast_to(own, (len(pair.cells), pair.n)), count, nothing, nothing)
-
-
-def _full_scale(judge: Judge) -> Array | float:
-    state = judge.state
-    if state.pair.sensor_model is not None:
-        return np.asarray(state.model.full_scale_drop_counts, np.float64)
-    return ABOVE * max(float(np.abs(state.mean[:, : judge.layout.bins]).max(initial=0.0)), 1.0)

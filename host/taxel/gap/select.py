@@ -68,7 +68,7 @@ def _realigned(standing: Standing) -> Standing:
     judge, chain = standing.judge, standing.chain
     if Latency.name in chain.names:
         return standing
-    shift = shift_beside(judge, chain)
+    shift, chain = shift_beside(judge, chain, FIXED)
     if abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s:
         return standing
     moved = judge.shifted(shift)

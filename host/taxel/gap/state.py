@@ -25,6 +25,9 @@ MOST_REPEATS: Final = 4
 
 TOUCHED_COUNTS: Final = 50.0
 
+ABOVE: Final = 1.25
+"""Full scale over the largest drop, where no sensor model tells it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -115,6 +118,13 @@ class State:
     def has_force(self) -> bool:
         """Whether effects on force can be tried."""
         return self.base.force is not None and self.pair.sensor_model is not None
+
+    @cached_property
+    def full_scale(self) -> Array | float:
+        """Counts that no drop exceeds: by the sensor model, or so much above the largest."""
+        if self.pair.sensor_model is not None:
+            return np.asarray(self.model.full_scale_drop_counts, np.float64)
+        return ABOVE * max(float(np.abs(self.mean[:, : self.layout.bins]).max(initial=0.0)), 1.0)
 
     @cached_property
     def drop(self) -> Array:

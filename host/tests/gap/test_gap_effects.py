@@ -10,13 +10,14 @@ import pytest
 from taxel.gap.boards import BoardLayout
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
-from taxel.gap.effects.pillar_propagation import PillarPropagation
+from taxel.gap.effects.pillar_propagation import drawn
 from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
 from taxel.gap.identify import seen
 from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
+from taxel.recording.grasp_format import Phase
 
 FORMS = [(name, form) for name, forms in CATALOGUE.items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
@@ -59,22 +60,38 @@ def test_spreading_pressure_keeps_each_boards_net_force(state):
 
 
 def test_a_press_draws_down_what_is_near_it_and_no_more():
-    """Three taxels in a row, 5 mm apart: force^(2/3) falls by 1 over `spread_m`, at three places of each taxel."""
+    """Three taxels in a row, 5 mm apart, of one piece each nine times: depth falls by 1 over `spread_m`."""
+    places = 5e-3 * np.arange(3)[:, None] * [1.0, 0.0, 0.0]
     apart = 5e-3 * np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
-    board = BoardLayout(np.arange(3), apart, 5e-3)
-    force = np.array([[8.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
-    moved = PillarPropagation().spread(board, force, 5e-3, 1.0)
-    left = np.maximum(4.0 - (np.arange(3) + 0.5) / 3, 0.0)
-    far = np.maximum(3.0 - (np.arange(3) + 0.5) / 3, 0.0)
-    np.testing.assert_allclose(moved[0], [8.0, (left**1.5).mean(), (far**1.5).mean()])
-    assert moved[1, 1] == 0.5
-    assert 0.0 < moved[1, 0] == moved[1, 2] < 0.5
-    half = PillarPropagation().spread(board, force, 5e-3, 0.5)
-    np.testing.assert_allclose(half - force, 0.5 * (moved - force))
-    weak = PillarPropagation().spread(
-        board, force, 1e-3, 1.0
-    )  # the neighbour's nearest place is 0.83 mm away: 0.63 does not reach it
-    np.testing.assert_array_equal(weak[1, 2], 0.0)
+    board = BoardLayout(np.arange(3), apart, 5e-3, np.repeat(places[:, None], 9, axis=1))
+    pressure = np.repeat([[3.0], [0.0], [0.5]], 9, axis=1)
+    gained = drawn(board, pressure, 20e-3, 1.0)  # depth 3/4; 1/4 is lost on the way to the next
+    np.testing.assert_allclose(gained, [0.0, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(drawn(board, pressure, 5e-3, 1.0), 0.0)
+    np.testing.assert_array_equal(drawn(board, 0.0 * pressure, 20e-3, 1.0), 0.0)
+
+
+def test_what_pillars_draw_down_grows_with_strength(state):
+    form = CATALOGUE["contact_propagation"][2]
+    half, whole = (form.apply(state, state.base, np.array([[9.0], [one]])).force for one in (0.5, 1.0))
+    assert (whole >= state.base.force).all()
+    assert (whole > state.base.force).any()
+    np.testing.assert_allclose(half - state.base.force, 0.5 * (whole - state.base.force), atol=1e-12)
+
+
+def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themselves(state):
+    """The same share is late; of a little that is left of a gap there are fewer counts than a share of the drop."""
+    forms = {form.variant: form for form in CATALOGUE["hysteresis"]}
+    late = np.array([[0.3], [1.0]])
+    drop, gap = (forms[one].apply(state, state.base, late).drop for one in ("drop", "gap"))
+    recovery = state.clock.phase == Phase.RECOVERY
+    assert 0.0 < gap[:, recovery].sum() < drop[:, recovery].sum()
+    slow = forms["gap"].apply(state, state.base, np.array([[0.3], [1e3]])).drop
+    closed = state.drop / (state.drop + 0.25 * state.full_scale)
+    kept = 0.7 * closed
+    np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
+    assert forms["gap"].is_idle(state, np.array([[0.3], [1e3]]))
+    assert not forms["drop"].is_idle(state, np.array([[0.3], [1e3]]))
 
 
 def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):

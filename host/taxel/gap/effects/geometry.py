@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from taxel.gap.boards import groups_of, pitch_m
+from taxel.gap.boards import PIECES
 from taxel.gap.state import State
 from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import ObjectMesh
 
 Array = NDArray[np.float64]
-
-PIECES: Final = 3
-"""Pieces along a taxel's side: an edge that passes over a taxel presses a part of it."""
 
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
@@ -143,13 +140,27 @@ def law_of(state: State) -> Law:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name."""
+    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name. rest:
+    pressures f64[m, 9] of each contact's pieces where nothing is displaced.
+    """
 
     contacts: tuple[Contact, ...]
     meshes: dict[str, Mesh]
     law: Law
     rest: tuple[Array, ...]
     _known: dict[tuple[int, bytes], Array] = field(default_factory=dict)
+
+    @cached_property
+    def shares(self) -> dict[tuple[int, int], Array]:
+        """Which share of a taxel's force each of its pieces bears, f64[m, 9], by cell and board; all the same where by
+        the meshes none is pressed.
+        """
+        found = {}
+        for contact, pressure in zip(self.contacts, self.rest, strict=True):
+            whole = pressure.sum(axis=1, keepdims=True)
+            even = np.full_like(pressure, 1.0 / PIECES**2)
+            found[contact.cell, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
+        return found
 
     def displaced(self, state: State, number: int, motion: Array) -> Array:
         """Forces on a contact's taxels, f64[m], when the board moves by `motion` f64[4, 4] in the object's view.
@@ -163,7 +174,7 @@ class Geometry:
             contact = self.contacts[number]
             mesh = self.meshes[state.pair.cells[contact.cell][0]]
             depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
-            known = pressed_to(self.law, depth, float(contact.force.sum()))
+            known = pressed_to(self.law, depth, float(contact.force.sum())).mean(axis=1)
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
             self._known[key] = known
@@ -180,7 +191,9 @@ def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array
 
 
 def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
-    """Forces f64[m] of pieces f64[m, 9] when the board approaches until they add to the net force."""
+    """Pressures f64[m, 9] of pieces pressed in by `depth` f64[m, 9], as the force of a taxel that is pressed so all
+    over, when the board approaches until they bear the net force.
+    """
     low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
     near, wanted = depth[depth + high > 0.0], net_force * depth.shape[1]
 
@@ -193,7 +206,7 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     known = beyond(coarse[:, None])
     first = int(np.argmax(known > 0.0))
     if not first:
-        return np.asarray(law.force(np.maximum(depth + high, 0.0)).mean(axis=1))
+        return np.asarray(law.force(np.maximum(depth + high, 0.0)))
     low, high, below, above = (float(one) for one in (*coarse[first - 1 : first + 1], *known[first - 1 : first + 1]))
     stays = 0
     for _ in range(MOST_STEPS):
@@ -209,7 +222,7 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
             high, above = middle, value
             below *= 0.5 if stays < 0 else 1.0
             stays = -1
-    return np.asarray(law.force(np.maximum(depth + middle, 0.0)).mean(axis=1))
+    return np.asarray(law.force(np.maximum(depth + middle, 0.0)))
 
 
 @lru_cache(maxsize=8)
@@ -223,14 +236,13 @@ def geometry_of(state: State) -> Geometry:
     contacts = []
     for cell in range(len(pair.cells)):
         force = state.base.force[state.cell == cell][:, hold].mean(axis=(0, 1))
-        for board, taxels in enumerate(groups_of(pair.groups.sensor)):
+        for board, layout in enumerate(pair.boards):
+            taxels = layout.taxels
             if force[taxels].sum() < 0.05:
                 continue
             pose = np.linalg.inv(pair.object_poses[cell]) @ pair.sensor_poses[cell, board]
-            points, normals = _pieces(
-                pair.taxels.position[taxels], pair.taxels.normal[taxels], pair.taxels.size[taxels]
-            )
-            contacts.append(Contact(cell, board, taxels, force[taxels], points, normals, pose))
+            normals = np.repeat(pair.taxels.normal[taxels][:, None], PIECES**2, axis=1)
+            contacts.append(Contact(cell, board, taxels, force[taxels], layout.pieces, normals, pose))
     rest = tuple(
         pressed_to(
             law, piece_depth(meshes[pair.cells[one.cell][0]], one.object_from_board, one), float(one.force.sum())
@@ -238,15 +250,3 @@ def geometry_of(state: State) -> Geometry:
         for one in contacts
     )
     return Geometry(tuple(contacts), meshes, law, rest)
-
-
-def _pieces(position: Array, normal: Array, size: Array) -> tuple[Array, Array]:
-    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(normal, first)
-    steps = ((np.arange(PIECES) + 0.5) / PIECES - 0.5)[:, None]
-    pitch = pitch_m(position, size)
-    along, across = (grid.ravel() * pitch for grid in np.meshgrid(steps, steps, indexing="ij"))
-    points = position[:, None] + along[:, None] * first[:, None] + across[:, None] * second[:, None]
-    return points, np.repeat(normal[:, None], PIECES**2, axis=1)

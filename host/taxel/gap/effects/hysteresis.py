@@ -13,14 +13,24 @@ from taxel.gap.state import Signal, State
 CREEP_PRIOR = 0.3
 """Expected share that acts late where the layer sticks."""
 
+HALF_SHARE = 0.25
+"""Of full scale: counts of a gap that is half closed. No parameter: with that free it could be any law of counts."""
+
+MOST_CLOSED = 0.98
+"""Of a gap: beyond that the counts of a plate capacitor say nothing of a sensor's."""
+
+MOST_TIMES = 10.0
+"""The recorded time, in which a time constant shows."""
+
 
 class Hysteresis(Effect):
     """A share `fraction` acts late, with a time constant `seconds` (a standard linear solid).
 
     variant "force": of the force. "drop": of the drop. "depth": of the depth to which the force presses the layer, by
-    the simulator's own law. "more": of the force, and on top of it, as where a press goes on to give way. "sticks": the
-    drop falls behind by `fraction` while it grows and is let go only when the load has fallen below it, at any speed;
-    and of that a share `creep` acts late.
+    the simulator's own law. "gap": of the share x by which the gap between plates is closed, where the drop is as
+    x / (1 - x), that of a plate capacitor: counts grow faster than what creeps. "more": of the force, and on top of it,
+    as where a press goes on to give way. "sticks": the drop falls behind by `fraction` while it grows and is let go
+    only when the load has fallen below it, at any speed; and of that a share `creep` acts late.
     """
 
     name = "hysteresis"
@@ -37,18 +47,27 @@ class Hysteresis(Effect):
 
     def unavailable(self, state: State) -> str:
         """See `Effect`."""
-        on_drop = self.variant in ("drop", "sticks")
+        on_drop = self.variant in ("drop", "gap", "sticks")
         return "" if on_drop or state.has_force else "the simulation tells no contact force"
+
+    def is_idle(self, state: State, values: Array) -> bool:
+        """Whether a gap closes so slowly that nothing is seen to come late: that is another law of counts."""
+        return self.variant == "gap" and bool((values[1] > MOST_TIMES * state.since[-1]).all())
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
         if not values[0].any():
             return signal
-        fraction, seconds, *creep = self.spread_out(state, values)
+        fraction, seconds, *third = self.spread_out(state, values)
+        if self.variant == "gap":
+            drop, half = np.maximum(state.to_drop(signal), 0.0), HALF_SHARE * state.full_scale
+            closed = drop / (half + drop)
+            closed = closed + fraction * (low_pass(closed, state.since, seconds[:, 0]) - closed)
+            return signal.with_drop(half * closed / (1.0 - np.minimum(closed, MOST_CLOSED)))
         if self.variant in ("drop", "sticks"):
             drop = state.to_drop(signal)
             if self.variant == "sticks":
-                drop, fraction = stuck(drop, fraction[:, 0]), creep[0]
+                drop, fraction = stuck(drop, fraction[:, 0]), third[0]
             return signal.with_drop(drop + fraction * (low_pass(drop, state.since, seconds[:, 0]) - drop))
         assert signal.force is not None
         if self.variant == "depth":

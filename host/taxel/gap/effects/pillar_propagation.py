@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taxel.gap.boards import BoardLayout
+from taxel.gap.boards import PIECES, BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import Array, Parameter
+from taxel.gap.effects.geometry import geometry_of
+from taxel.gap.state import State
 
-STEPS: Final = 3
-"""Places along a taxel at which its depth is asked for."""
+LEVELS: Final = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25])
+"""Shares of a press's greatest force at which what a board's surroundings gain is worked out; between them linear."""
 
-HERTZ: Final = 1.5
-"""Force grows with this power of depth where a round body meets an elastic half-space (Hertz 1881)."""
+LEAST_SHARE: Final = 1e-4
+"""Of the greatest pressure: pieces that are pressed by less draw nothing down."""
 
-ROWS: Final = 512
-"""Moments that are worked out at a time."""
+MOST_DEPTH: Final = 0.97
+"""Share of the greatest depth, which no finite force reaches."""
 
 
 class PillarPropagation(ContactPropagation):
-    """A taxel's depth is at least what any other's leaves over the way between them; its own force stays.
+    """A piece's depth is at least what any other's leaves over the way between them; its own force stays.
 
-    spread_mm: how far a press of 1 N on a taxel reaches: force^(1 / HERTZ), which is as depth, falls by 1 over it.
-    strength: share of what that adds to the others.
+    Depth is told as a share of the greatest, force / (force + half_depth_n): that of the sensor model's drop, were the
+    taxel a capacitor whose plate approaches. spread_mm: the way over which it falls by all of that. strength: share of
+    what comes by this that the others gain.
     """
 
     def __init__(self, scope: str = "hand") -> None:
@@ -32,33 +37,46 @@ class PillarPropagation(ContactPropagation):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Spread and strength."""
-        return Parameter("spread_mm", "mm", 0.3, 15.0, 2.0, 3.0), Parameter("strength", "1", 0.0, 1.5, 0.0, 0.8)
+        return Parameter("spread_mm", "mm", 0.3, 40.0, 2.0, 6.0), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
 
-    def spread(self, board: BoardLayout, force: Array, spread_m: float, strength: float) -> Array:
+    def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:
         """See `ContactPropagation`."""
-        depth = np.maximum(force, 0.0) ** (1.0 / HERTZ)
-        drawn = np.zeros_like(depth)
-        for fall in _falls(board, 1.0 / spread_m):
-            drawn += _drawn_down(depth, fall) ** HERTZ / STEPS
-        return np.asarray(force + strength * np.maximum(drawn - force, 0.0))
+        board, shares = state.pair.boards[number], geometry_of(state).shares
+        even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)
+        # A plate at x of its gap makes full x / (1 - x) counts, the sensor model full force / (force + half).
+        half_depth_n = 0.5 * state.model.half_force_n
+        result = force.copy()
+        for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
+            own = force[state.cell == cell]
+            most = np.maximum(own.max(axis=1).mean(axis=0), 0.0)
+            whole = float(most.sum())
+            if whole <= 0.0:
+                continue
+            pressure = PIECES**2 * most[:, None] * shares.get((cell, number), even)
+            gained = strength * np.stack([drawn(board, level * pressure, spread_m, half_depth_n) for level in LEVELS])
+            level = np.clip(own.sum(axis=2) / whole, 0.0, LEVELS[-1])
+            right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
+            share = ((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]))[..., None]
+            result[state.cell == cell] += (1.0 - share) * gained[right - 1] + share * gained[right]
+        return result
 
 
-def _falls(board: BoardLayout, slope: float) -> list[Array]:
-    """What is lost from each taxel (row) on the way to a near, a middle and a far place of another (column)."""
-    apart, side = board.apart_m, board.pitch_m
-    steps = (np.arange(STEPS) + 0.5) / STEPS * side
-    return [slope * np.where(apart > 0.0, np.maximum(apart - side + step, 0.0), 0.0) for step in steps]
+def drawn(board: BoardLayout, pressure: Array, spread_m: float, half_depth_n: float) -> Array:
+    """Force that a board's taxels gain, newtons, f64[m]. pressure: f64[m, 9], of their pieces, as the force of a taxel
+    that is pressed so all over.
+    """
+    depth = (pressure / (pressure + half_depth_n)).ravel()
+    sources = np.flatnonzero(pressure.ravel() > LEAST_SHARE * pressure.max())
+    if not len(sources):
+        return np.zeros(len(pressure))
+    left = depth[sources, None] - _apart(board)[sources] / spread_m
+    deeper = np.clip(left.max(axis=0), depth, MOST_DEPTH)
+    gained = np.maximum(half_depth_n * deeper / (1.0 - deeper) - pressure.ravel(), 0.0)
+    return np.asarray(gained.reshape(pressure.shape).mean(axis=1))
 
 
-def _drawn_down(depth: Array, fall: Array) -> Array:
-    """The deepest that any taxel of f64[r, m] leaves of itself at each, f64[r, m]; its own depth at least."""
-    result = depth.copy()
-    deepest = depth.max()
-    for first in range(0, len(depth), ROWS):
-        part = depth[first : first + ROWS]
-        for source in np.flatnonzero(part.any(axis=0)):
-            reached = np.flatnonzero(fall[source] < deepest)
-            left = part[:, source, None] - fall[source, reached]
-            rows = result[first : first + ROWS]
-            rows[:, reached] = np.maximum(rows[:, reached], left)
-    return result
+@lru_cache(maxsize=64)
+def _apart(board: BoardLayout) -> NDArray[np.float32]:
+    """Distances of a board's pieces, f32[9 m, 9 m], metres."""
+    points = board.pieces.reshape(-1, 3)
+    return np.asarray(np.linalg.norm(points[:, None] - points, axis=2), dtype=np.float32)

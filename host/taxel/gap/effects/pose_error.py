@@ -59,7 +59,8 @@ class PoseError(Effect):
             own = values[:, blocks[contact.cell, contact.taxels[0]]]
             if own.any():
                 motion = self._motion(own, contact.object_from_board)
-                change[contact.cell, contact.taxels] = geometry.displaced(state, number, motion) - geometry.rest[number]
+                rest = geometry.rest[number].mean(axis=1)
+                change[contact.cell, contact.taxels] = geometry.displaced(state, number, motion) - rest
         return change
 
     def _motion(self, own: Array, object_from_board: Array) -> Array:

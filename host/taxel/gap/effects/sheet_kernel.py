@@ -1,0 +1,65 @@
+"""How a sheet carries the force on a piece of a taxel to other taxels: exp(-r / spread) over all pairs of pieces."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.boards import PIECES, BoardLayout
+
+Array = NDArray[np.float64]
+
+FAR_M: Final = 0.04
+"""Pieces farther apart do not reach each other."""
+
+STEP_M: Final = 2e-4
+"""Between the distances at which a kernel is worked out."""
+
+SUB: Final = 5
+"""Points along a piece's side over which the kernel is averaged."""
+
+EQUAL_M: Final = 1e-6
+"""Distances that differ by less are worked out once."""
+
+
+def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
+    """Share of the force on each piece that reaches a taxel (last axis) of its board, f64[9, m, m]; they add to 1."""
+    apart, which = _distances(board)
+    share = np.interp(apart, *_square_kernel(round(spread_m, 7), round(board.pitch_m / PIECES, 6)))
+    share[apart >= FAR_M] = 0.0
+    kernel = share[which].mean(axis=-1)
+    return np.asarray(kernel / kernel.sum(axis=-1, keepdims=True))
+
+
+def mixed(kernel: Array, share: Array | None) -> Array:
+    """Share of a taxel's force (row) that reaches another (column), f64[m, m]. share: f64[m, 9], of a taxel's force on
+    its pieces; None: even.
+    """
+    return np.asarray(kernel.mean(axis=0) if share is None else np.einsum("mp,pmn->mn", share, kernel))
+
+
+@lru_cache(maxsize=64)
+def _distances(board: BoardLayout) -> tuple[Array, NDArray[np.intp]]:
+    """Distances of pieces that occur, f64[d], and which one it is from each to every other, [9, m, m, 9]."""
+    points = board.pieces
+    steps = np.empty((PIECES**2, len(points), len(points), PIECES**2), np.int64)
+    for piece in range(PIECES**2):
+        apart = np.linalg.norm(points[:, piece, None, None] - points[None], axis=-1)
+        steps[piece] = np.rint(apart / EQUAL_M)
+    values, which = np.unique(steps, return_inverse=True)
+    return EQUAL_M * values.astype(np.float64), which.reshape(steps.shape)
+
+
+@lru_cache(maxsize=256)
+def _square_kernel(spread_m: float, side_m: float) -> tuple[Array, Array]:
+    """exp(-r / spread) averaged over two squares, over the distance of their centres, mean of two directions."""
+    points = ((np.arange(SUB) + 0.5) / SUB - 0.5) * side_m
+    step = (points[:, None] - points).ravel()
+    x, y = (grid.ravel() for grid in np.meshgrid(step, step))
+    distance = np.arange(0.0, FAR_M + STEP_M, STEP_M)
+    along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m).mean(axis=1)
+    across = np.exp(-np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y) / spread_m)
+    return distance, 0.5 * (along + across.mean(axis=1))
