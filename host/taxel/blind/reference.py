@@ -45,7 +45,7 @@ def reference_parameters(real: Path, sim: Path, name: str, forms: Collection[str
             if key not in forms or form.unavailable(judge.state):
                 continue
             link = _fitted(judge, form)
-            found[key] = {label: _number(entry) for label, entry in parameters_of(pair, link, [], []).items()}
+            found[key] = {label: _number(entry) for label, entry in parameters_of(pair, link).items()}
     return found
 
 

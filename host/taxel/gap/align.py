@@ -17,12 +17,21 @@ FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
 
 
+class CommonShift(Latency):
+    """All boards are `seconds` later: beside the delays of single boards, it has a name of its own."""
+
+    name = "common_shift"
+
+    def __init__(self) -> None:
+        super().__init__(HAND)
+
+
 def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[float, Chain]:
     """The same for a hand whose effects are known: how much more it is later, and the chain fitted to that. Both are
     fitted at once: an effect with a memory took what was the shift's for its own. chain: fitted. fixed: of its effects
     those that keep their values.
     """
-    link = started(judge.state, Latency(HAND))
+    link = started(judge.state, CommonShift())
     fitted = judge.in_sample(chain.with_link(link), fixed)
     more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
     most = FRAMES * judge.state.pair.frame_s

@@ -39,7 +39,7 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by looking, see `taxel.gap.dropped`
         "pose_error": (PoseError(OBJECT), PoseError(BOARD)),
-        "latency": (Latency(BOARD),),
+        "latency": (Latency(BOARD), Latency(BOARD, "lag")),
     }
 )
 """Forms of every effect."""

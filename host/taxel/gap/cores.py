@@ -42,10 +42,11 @@ def in_threads(state: State, work: Callable[[Item], Result], items: Iterable[Ite
 def in_copies(state: State, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """The same, half of it in a copy of this process; what `work` leaves behind there is lost.
 
-    What a copy cannot do or send, or where none can be made, is done here.
+    What a copy cannot do or send, or where none can be made, is done here; so is what is asked for within such work,
+    where both cores are busy.
     """
     every = list(items)
-    if state.drop.size < WORTH or not 1 < len(every) <= MOST_ITEMS:
+    if state.drop.size < WORTH or not 1 < len(every) <= MOST_ITEMS or _Busy.shared:
         return [work(item) for item in every]
     _ = state.coarse.drop  # worked out once, not in each copy
     done = _shared(work, every) if hasattr(os, "fork") else None
@@ -54,12 +55,20 @@ def in_copies(state: State, work: Callable[[Item], Result], items: Iterable[Item
     return [done[place] if place in done else work(item) for place, item in enumerate(every)]
 
 
+class _Busy:
+    """Whether work is being shared, here or where this copy comes from."""
+
+    shared = False
+
+
 def _shared(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Result] | None:
     """Results by place, None without a copy; both processes take the next place from one pipe until it is empty."""
+    _Busy.shared = True
     with _interrupts_later():
         try:
             pid, places, sent = _forked(work, items)
         except OSError:
+            _Busy.shared = False
             return None
     done: dict[int, Result] = {}
     try:
@@ -71,6 +80,7 @@ def _shared(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Resu
             if len(data) == size:
                 done[number] = pickle.loads(data)
     finally:
+        _Busy.shared = False
         places.close()
         sent.close()
         with suppress(ProcessLookupError, ChildProcessError):  # nobody waits for it any more, or it has ended

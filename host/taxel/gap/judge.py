@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from taxel.gap.chain import Chain
+from taxel.gap.cores import in_copies
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.fit import ITERATIONS, Fit, Problem, fit, start_of
 from taxel.gap.metric import jackknife_error, leave_one_out, off_diagonal, terms, total
@@ -151,15 +152,19 @@ class Judge:
 
     def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> tuple[Array, tuple[Chain, ...]]:
         """Each part as predicted by a fit to the others, f64[C, F, n], and these fits. chain: fitted to all of them."""
-        result = self.state.mean.copy()
         start = start_of(self.state, chain, fixed)
-        chains = []
-        for number in range(int(self.parts.max()) + 1):
+
+        def without(number: int) -> tuple[Array, Chain]:
             held = self.parts == number
             fitted = fit(self.problem(~held), chain, fixed, REFITS, start)
-            result = np.where(held[:, None], fitted.features, result)
-            chains.append(fitted.chain)
-        return result, tuple(chains)
+            return np.moveaxis(fitted.features, 1, 2)[held], fitted.chain
+
+        numbers = range(int(self.parts.max()) + 1)
+        fits = in_copies(self.state, without, numbers)
+        result = self.state.mean.copy()
+        for number, (features, _) in zip(numbers, fits, strict=True):
+            np.moveaxis(result, 1, 2)[self.parts == number] = features
+        return result, tuple(one for _, one in fits)
 
 
 def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:

@@ -25,6 +25,9 @@ hand's contact is never exact; below this what is wrong cannot be told from what
 NORMAL_95: Final = 1.96
 """Standard deviations of a normal distribution that hold 95 %, on either side."""
 
+SIDES: Final = (0.025, 0.975)
+"""Quantiles between which 95 % lie."""
+
 
 @dataclass(frozen=True, eq=False)
 class Terms:
@@ -54,6 +57,16 @@ class Interval:
     def ci95(self) -> list[float] | None:
         """For the report."""
         return None if self.low is None or self.high is None else [self.low, self.high]
+
+    def widened(self, draws: Array) -> Interval:
+        """By an independent error that is told by draws f64[d] of the value, on each side by what holds 95 % of them;
+        no draws, or no interval: the same.
+        """
+        if self.low is None or self.high is None or not len(draws):
+            return self
+        below, above = np.abs(np.quantile(draws, SIDES) - self.value)
+        low = self.value - float(np.hypot(self.value - self.low, below))
+        return Interval(self.value, low, self.value + float(np.hypot(self.high - self.value, above)), None)
 
 
 def terms(real: SessionMeans, model: Array, layout: Layout) -> Terms:

@@ -70,7 +70,7 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     # The longest first: nobody waits for it at the end.
     jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
     trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1], fixed), jobs)
-    trials = [trial for trial in trials if not _is_idle(judge, trial)]
+    trials = [trial for trial in trials if not is_idle(judge, trial)]
     trials.sort(key=lambda trial: trial.inside.value)
     worthy = [
         trial
@@ -81,7 +81,7 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     chosen = worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
-    held = [trial for trial in held if not _is_idle(judge, trial)]
+    held = [trial for trial in held if not is_idle(judge, trial)]
     every = held + [trial for trial in trials if trial not in chosen]
     best_of = _best_forms(every, SIMPLER * start.value)
     known = (trial for trial in best_of.values() if trial.held is not None)
@@ -131,7 +131,8 @@ def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
     return best
 
 
-def _is_idle(judge: Judge, trial: Trial) -> bool:
+def is_idle(judge: Judge, trial: Trial) -> bool:
+    """Whether what was fitted says nothing that is an effect."""
     return trial.link.effect.is_idle(judge.state, trial.link.values)
 
 

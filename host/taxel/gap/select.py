@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Final
 
 from taxel.gap.align import shift_beside
+from taxel.gap.chain import Chain
+from taxel.gap.cores import in_copies
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
-from taxel.gap.rounds import FIXED, NEXT_SHARE, Forms, cross_validated, next_round, tried
+from taxel.gap.rounds import FIXED, NEXT_SHARE, Forms, cross_validated, is_idle, next_round, tried
 from taxel.gap.screen import screened
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Selection, Trial
@@ -41,7 +43,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
             break
         standing = standing.after(_pruned(standing, this.best))
         if sum(name not in FIXED for name in standing.chain.names) == 1:
-            standing = _realigned(standing)
+            standing = _realigned(standing, forms)
     other = _better_set(standing, forms)
     if other is not None and other.held is not None:
         gain, p_value = other.held.better_than(standing.base)
@@ -63,17 +65,34 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
     )
 
 
-def _realigned(standing: Standing) -> Standing:
-    """With the frames of both sides aligned anew: before the first effect was known its onset was taken for a shift."""
+def _realigned(standing: Standing, forms: Forms) -> Standing:
+    """With the frames of both sides aligned anew: before the first effect was known its onset was taken for a shift.
+    What remembers is tried in each of its forms again, since which of them fits best hangs on that.
+    """
     judge, chain = standing.judge, standing.chain
-    if Latency.name in chain.names:
-        return standing
-    shift, chain = shift_beside(judge, chain, FIXED)
-    if abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s:
+    name = next(one for one in chain.names if one not in FIXED)
+    link = next(one for one in chain.links if one.effect.name == name)
+    others = [form for form in forms[name] if form.variant != link.effect.variant and not form.unavailable(judge.state)]
+    rivals = [chain.without(name).with_link(started(judge.state, form)) for form in others if link.effect.memory]
+    aligned = in_copies(judge.state, lambda one: _aligned(judge, name, one), [chain, *rivals])
+    possible = [aligned[0], *(one for one in aligned[1:] if not is_idle(judge, one[1]))]
+    shift, trial = min(possible, key=lambda one: one[1].inside.value)
+    same = trial.link.effect.variant == link.effect.variant
+    if same and abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s:
         return standing
     moved = judge.shifted(shift)
-    trial = cross_validated(moved, tried(moved, chain.names[0], chain, REFITS))
-    return Standing.of(moved).after(trial)
+    return Standing.of(moved).after(cross_validated(moved, trial))
+
+
+def _aligned(judge: Judge, name: str, chain: Chain) -> tuple[float, Trial]:
+    """By how much the frames are later beside a chain, and it fitted to that. What all boards' delays share was taken
+    for a shift before they were fitted.
+    """
+    fitted = judge.in_sample(chain, FIXED).chain
+    if any((link.effect.name, link.effect.variant) == (Latency.name, "delay") for link in fitted.links):
+        return 0.0, tried(judge, name, fitted, REFITS)
+    shift, fitted = shift_beside(judge, fitted, FIXED)
+    return shift, tried(judge.shifted(shift), name, fitted, REFITS)
 
 
 def _better_set(standing: Standing, forms: Forms) -> Trial | None:

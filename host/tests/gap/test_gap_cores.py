@@ -45,6 +45,13 @@ def test_both_processes_take_part(state):
     assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
+def test_work_within_shared_work_stays_where_it_is(state):
+    """Both cores are busy then; afterwards the next one is shared again."""
+    inner = in_copies(state, lambda item: len(set(in_copies(state, lambda _: os.getpid(), ITEMS))), ITEMS)
+    assert set(inner) == {1}
+    assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
+
+
 def test_small_work_stays_here(state):
     state.drop = np.zeros(10)
     assert set(in_copies(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}

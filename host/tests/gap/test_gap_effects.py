@@ -10,6 +10,7 @@ import pytest
 from taxel.gap.boards import BoardLayout
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import drawn
 from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
@@ -77,6 +78,21 @@ def test_what_pillars_draw_down_grows_with_strength(state):
     assert (whole >= state.base.force).all()
     assert (whole > state.base.force).any()
     np.testing.assert_allclose(half - state.base.force, 0.5 * (whole - state.base.force), atol=1e-12)
+
+
+def test_a_filter_follows_with_its_time_constant(state):
+    """A step of 1 at the first node, nodes of 0.1 s, 0.2 s: 1 - (1 - e^-x) / x after the ramp, then the rest decays."""
+    values, time_s = np.ones((1, 4, 1)), 0.1 * np.arange(4)
+    out = low_pass(values, time_s, np.full((1, 1), 0.2))[0, :, 0]
+    first = 1.0 - (1.0 - np.exp(-0.5)) / 0.5
+    np.testing.assert_allclose(out, 1.0 - (1.0 - first) * np.exp(-0.5 * np.arange(4)))
+    np.testing.assert_allclose(low_pass(values, time_s, np.zeros((1, 1))), values, atol=1e-4)
+    lag = CATALOGUE["latency"][1]
+    moved = lag.apply(state, state.base, np.array([[0.0, 0.3]])).drop
+    first_board = state.pair.groups.sensor == 0
+    np.testing.assert_allclose(moved[:, :, first_board], state.drop[:, :, first_board], atol=1e-2)
+    closing = state.clock.phase == Phase.CLOSING
+    assert moved[:, closing][:, :, ~first_board].sum() < state.drop[:, closing][:, :, ~first_board].sum()
 
 
 def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themselves(state):

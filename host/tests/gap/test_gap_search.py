@@ -97,7 +97,7 @@ def test_frames_are_aligned_again_when_an_effect_is_known(judge):
     astray = Standing.of(judge.shifted(judge.state.shift_s + frame_s))
     found = next_round(astray, forms).best
     assert found is not None
-    aligned = _realigned(astray.after(found)).judge.state.shift_s
+    aligned = _realigned(astray.after(found), forms).judge.state.shift_s
     assert abs(aligned - judge.state.shift_s) < 0.2 * frame_s
 
 

@@ -70,7 +70,7 @@ def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance)
             since = state.since / state.since[-1]
             late = float(since[state.clock.phase == state.clock.phase[-1]].mean())
             values = drifts(values, late, state.since[-1] / one.until_s, chance)
-        if one.name == "latency" and values.any():
+        if one.name == "latency" and one.effect.variant == "delay" and values.any():
             values = values + one.shift_s
         signal = one.effect.apply(state, signal, values)
     if signal is state.base:

@@ -8,6 +8,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import Array, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
+from taxel.gap.effects.lag import low_pass
 from taxel.gap.state import Signal, State
 
 CREEP_PRIOR = 0.3
@@ -90,17 +91,5 @@ def stuck(values: Array, fraction: Array) -> Array:
     for node in range(values.shape[1]):
         now = values[:, node]
         state = np.clip(state, np.minimum(keep * now, now), np.maximum(keep * now, now))
-        result[:, node] = state
-    return result
-
-
-def low_pass(values: Array, time_s: Array, seconds: Array) -> Array:
-    """First-order low pass along nodes, from rest; each node's value holds from the node before. f64[Q, K, n]."""
-    result = np.zeros_like(values)
-    state = np.zeros_like(values[:, 0])
-    steps = np.diff(time_s, prepend=2 * time_s[0] - time_s[1] if len(time_s) > 1 else 0.0)
-    shares = -np.expm1(-steps[:, None, None] / np.maximum(seconds, 1e-9))
-    for node, share in enumerate(shares):
-        state = state + share * (values[:, node] - state)
         result[:, node] = state
     return result

@@ -7,22 +7,26 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
+from taxel.gap.effects.lag import low_pass
 from taxel.gap.state import Signal, State, delayed
 
 
 class Latency(Effect):
-    """Each board's drops are those of `seconds` ago."""
+    """variant "delay": each board's drops are those of `seconds` ago. "lag": they follow with a time constant
+    `seconds`, as behind a filter.
+    """
 
     name = "latency"
     order = 90
     memory: ClassVar[bool] = True
 
-    def __init__(self, scope: str = BOARD) -> None:
-        self.scope = scope
+    def __init__(self, scope: str = BOARD, variant: str = "delay") -> None:
+        self.scope, self.variant = scope, variant
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The delay."""
-        return (Parameter("seconds", "s", -0.3, 1.5, 0.0, 0.0, 0.5),)
+        """The delay, or the time constant: no filter answers before it is asked."""
+        least = 0.0 if self.variant == "lag" else -0.3
+        return (Parameter("seconds", "s", least, 1.5, 0.0, 0.0, 0.5),)
 
     def is_idle(self, state: State, values: Array) -> bool:
         """Delays that differ by less than a frame are how two solvers touch the boards; one that all touched boards
@@ -39,4 +43,6 @@ class Latency(Effect):
             return signal
         drop = state.to_drop(signal)
         (delay,) = self.spread_out(state, values)
+        if self.variant == "lag":
+            return signal.with_drop(low_pass(drop, state.since, delay[:, 0]))
         return signal.with_drop(delayed(drop, state.since, delay[:, 0]))

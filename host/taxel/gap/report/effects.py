@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -34,9 +35,16 @@ MOST_SPREAD: Final = 2.0
 
 
 def effect_entry(
-    name: str, judge: Judge, selection: Selection, held: HeldOut, gap: Gap, told: Attribution, identifiable: str
+    name: str,
+    judge: Judge,
+    selection: Selection,
+    held: HeldOut,
+    gap: Gap,
+    told: Attribution,
+    identifiable: str,
+    draws: Sequence[Link],
 ) -> dict[str, Any]:
-    """One effect that was tried."""
+    """One effect that was tried. draws: its link as it may be as well, none of one that was not found."""
     pair = judge.state.pair
     first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
     in_verdict = name in selection.names
@@ -52,7 +60,7 @@ def effect_entry(
         parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
     features = first.held_features if first.held_features is not None else first.features
     alone = shrink_by(judge.sessions, selection.before, features, judge.layout)
-    found = {**entry, "parameters": parameters_of(pair, link, inside, parts), "where": _acts(pair, link)}
+    found = {**entry, "parameters": parameters_of(pair, link, inside, parts, draws), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         spread = _spread_of_gains(judge, link)
         found["parameters"]["log_std"] |= {"value": spread.value, "ci95": spread.ci95}
@@ -76,17 +84,20 @@ def _nothing(gap: Gap) -> dict[str, Any]:
     return shrinks
 
 
-def parameters_of(pair: Pair, link: Link, inside: list[Link], parts: list[Link]) -> dict[str, Any]:
+def parameters_of(
+    pair: Pair, link: Link, inside: Sequence[Link] = (), parts: Sequence[Link] = (), draws: Sequence[Link] = ()
+) -> dict[str, Any]:
     """Values, intervals and units; per board "name@address".
 
-    inside: fits without each session; parts: without each part of presses and taxels. Three variances add: sessions
-    tell what scatters, presses how far the model of the effect is right (both jackknife), and nothing here tells by how
-    much the simulator is wrong in all of them alike: `COMMON_SHARE`.
+    inside: fits without each session; parts: without each part of presses and taxels; draws: as it may be as well. Four
+    variances add: sessions tell what scatters, presses how far the model of the effect is right (both jackknife), draws
+    what these presses leave open, and nothing here tells by how much the simulator is wrong in all of them alike:
+    `COMMON_SHARE`.
     """
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
     values = _values(pair, link)
-    left, without = ([_values(pair, one) for one in fits] for fits in (inside, parts))
+    left, without, drawn = ([_values(pair, one) for one in fits] for fits in (inside, parts, draws))
     own = APART_FRAMES * pair.frame_s if link.effect.name == "latency" else 0.0
     entries: dict[str, Any] = {}
     for label, (value, unit) in values.items():
@@ -94,6 +105,7 @@ def parameters_of(pair: Pair, link: Link, inside: list[Link], parts: list[Link])
             jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
         )
         interval = together(sessions, presses, COMMON_SHARE * abs(value) + own)
+        interval = interval.widened(np.array([one[label][0] for one in drawn if label in one]))
         entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit}
     return entries
 
@@ -117,7 +129,7 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
 def _shown(pair: Pair, link: Link, row: int) -> Array:
     """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
     values: Array = link.values[row]
-    if link.effect.name != "latency" or len(values) < 2:
+    if link.effect.name != "latency" or link.effect.variant != "delay" or len(values) < 2:
         return values
     earliest = values[values < values.min() + 0.5 * pair.frame_s]
     return np.asarray(values - earliest.mean())

@@ -21,7 +21,8 @@ from taxel.gap.presses.ranking import next_presses
 from taxel.gap.presses.unrecorded import left_out
 from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
-from taxel.gap.rounds import Forms
+from taxel.gap.report.posterior import draws_of
+from taxel.gap.rounds import FIXED, Forms
 from taxel.gap.signature.bank import unexplained
 from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
@@ -49,10 +50,11 @@ def report_of(
     after = selection.features
     found = products(real, before, layout)
     left = unexplained(pair, layout, real, after, judge.fold, seed)
+    draws = draws_of(judge, selection.chain, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
         known = identifiability(name, judge, tried, likes, confounded)
-        return effect_entry(name, judge, selection, held, gap, told, known)
+        return effect_entry(name, judge, selection, held, gap, told, known, draws.get(name, ()))
 
     return {
         "format": "taxel-gap-report",

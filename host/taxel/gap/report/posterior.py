@@ -1,0 +1,59 @@
+"""What the presses leave open of the fitted values: draws from their posterior, linear about the fit.
+
+A slide along a face, or a bracket that stands farther back, changes next to nothing that is recorded: fits without a
+session or a press all end where the prior draws them, and would seem to know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.baseline_drift import BaselineDrift
+from taxel.gap.effects.noise import Noise
+from taxel.gap.fit import normal_equations, start_of
+from taxel.gap.judge import Judge
+
+SCATTERS: Final = (Noise.name, BaselineDrift.name)
+"""Effects that are variances: at zero such a one has no derivative, and how far it is known its sessions tell."""
+
+DRAWS: Final = 400
+SEED: Final = 20
+"""Of the draws: a report is the same each time."""
+
+JITTER: Final = 1e-9
+"""Relative, on the diagonal: nothing is known better."""
+
+
+def draws_of(judge: Judge, chain: Chain, fixed: Sequence[str]) -> dict[str, list[Link]]:
+    """Links as they may be as well, by the names of the effects but those in `fixed`. chain: fitted.
+
+    Sessions scatter and a good simulator errs by so much as the judge's weights say, each feature for itself; a value
+    of which nothing else is known lies somewhere within its bounds.
+    """
+    fixed = (*fixed, *SCATTERS)
+    free = [link for link in chain.links if link.effect.name not in fixed]
+    if not free:
+        return {}
+    start = start_of(judge.state, chain, fixed)
+    system, _ = normal_equations(judge.problem(), start.columns, start.features)
+    rows = [(link, row, one) for link in free for row, one in enumerate(link.effect.parameters())]
+    within = [np.full(link.values.shape[1], (one.high - one.low) ** -2) for link, _, one in rows]
+    system[np.diag_indices_from(system)] += np.concatenate(within)
+    scale = np.sqrt(np.diag(system))
+    scaled = system / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += JITTER
+    normal = np.random.default_rng(SEED).standard_normal((len(scaled), DRAWS))
+    steps = solve_triangular(cholesky(scaled, lower=False, check_finite=False), normal) / scale[:, None]
+    moved = {link.effect.name: np.repeat(link.values[None], DRAWS, axis=0) for link in free}
+    first = 0
+    for link, row, one in rows:
+        last = first + link.values.shape[1]
+        values = moved[link.effect.name]
+        values[:, row] = np.clip(values[:, row] + steps[first:last].T, one.low, one.high)
+        first = last
+    return {link.effect.name: [Link(link.effect, values) for values in moved[link.effect.name]] for link in free}
