@@ -1,0 +1,41 @@
+"""What a gap without a name is called: unknown, unless it is one delicate press."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taxel.gap.metric import Gap, Interval, Terms
+from taxel.gap.verdict import LEAST_MARGIN_COUNTS, judge_verdict
+
+FLOOR = 2.0
+MARGIN = 3.0 * FLOOR**2
+NOTHING = SimpleNamespace(explained=0.0, is_local=False, fits=0.0)
+HELD = SimpleNamespace(reducible=None, shrink=SimpleNamespace(value=0.0), left2=0.0)
+
+
+def gap_of(cells: list[float]) -> Gap:
+    """Each cell's share of the excess, counts^2, on one feature and taxel."""
+    excess = np.array(cells)[:, None, None] * len(cells)
+    value = float(np.sum(cells))
+    interval = Interval(value, 0.9 * value, 1.1 * value, 0.05 * value)
+    size = Interval(float(np.sqrt(value + FLOOR**2)), None, None, None)
+    return Gap(size, FLOOR, interval, 1.1 * value, 1e-4, Terms(excess + FLOOR**2, np.full(excess.shape, FLOOR**2)))
+
+
+@pytest.mark.parametrize(
+    ("cells", "status"),
+    [
+        ([1.4 * MARGIN, *[0.02 * MARGIN] * 9], "no_gap"),  # one press
+        ([0.8 * MARGIN, *[0.08 * MARGIN] * 9], "unknown"),  # the others as well
+        ([5.0 * MARGIN, *[0.02 * MARGIN] * 9], "unknown"),  # too much for a touch
+        ([1.4 * MARGIN, *[0.02 * MARGIN] * 5], "unknown"),  # too few presses to say so
+    ],
+)
+def test_a_gap_without_a_name_must_not_hang_on_one_press(cells, status):
+    assert MARGIN > LEAST_MARGIN_COUNTS**2
+    verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD)
+    assert verdict.status == status
+    assert ("one press" in verdict.one_line) == (status == "no_gap")
