@@ -24,7 +24,10 @@ DROPOUT = "dropout"
 
 CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
-        "contact_propagation": (ContactPropagation("kept"), ContactPropagation("added"), PillarPropagation()),
+        "contact_propagation": (
+            *(ContactPropagation(variant) for variant in ("kept", "added", "kept even", "added even")),
+            PillarPropagation(),
+        ),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),
             ElectrodeCrosstalk("network"),

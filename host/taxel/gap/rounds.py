@@ -25,7 +25,8 @@ from taxel.gap.weighing import MOST_OF_LEFT, Weighed, much_is_left
 Array = NDArray[np.float64]
 
 SHORTLIST: Final = 4
-"""Forms that are cross-validated in a round: those that gain most where they were fitted."""
+"""Forms that are cross-validated in a round: those that gain most where they were fitted, one of each effect and scope.
+"""
 
 GLANCE: Final = 4
 """Iterations of the fits that make the short list."""
@@ -78,6 +79,10 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
         if trial.inside.share_of(start, base, noticeable) > 0.5 * least
         or trial.inside.gone_of(standing.fitted) > MOST_OF_LEFT
     ]
+    best_fits: dict[tuple[str, str], Trial] = {}
+    for trial in worthy:
+        best_fits.setdefault((trial.name, trial.link.effect.scope), trial)
+    worthy = list(best_fits.values())
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     chosen = worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)

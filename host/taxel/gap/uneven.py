@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
+from scipy.stats import ttest_1samp
 
 from taxel.gap.chain import Link
 from taxel.gap.effects.effect import BOARD, TAXEL
@@ -32,9 +33,9 @@ PATCHY: Final = 0.25
 NEIGHBOUR: Final = 1.2
 """Pitches between neighbours."""
 
-COMMON: Final = 0.1
-COMMON_SPREAD: Final = 0.1
-"""Least mean log of a value that all boards share, and their standard deviation over it."""
+COMMON: Final = 0.05
+"""Least mean log of a value that all boards share. Boards that are made one by one lie on both sides of what they
+should be: that their mean differs from that, by a t test, is odd."""
 
 TELLING: Final = 0.1
 """Standard error of a board's log value, above which these presses do not tell it."""
@@ -62,9 +63,8 @@ def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -
     told = np.bincount(judge.state.pair.groups.sensor, _information(judge), len(logs)) * TELLING**2 > 1.0
     if (at_limit & told).any():
         return "is at the limit of what parts can be"
-    common = abs(float(logs[told].mean())) if told.sum() >= 3 else 0.0
-    if common > COMMON and logs[told].std() < COMMON_SPREAD * common:
-        return "is the same on every board, which that of parts is not"
+    if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and ttest_1samp(logs[told], 0.0).pvalue < LEVEL:
+        return "is much the same on every board, which that of parts is not"
     return None
 
 

@@ -40,7 +40,7 @@ def test_a_seed_repeats_a_world_and_without_one_no_two_are_the_same():
 @pytest.mark.parametrize("seed", range(12))
 def test_what_is_hidden_acts_on_the_whole_hand(seed):
     (cause,) = drawn_grasp_world(seed).hidden.causes
-    assert cause.name in grasp_world.SHOWN
+    assert cause.form in grasp_world.SHOWN
     assert not cause.places
 
 

@@ -73,7 +73,7 @@ def test_a_press_draws_down_what_is_near_it_and_no_more():
 
 
 def test_what_pillars_draw_down_grows_with_strength(state):
-    form = CATALOGUE["contact_propagation"][2]
+    form = CATALOGUE["contact_propagation"][-1]
     half, whole = (form.apply(state, state.base, np.array([[9.0], [one]])).force for one in (0.5, 1.0))
     assert (whole >= state.base.force).all()
     assert (whole > state.base.force).any()

@@ -10,8 +10,10 @@ import pytest
 from taxel.gap.boards import layouts_of
 from taxel.gap.chain import Link
 from taxel.gap.effects.effect import BOARD, TAXEL, Prior
+from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.nameless import _goes_round
 from taxel.gap.uneven import odd_pattern
 from taxel.recording import TaxelTable
 
@@ -73,6 +75,8 @@ def test_what_was_never_pressed_is_not_asked(judge):
     ("values", "words"),
     [
         ([-0.4, -0.41, -0.39, -0.4], "same on every board"),
+        ([-0.26, -0.16, -0.17, -0.21], "same on every board"),
+        ([-0.26, 0.16, -0.17, -0.21], None),
         ([-0.02, 0.01, -0.4, 0.0], None),
         ([0.02, 0.021, 0.02, 0.02], None),
         ([0.0, 1.0, 0.0, 0.0], "at the limit"),
@@ -81,6 +85,20 @@ def test_what_was_never_pressed_is_not_asked(judge):
 def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, values, words):
     found = odd_pattern(judge, of_boards(values))
     assert found is None if words is None else words in found
+
+
+@pytest.mark.parametrize(
+    ("values", "round_about"),
+    [
+        ([0.0, 0.002, 0.05, 0.055, -1.0], True),  # the taxels beside, along both lines
+        ([0.0, 0.002, 0.03, 0.065, -1.0], False),  # one layer more than the other
+        ([-0.03, -0.05, 0.05, 0.055, -1.0], False),  # along the lines too
+        ([0.02, 0.02, 0.0, 0.0, -1.0], False),
+    ],
+)
+def test_crosstalk_that_goes_round_about_is_not_of_electrodes(values, round_about):
+    assert _goes_round(Link(ElectrodeCrosstalk("network"), np.array(values)[:, None])) is round_about
+    assert not _goes_round(Link(ElectrodeCrosstalk("lines"), np.array(values)[:2, None]))
 
 
 def test_a_board_that_is_hardly_touched_says_nothing(judge):

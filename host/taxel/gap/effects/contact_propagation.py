@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -11,13 +11,15 @@ from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.sheet_kernel import mixed, sheet_kernel
 from taxel.gap.state import Signal, State
 
+EVEN: Final = " even"
+
 
 class ContactPropagation(Effect):
     """A share `strength` of each taxel's force goes to its surroundings with the kernel exp(-r / spread), from where on
     the taxel the object's mesh presses it: what bears on an edge goes to the next taxel sooner.
 
     variant "kept": the board's net force stays. "added": the surroundings gain what the taxel does not lose, as where
-    the patch of contact grows.
+    the patch of contact grows. "kept even", "added even": the same from all over the taxel.
     """
 
     name = "contact_propagation"
@@ -47,8 +49,8 @@ class ContactPropagation(Effect):
     def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:
         """What becomes of the forces f64[Q, K, m] on board `number`."""
         kernel = sheet_kernel(state.pair.boards[number], spread_m)
-        shares = geometry_of(state).shares
-        keep = 1.0 if self.variant == "added" else 1.0 - strength
+        shares = {} if self.variant.endswith(EVEN) else geometry_of(state).shares
+        keep = 1.0 if self.variant.startswith("added") else 1.0 - strength
         result = keep * force
         for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
             own = state.cell == cell
