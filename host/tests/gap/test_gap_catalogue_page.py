@@ -1,0 +1,20 @@
+"""The page of the diagnosis lists what the catalogue holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taxel.gap.catalogue import CATALOGUE
+
+PAGE = (Path(__file__).parents[3] / "docs" / "gap-diagnosis.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_form_and_parameter_stands_in_the_table(name):
+    (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
+    for form in CATALOGUE[name]:
+        assert not form.variant or f"`{form.variant}`" in row
+        told = {parameter.name for parameter in form.own_parameters() if form.name != "pose_error"}
+        assert all(f"`{one}`" in row for one in told)
