@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,12 @@ from taxel.gap.cores import in_copies
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import HAND, Effect
+from taxel.gap.effects.effect import HAND, TAXEL, Effect
 from taxel.gap.effects.noise import Noise
 from taxel.gap.fit import ITERATIONS, started
-from taxel.gap.judge import Judge
+from taxel.gap.judge import Judge, Score
 from taxel.gap.standing import Standing
-from taxel.gap.trial import LEVEL, Round, Trial
+from taxel.gap.trial import ALIKE, LEVEL, Round, Trial, as_good
 from taxel.gap.weighing import MOST_OF_LEFT, Weighed, much_is_left
 
 Array = NDArray[np.float64]
@@ -78,11 +79,12 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
         for trial in trials
         if trial.inside.share_of(start, base, noticeable) > 0.5 * least
         or trial.inside.gone_of(standing.fitted) > MOST_OF_LEFT
+        or _is_seen_beside(standing, trial)
     ]
     best_fits: dict[tuple[str, str], Trial] = {}
     for trial in worthy:
         best_fits.setdefault((trial.name, trial.link.effect.scope), trial)
-    worthy = list(best_fits.values())
+    worthy = [trial for trial in best_fits.values() if not _is_hopeless(trial, worthy[0], base)]
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     chosen = worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
@@ -92,19 +94,39 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     known = (trial for trial in best_of.values() if trial.held is not None)
     ranked = sorted(known, key=lambda trial: (not _is_evident(trial), *_rank(trial)))
     names_tried = len({trial.name for trial in held})
-    found = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
-    for place, trial in enumerate(ranked):
-        weighed = Weighed(standing, trial)
-        gain, p_value = weighed.held.better_than(base)
-        p_value = min(1.0, p_value * names_tried)
-        level = PLAIN_LEVEL if weighed.gone > MOST_OF_LEFT else LEVEL
-        large = p_value < level and (weighed.held.share_of(start, base, noticeable) > least or weighed.takes_most)
-        accepted = large and weighed.is_material(least)
-        if place == 0 or accepted:
-            found = Round(base, tuple(best_of.values()), trial, gain, p_value, accepted)
-        if accepted:
-            break
-    return found
+    rounds = [_weighed(standing, trial, tuple(best_of.values()), names_tried) for trial in ranked]
+    seen = (
+        replace(one, accepted=True)
+        for one in rounds
+        if one.best is not None and one.p_value < LEVEL and _is_seen_beside(standing, one.best)
+    )
+    accepted = _plainest([one for one in rounds if one.accepted]) or next(seen, None)
+    nothing = Round(base, tuple(best_of.values()), None, 0.0, 1.0, False)
+    return accepted or (rounds[0] if rounds else nothing)
+
+
+def _plainest(accepted: list[Round]) -> Round | None:
+    """The best of them, or one for the whole hand that is as good where the best has a value for each taxel."""
+    first = next(iter(accepted), None)
+    if first is None or first.best is None or first.best.link.effect.scope != TAXEL or _is_evident(first.best):
+        return first
+    for other in accepted[1:]:
+        assert other.best is not None
+        if other.best.link.effect.scope == HAND and as_good(other.best, first.best, first.base):
+            return other
+    return first
+
+
+def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_tried: int) -> Round:
+    """The round if this trial were its best. every: best form of each effect."""
+    judge, chain, weighed = standing.judge, standing.chain, Weighed(standing, trial)
+    least, noticeable = (NEXT_SHARE, judge.noticeable) if chain.links else (LEAST_SHARE, np.zeros(5))
+    gain, p_value = weighed.held.better_than(standing.base)
+    p_value = min(1.0, p_value * names_tried)
+    level = PLAIN_LEVEL if weighed.gone > MOST_OF_LEFT else LEVEL
+    shared = weighed.held.share_of(standing.start, standing.base, noticeable) > least
+    large = p_value < level and (shared or weighed.takes_most)
+    return Round(standing.base, every, trial, gain, p_value, large and weighed.is_material(least))
 
 
 def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
@@ -136,6 +158,13 @@ def _best_forms(trials: list[Trial], worth: float) -> dict[str, Trial]:
     return best
 
 
+def _is_hopeless(trial: Trial, best: Trial, base: Score) -> bool:
+    """Whether it has a value for each taxel and falls behind even where it was fitted: not there alone, then."""
+    if trial.link.effect.scope != TAXEL or trial.name == DROPOUT:
+        return False
+    return trial.inside.value - best.inside.value > ALIKE * (base.value - best.inside.value)
+
+
 def is_idle(judge: Judge, trial: Trial) -> bool:
     """Whether what was fitted says nothing that is an effect."""
     return trial.link.effect.is_idle(judge.state, trial.link.values)
@@ -147,6 +176,13 @@ def _is_evident(trial: Trial) -> bool:
     """
     effect = trial.link.effect
     return isinstance(effect, Dropout) and effect.dropped.evident
+
+
+def _is_seen_beside(standing: Standing, trial: Trial) -> bool:
+    """Whether it says so beside what was found: told however little of the gap it makes, since who mends the one wants
+    to know of the other.
+    """
+    return bool(standing.chain.links) and trial.name == DROPOUT and _is_evident(trial)
 
 
 def _rank(trial: Trial) -> tuple[bool, float]:

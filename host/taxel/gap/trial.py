@@ -93,7 +93,7 @@ class Selection:
         for one in self.rounds:
             if one.accepted and one.best is not None and one.best.held is not None:
                 others = [trial for trial in one.trials if trial.name != one.best.name and trial.held is not None]
-                alike = tuple(trial.name for trial in others if _as_good(trial, one.best, one.base))
+                alike = tuple(trial.name for trial in others if as_good(trial, one.best, one.base))
                 if alike:
                     found[one.best.name] = alike
         return found
@@ -109,7 +109,8 @@ class Selection:
         return 1.0 - self.fitted.value / self.start.value if self.start.value > 0 else 0.0
 
 
-def _as_good(trial: Trial, best: Trial, base: Score) -> bool:
+def as_good(trial: Trial, best: Trial, base: Score) -> bool:
+    """Whether a trial does what the best one does, as far as the left-out cells tell."""
     assert trial.held is not None
     assert best.held is not None
     lost, p_value = best.held.better_than(trial.held)

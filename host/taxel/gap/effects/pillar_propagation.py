@@ -14,7 +14,7 @@ from taxel.gap.effects.effect import Array, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.state import State
 
-LEVELS: Final = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25])
+LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
 """Shares of a press's greatest force at which what a board's surroundings gain is worked out; between them linear."""
 
 LEAST_SHARE: Final = 1e-4
