@@ -1,0 +1,60 @@
+"""Which of the effects that would be accepted is taken: none with a value for each taxel if one for the hand does."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.saturation import Saturation
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.judge import Score
+from taxel.gap.rounds import _is_seen_beside, _plainest
+from taxel.gap.trial import Round, Trial
+
+
+def score(value: float) -> Score:
+    """Of five sessions that scatter by 1, each score for itself."""
+    scatter = np.random.default_rng(int(10 * value)).normal(0.0, 1.0, 5)
+    return Score(value, value + scatter, np.full(5, value))
+
+
+BASE = score(100.0)
+
+
+def round_of(effect, value: float) -> Round:
+    link = Link(effect, np.zeros((1, 1)))
+    trial = Trial(effect.name, Chain((link,)), np.zeros(1), score(value), score(value))
+    return Round(BASE, (), trial, 100.0 - value, 1e-4, True)
+
+
+TAXELS, HAND, BOARDS = GainMismatch("taxel", 0.3), Saturation("clip"), Stiffness("board")
+
+
+@pytest.mark.parametrize(
+    ("effects", "values", "taken"),
+    [
+        ([TAXELS, HAND], [20.0, 20.5], 1),  # as good: fewer words
+        ([TAXELS, HAND], [20.0, 50.0], 0),  # it does much more
+        ([TAXELS, BOARDS], [20.0, 20.5], 0),  # a value for each board is no fewer words
+        ([HAND, TAXELS], [20.0, 20.5], 0),
+    ],
+)
+def test_one_value_that_does_as_much_goes_before_one_for_each_taxel(effects, values, taken):
+    accepted = [round_of(effect, value) for effect, value in zip(effects, values, strict=True)]
+    assert _plainest(accepted) is accepted[taken]
+
+
+def test_without_any_none_is_taken():
+    assert _plainest([]) is None
+
+
+@pytest.mark.parametrize(("evident", "found", "told"), [(True, True, True), (True, False, False), (False, True, False)])
+def test_a_broken_line_is_told_beside_others_where_it_is_seen(monkeypatch, evident, found, told):
+    monkeypatch.setattr("taxel.gap.rounds._is_evident", lambda trial: evident)
+    standing = SimpleNamespace(chain=Chain((Link(HAND, np.zeros((1, 1))),) if found else ()))
+    assert _is_seen_beside(standing, SimpleNamespace(name="dropout")) is told
+    assert not _is_seen_beside(standing, SimpleNamespace(name="saturation"))
