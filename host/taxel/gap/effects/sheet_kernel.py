@@ -21,17 +21,27 @@ STEP_M: Final = 2e-4
 SUB: Final = 5
 """Points along a piece's side over which the kernel is averaged."""
 
+MOST_PAIRS: Final = 10_000_000
+"""Of pieces of one board; beyond, a kernel goes from taxel to taxel."""
+
 EQUAL_M: Final = 1e-6
 """Distances that differ by less are worked out once."""
 
 
 def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
     """Share of the force on each piece that reaches a taxel (last axis) of its board, f64[9, m, m]; they add to 1."""
+    if (PIECES**2 * len(board.taxels)) ** 2 > MOST_PAIRS:
+        kernel = _shares(board.apart_m, spread_m, board.pitch_m)
+        return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES**2, *kernel.shape))
     apart, which = _distances(board)
-    share = np.interp(apart, *_square_kernel(round(spread_m, 7), round(board.pitch_m / PIECES, 6)))
-    share[apart >= FAR_M] = 0.0
-    kernel = share[which].mean(axis=-1)
+    kernel = _shares(apart, spread_m, board.pitch_m / PIECES)[which].mean(axis=-1)
     return np.asarray(kernel / kernel.sum(axis=-1, keepdims=True))
+
+
+def _shares(apart_m: Array, spread_m: float, side_m: float) -> Array:
+    """What reaches a square of another, over the distance of their centres."""
+    share = np.interp(apart_m, *_square_kernel(round(spread_m, 7), round(side_m, 6)))
+    return np.asarray(np.where(apart_m < FAR_M, share, 0.0))
 
 
 def mixed(kernel: Array, share: Array | None) -> Array:
