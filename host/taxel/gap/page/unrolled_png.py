@@ -58,8 +58,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     axis.set_xlim(0.0, width)
     axis.set_ylim(height, 0.0)
     axis.axis("off")
-    lines = textwrap.shorten(verdict, int(2 * _LETTERS_PER_CELL * width), placeholder=" ...")
-    title = textwrap.fill(lines, int(_LETTERS_PER_CELL * width))
+    title = textwrap.fill(verdict, int(_LETTERS_PER_CELL * width), max_lines=2, placeholder=" ...")
     _write(axis, _GAP, 1.2, title, fontsize=11, fontweight="bold", verticalalignment="top")
     for number_of, (stage, caption) in enumerate(captions.items()):
         left = _GAP / 2 + number_of * width / 2
