@@ -20,7 +20,7 @@ from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, SNAPSHOT_OVERHEAD, T
 from taxel_protocol.names import FrameType
 
 Frame = tuple[int, int, bytes]
-EXAMPLES = int(os.environ.get("TAXEL_DAMAGE_EXAMPLES", "200"))
+EXAMPLES = int(os.environ.get("TAXEL_DAMAGE_EXAMPLES", "400"))
 thorough = settings(max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 some = settings(thorough, max_examples=max(EXAMPLES // 4, 1))
 

@@ -33,7 +33,7 @@ SHOWN: Final = (
 """Causes that act on the whole hand, and so much that thirty grasps show them: where objects stand scatters more from
 grasp to grasp than in presses."""
 
-STRENGTH: Final = (0.95, 1.15)
+STRENGTH: Final = (0.9, 1.0)
 """Of presses 1 is six floors above the floor."""
 
 EACH, SESSIONS, REPEATS = 2, 5, 2

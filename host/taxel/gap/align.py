@@ -17,30 +17,6 @@ FRAMES = 1.5
 """Frame periods by which the first frames of a phase can lie apart in two recordings, at most."""
 
 
-class CommonShift(Latency):
-    """All boards are `seconds` later: beside the delays of single boards, it has a name of its own."""
-
-    name = "common_shift"
-
-    def __init__(self) -> None:
-        super().__init__(HAND)
-
-
-def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[float, Chain]:
-    """The same for a hand whose effects are known: how much more it is later, and the chain fitted to that. Both are
-    fitted at once: an effect with a memory took what was the shift's for its own. chain: fitted. fixed: of its effects
-    those that keep their values.
-    """
-    link = started(judge.state, CommonShift())
-    fitted = judge.in_sample(chain.with_link(link), fixed)
-    more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
-    most = FRAMES * judge.state.pair.frame_s
-    shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
-    gain, p_value = judge.score(fitted.features).better_than(judge.score(chain.features(judge.state)))
-    few = judge.sessions.value.shape[1] < 3
-    return (shift, fitted.chain.without(link.effect.name)) if gain > 0 and (few or p_value < SURE) else (0.0, chain)
-
-
 def common_shift(judge: Judge) -> float:
     """Seconds by which the hand is later: the median of the boards' delays, so that one late board does not move it.
     0 where that does not surely help.
@@ -55,3 +31,27 @@ def common_shift(judge: Judge) -> float:
     gain, p_value = judge.score(state.shifted(shift).mean).better_than(judge.score(state.mean))
     few = judge.sessions.value.shape[1] < 3
     return shift if gain > 0 and (few or p_value < SURE) else 0.0
+
+
+class CommonShift(Latency):
+    """All boards are `seconds` later: beside the delays of single boards, it has a name of its own."""
+
+    name = "common_shift"
+
+    def __init__(self) -> None:
+        super().__init__(HAND)
+
+
+def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[float, Chain]:
+    """By how much a hand whose effects are known is later still, and the chain fitted to that. Both are fitted at once:
+    an effect with a memory took what was the shift's for its own. chain: fitted. fixed: of its effects those that keep
+    their values.
+    """
+    link = started(judge.state, CommonShift())
+    fitted = judge.in_sample(chain.with_link(link), fixed)
+    more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
+    most = FRAMES * judge.state.pair.frame_s
+    shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
+    gain, p_value = judge.score(fitted.features).better_than(judge.score(chain.features(judge.state)))
+    few = judge.sessions.value.shape[1] < 3
+    return (shift, fitted.chain.without(link.effect.name)) if gain > 0 and (few or p_value < SURE) else (0.0, chain)

@@ -49,7 +49,11 @@ def in_copies(state: State, work: Callable[[Item], Result], items: Iterable[Item
     if state.drop.size < WORTH or not 1 < len(every) <= MOST_ITEMS or _Busy.shared:
         return [work(item) for item in every]
     _ = state.coarse.drop  # worked out once, not in each copy
-    done = _shared(work, every) if hasattr(os, "fork") else None
+    _Busy.shared = True
+    try:
+        done = _shared(work, every) if hasattr(os, "fork") else None
+    finally:
+        _Busy.shared = False
     if done is None:
         return in_threads(state, work, every)
     return [done[place] if place in done else work(item) for place, item in enumerate(every)]
@@ -63,12 +67,10 @@ class _Busy:
 
 def _shared(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Result] | None:
     """Results by place, None without a copy; both processes take the next place from one pipe until it is empty."""
-    _Busy.shared = True
     with _interrupts_later():
         try:
             pid, places, sent = _forked(work, items)
         except OSError:
-            _Busy.shared = False
             return None
     done: dict[int, Result] = {}
     try:
@@ -80,7 +82,6 @@ def _shared(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Resu
             if len(data) == size:
                 done[number] = pickle.loads(data)
     finally:
-        _Busy.shared = False
         places.close()
         sent.close()
         with suppress(ProcessLookupError, ChildProcessError):  # nobody waits for it any more, or it has ended

@@ -82,7 +82,7 @@ def diagnose(
         likes = likenesses(judge, forms, fitted)
         confounded = confounded_with(selection.names, selection.rivals, likes)
         unsure = nameless(judge, selection.chain, confounded)
-        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2, unsure)
+        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2, unsure, pair.cells)
         report = report_of(judge, gap, selection, held, told, verdict, likes, confounded, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)

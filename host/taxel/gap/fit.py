@@ -83,10 +83,11 @@ class Start:
 def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
     """Features of a chain and their derivatives."""
     features = chain.features(state)
-    return Start(chain, features, _columns(state, chain, _free(chain, fixed), features))
+    return Start(chain, features, _columns(state, chain, free_links(chain, fixed), features))
 
 
-def _free(chain: Chain, fixed: Sequence[str]) -> list[int]:
+def free_links(chain: Chain, fixed: Sequence[str]) -> list[int]:
+    """Places of the links whose values are fitted."""
     return [index for index, link in enumerate(chain.links) if link.effect.name not in fixed]
 
 
@@ -99,7 +100,7 @@ def fit(
 ) -> Fit:
     """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`)."""
     problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
-    free = _free(chain, fixed)
+    free = free_links(chain, fixed)
     features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
     damping = KNOWN_DAMPING if start else DAMPING
@@ -109,7 +110,7 @@ def fit(
         better = False
         for _ in range(6):
             step = _solve(system, gradient, damping)
-            tried = _moved(chain, free, step)
+            tried = moved(chain, free, step)
             new_features = tried.features(problem.state)
             new_cost, new_prior = problem.cost(new_features), _prior_cost(tried, free)
             if new_cost + new_prior < cost + prior:
@@ -149,9 +150,9 @@ def _columns(state: State, chain: Chain, free: list[int], features: Array) -> tu
         for row, parameter in enumerate(link.effect.parameters()):
             step = STEP * _scale(parameter, link.values[row])
             step = np.where(link.values[row] + step > parameter.high, -step, step)
-            moved = link.values.copy()
-            moved[row] = moved[row] + step
-            values = [moved if other == index else chain.links[other].values for other in range(len(chain.links))]
+            beside = link.values.copy()
+            beside[row] = beside[row] + step
+            values = [beside if other == index else chain.links[other].values for other in range(len(chain.links))]
             change = np.nan_to_num(chain.with_values(values).features(state) - features) / step[blocks][:, None]
             precision = 0.0 if np.isinf(parameter.prior) else parameter.prior**-2
             count = link.values.shape[1]
@@ -187,7 +188,8 @@ def _solve(system: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(cho_solve(cho_factor(scaled, check_finite=False), gradient / scale) / scale)
 
 
-def _moved(chain: Chain, free: list[int], step: Array) -> Chain:
+def moved(chain: Chain, free: list[int], step: Array) -> Chain:
+    """A chain whose free values went by a step f64[p], within their bounds."""
     links = list(chain.links)
     first = 0
     for index in free:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import TAXEL
-from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.fit import Column
 from taxel.gap.identify import is_alike, linear_left
@@ -23,15 +22,6 @@ from taxel.gap.judge import Judge
 from taxel.gap.uneven import odd_pattern
 
 Array = NDArray[np.float64]
-
-BESIDE = 0.25
-"""Greatest difference of what goes to the lines beside along one axis and the other, over their mean, at which nothing
-tells that lines have to do with it."""
-
-ALONG = 0.15
-"""And greatest share of it that goes along the lines themselves."""
-
-ROUND = "goes to the taxels beside alike along both lines, which that of electrodes does not"
 
 AMPLITUDE = ("gain_mismatch", "stiffness")
 """A gain is a plain change of amplitude, and is asked whether it might be one that fades. Both together are asked
@@ -42,30 +32,13 @@ def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str
     """Names of such effects, and why each may be another. chain: fitted. confounded: what was found, and what cannot be
     told from it: a class of named effects is an honest answer, if its values are as parts have them.
     """
-    odd = {
-        link.effect.name: pattern
-        for link in chain.links
-        if link.effect.name in AMPLITUDE and (pattern := odd_pattern(judge, link))
-    }
-    odd |= {link.effect.name: ROUND for link in chain.links if _goes_round(link)}
+    odd = {link.effect.name: pattern for link in chain.links if (pattern := odd_pattern(judge, link))}
     plain = _plain_amplitude(judge, chain, confounded)
     ladder = (
         f"these presses do not tell {' and '.join(map(_plain, plain))} from any other change of amplitude: "
         "press a force ladder"
     )
     return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {odd[name]}" for name in odd}}
-
-
-def _goes_round(link: Link) -> bool:
-    """Whether what is called crosstalk goes to the next taxels alone, as far along TX as along RX: electrodes of two
-    layers do not do that, and what spreads in the cover does.
-    """
-    if link.effect.name != ElectrodeCrosstalk.name or link.effect.variant != "network":
-        return False
-    size = np.abs(link.values[:4]).max(axis=1)
-    tx, rx = link.values[2:4, np.abs(link.values[2:4]).sum(axis=0).argmax()]
-    middle = 0.5 * (tx + rx)
-    return bool(middle > 0.0 and abs(tx - rx) < BESIDE * middle and size[:2].max() < ALONG * size[2:].max())
 
 
 def _plain(name: str) -> str:

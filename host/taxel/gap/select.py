@@ -8,10 +8,11 @@ from typing import Final
 from taxel.gap.align import shift_beside
 from taxel.gap.chain import Chain
 from taxel.gap.cores import in_copies
-from taxel.gap.effects.latency import Latency
+from taxel.gap.deciding import NEXT_SHARE
+from taxel.gap.effects.latency import is_delay
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
-from taxel.gap.rounds import FIXED, NEXT_SHARE, Forms, cross_validated, is_idle, next_round, tried
+from taxel.gap.rounds import FIXED, Forms, cross_validated, is_idle, next_round, tried
 from taxel.gap.screen import screened
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Selection, Trial
@@ -89,7 +90,7 @@ def _aligned(judge: Judge, name: str, chain: Chain) -> tuple[float, Trial]:
     for a shift before they were fitted.
     """
     fitted = judge.in_sample(chain, FIXED).chain
-    if any((link.effect.name, link.effect.variant) == (Latency.name, "delay") for link in fitted.links):
+    if any(is_delay(link.effect) for link in fitted.links):
         return 0.0, tried(judge, name, fitted, REFITS)
     shift, fitted = shift_beside(judge, fitted, FIXED)
     return shift, tried(judge.shifted(shift), name, fitted, REFITS)

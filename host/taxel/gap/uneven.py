@@ -1,5 +1,5 @@
 """Gains and stiffnesses that parts do not have: of taxels on one board alone or in patches; of boards all alike, or
-beyond any part.
+beyond any part. And crosstalk that electrodes do not make.
 
 Etched electrodes and moulded pillars scatter from taxel to taxel, on every board, each by itself. A model with a value
 for each taxel or board also takes on what somebody else did to the amplitude: a drop of water, a bit that sticks, a
@@ -17,6 +17,9 @@ from scipy.stats import ttest_1samp
 
 from taxel.gap.chain import Link
 from taxel.gap.effects.effect import BOARD, TAXEL
+from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.judge import Judge
 
 Array = NDArray[np.float64]
@@ -48,15 +51,38 @@ LEAST_TAXELS: Final = 8
 
 SHUFFLES: Final = 499
 
+BESIDE: Final = 0.25
+"""Greatest difference of what goes to the lines beside along one axis and the other, over their mean, at which nothing
+tells that lines have to do with it."""
+
+ALONG: Final = 0.15
+"""And greatest share of it that goes along the lines themselves."""
+
 
 def odd_pattern(judge: Judge, link: Link) -> str | None:
-    """What is odd about the values of a gain or stiffness, as words after its name; None: they are as parts' are."""
+    """What is odd about a link's values, as words after its name; None: they are as parts' are, or nobody knows."""
+    if _goes_round(link):
+        return "goes to the taxels beside alike along both lines, which that of electrodes does not"
+    if link.effect.name not in (GainMismatch.name, Stiffness.name):
+        return None
     (parameter, *_) = link.effect.parameters()
     values, middle = link.values[0], parameter.middle
     logs = values - middle if parameter.neutral == 0 else np.log(values / middle)
     if link.effect.scope == BOARD:
         return _pattern_of_boards(judge, logs, np.isclose(values[:, None], (parameter.low, parameter.high)).any(axis=1))
     return _pattern_of_taxels(judge, logs, min(parameter.prior, FREE)) if link.effect.scope == TAXEL else None
+
+
+def _goes_round(link: Link) -> bool:
+    """Whether what is called crosstalk goes to the next taxels alone, as far along TX as along RX: electrodes of two
+    layers do not do that, and what spreads in the cover does.
+    """
+    if link.effect.name != ElectrodeCrosstalk.name or link.effect.variant != "network":
+        return False
+    size = np.abs(link.values[:4]).max(axis=1)
+    tx, rx = link.values[2:4, np.abs(link.values[2:4]).sum(axis=0).argmax()]
+    middle = 0.5 * (tx + rx)
+    return bool(middle > 0.0 and abs(tx - rx) < BESIDE * middle and size[:2].max() < ALONG * size[2:].max())
 
 
 def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -68,10 +68,11 @@ def judge_verdict(
     held: HeldOut,
     simulated2: float = 0.0,
     nameless: Mapping[str, str] = MappingProxyType({}),
+    cells: Sequence[tuple[str, str]] = (),
 ) -> Verdict:
     """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
     which the other side's means scatter, where it has sessions as well. nameless: of the found ones those that may as
-    well be a cause without a name, and why.
+    well be a cause without a name, and why. cells: object and approach of each press.
     """
     margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
     # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
@@ -81,8 +82,9 @@ def judge_verdict(
     if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
         line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
         return Verdict("no_gap", (), line, margin)
-    if not names and gap.excess.value <= 2.0 * margin and _hangs_on_one(gap, margin):
-        line = f"No gap but in one press: {gap.gap.value:.1f} counts (floor {gap.floor:.1f}), hardly any in the others."
+    if not names and gap.excess.value <= 2.0 * margin and (one := _hangs_on(gap, margin)) is not None:
+        press = f"one press ({' '.join(cells[one])})" if cells else "one press"
+        line = f"No gap but in {press}: {gap.gap.value:.1f} counts (floor {gap.floor:.1f}), hardly any in the others."
         return Verdict("no_gap", (), line, margin)
     if within and local and gap.excess.value <= margin / 3.0:
         names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
@@ -101,13 +103,14 @@ def judge_verdict(
     return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
 
 
-def _hangs_on_one(gap: Gap, margin: float) -> bool:
-    """Whether all presses but one have next to no excess: a touch of an edge comes out otherwise with another solver,
-    and a stranger that touches one press only cannot be told from that.
+def _hangs_on(gap: Gap, margin: float) -> int | None:
+    """The press without which there is next to no excess, if there is one: a touch of an edge comes out otherwise with
+    another solver, and a stranger that touches one press only cannot be told from that.
     """
     excess = gap.terms.excess
     cells = excess.sum(axis=(1, 2)) / (excess.shape[0] * excess.shape[2])
-    return len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= margin / 3.0
+    alone = len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= margin / 3.0
+    return int(cells.argmax()) if alone else None
 
 
 def _in_words(name: str) -> str:

@@ -12,7 +12,7 @@ from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import drawn
-from taxel.gap.effects.sheet_kernel import mixed, sheet_kernel
+from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.fit import started
 from taxel.gap.identify import seen
@@ -67,9 +67,9 @@ def test_a_board_of_very_many_taxels_spreads_from_taxel_to_taxel(monkeypatch):
     pieces = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [0.0]), axis=-1).reshape(-1, 3) * 5e-3 / 3
     apart = np.linalg.norm(place[:, None] - place, axis=2)
     board = BoardLayout(np.arange(36), apart, 5e-3, place[:, None] + pieces)
-    fine = mixed(sheet_kernel(board, 8e-3), None)
+    fine = taxel_kernel(sheet_kernel(board, 8e-3), None)
     monkeypatch.setattr("taxel.gap.effects.sheet_kernel.MOST_PAIRS", 100)
-    coarse = mixed(sheet_kernel(board, 8e-3), np.full((36, 9), 1 / 9))
+    coarse = taxel_kernel(sheet_kernel(board, 8e-3), np.full((36, 9), 1 / 9))
     np.testing.assert_allclose(coarse, fine, atol=2e-3)
     np.testing.assert_allclose(coarse.sum(axis=1), 1.0)
 

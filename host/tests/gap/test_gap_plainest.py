@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from taxel.gap.chain import Chain, Link
+from taxel.gap.deciding import _plainest, is_seen_beside
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.judge import Score
-from taxel.gap.rounds import _is_seen_beside, _plainest
 from taxel.gap.trial import Round, Trial
 
 
@@ -54,7 +54,7 @@ def test_without_any_none_is_taken():
 
 @pytest.mark.parametrize(("evident", "found", "told"), [(True, True, True), (True, False, False), (False, True, False)])
 def test_a_broken_line_is_told_beside_others_where_it_is_seen(monkeypatch, evident, found, told):
-    monkeypatch.setattr("taxel.gap.rounds._is_evident", lambda trial: evident)
+    monkeypatch.setattr("taxel.gap.deciding.is_evident", lambda trial: evident)
     standing = SimpleNamespace(chain=Chain((Link(HAND, np.zeros((1, 1))),) if found else ()))
-    assert _is_seen_beside(standing, SimpleNamespace(name="dropout")) is told
-    assert not _is_seen_beside(standing, SimpleNamespace(name="saturation"))
+    assert is_seen_beside(standing, SimpleNamespace(name="dropout")) is told
+    assert not is_seen_beside(standing, SimpleNamespace(name="saturation"))

@@ -13,8 +13,7 @@ from taxel.gap.effects.effect import BOARD, TAXEL, Prior
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.nameless import _goes_round
-from taxel.gap.uneven import odd_pattern
+from taxel.gap.uneven import _goes_round, odd_pattern
 from taxel.recording import TaxelTable
 
 ROWS, COLUMNS, BOARDS = 6, 5, 4

@@ -36,6 +36,7 @@ def gap_of(cells: list[float]) -> Gap:
 )
 def test_a_gap_without_a_name_must_not_hang_on_one_press(cells, status):
     assert MARGIN > LEAST_MARGIN_COUNTS**2
-    verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD)
+    presses = [("cylinder", str(number)) for number in range(len(cells))]
+    verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD, cells=presses)
     assert verdict.status == status
-    assert ("one press" in verdict.one_line) == (status == "no_gap")
+    assert ("one press (cylinder 0)" in verdict.one_line) == (status == "no_gap")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.adding.draws import Chance, drifts, lost, noise, repeated
 from taxel.gap.adding.frames import SimulatedGrasp, moving
+from taxel.gap.effects.latency import is_delay
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import block_names
@@ -70,7 +71,7 @@ def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance)
             since = state.since / state.since[-1]
             late = float(since[state.clock.phase == state.clock.phase[-1]].mean())
             values = drifts(values, late, state.since[-1] / one.until_s, chance)
-        if one.name == "latency" and one.effect.variant == "delay" and values.any():
+        if is_delay(one.effect) and values.any():
             values = values + one.shift_s
         signal = one.effect.apply(state, signal, values)
     if signal is state.base:

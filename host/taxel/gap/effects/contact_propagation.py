@@ -8,7 +8,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
-from taxel.gap.effects.sheet_kernel import mixed, sheet_kernel
+from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.state import Signal, State
 
 EVEN: Final = " even"
@@ -54,5 +54,5 @@ class ContactPropagation(Effect):
         result = keep * force
         for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
             own = state.cell == cell
-            result[own] += strength * (force[own] @ mixed(kernel, shares.get((cell, number))))
+            result[own] += strength * (force[own] @ taxel_kernel(kernel, shares.get((cell, number))))
         return np.asarray(result)

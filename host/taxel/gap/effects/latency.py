@@ -46,3 +46,8 @@ class Latency(Effect):
         if self.variant == "lag":
             return signal.with_drop(low_pass(drop, state.since, delay[:, 0]))
         return signal.with_drop(delayed(drop, state.since, delay[:, 0]))
+
+
+def is_delay(effect: Effect) -> bool:
+    """Whether an effect's seconds are a plain delay, which counts from where the clocks were aligned."""
+    return effect.name == Latency.name and effect.variant == "delay"

@@ -43,7 +43,7 @@ class PillarPropagation(ContactPropagation):
         """See `ContactPropagation`."""
         board, shares = state.pair.boards[number], geometry_of(state).shares
         even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)
-        # A plate at x of its gap makes full x / (1 - x) counts, the sensor model full force / (force + half).
+        # Half the sensor model's force: of shares tried the best on worlds of this project's emulator, chosen there.
         half_depth_n = 0.5 * state.model.half_force_n
         result = force.copy()
         for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():

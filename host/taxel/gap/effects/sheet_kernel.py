@@ -44,7 +44,7 @@ def _shares(apart_m: Array, spread_m: float, side_m: float) -> Array:
     return np.asarray(np.where(apart_m < FAR_M, share, 0.0))
 
 
-def mixed(kernel: Array, share: Array | None) -> Array:
+def taxel_kernel(kernel: Array, share: Array | None) -> Array:
     """Share of a taxel's force (row) that reaches another (column), f64[m, m]. share: f64[m, 9], of a taxel's force on
     its pieces; None: even.
     """

@@ -14,6 +14,7 @@ from taxel.gap.attribution import Attribution
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
+from taxel.gap.effects.latency import is_delay
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import MODEL_SHARE, Judge
@@ -129,7 +130,7 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
 def _shown(pair: Pair, link: Link, row: int) -> Array:
     """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
     values: Array = link.values[row]
-    if link.effect.name != "latency" or link.effect.variant != "delay" or len(values) < 2:
+    if not is_delay(link.effect) or len(values) < 2:
         return values
     earliest = values[values < values.min() + 0.5 * pair.frame_s]
     return np.asarray(values - earliest.mean())

@@ -15,7 +15,7 @@ from scipy.linalg import cholesky, solve_triangular
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.noise import Noise
-from taxel.gap.fit import normal_equations, start_of
+from taxel.gap.fit import free_links, moved, normal_equations, start_of
 from taxel.gap.judge import Judge
 
 SCATTERS: Final = (Noise.name, BaselineDrift.name)
@@ -36,24 +36,20 @@ def draws_of(judge: Judge, chain: Chain, fixed: Sequence[str]) -> dict[str, list
     of which nothing else is known lies somewhere within its bounds.
     """
     fixed = (*fixed, *SCATTERS)
-    free = [link for link in chain.links if link.effect.name not in fixed]
+    free = free_links(chain, fixed)
     if not free:
         return {}
     start = start_of(judge.state, chain, fixed)
     system, _ = normal_equations(judge.problem(), start.columns, start.features)
-    rows = [(link, row, one) for link in free for row, one in enumerate(link.effect.parameters())]
-    within = [np.full(link.values.shape[1], (one.high - one.low) ** -2) for link, _, one in rows]
+    links = [chain.links[index] for index in free]
+    within = [
+        np.full(link.values.shape[1], (one.high - one.low) ** -2) for link in links for one in link.effect.parameters()
+    ]
     system[np.diag_indices_from(system)] += np.concatenate(within)
     scale = np.sqrt(np.diag(system))
     scaled = system / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += JITTER
     normal = np.random.default_rng(SEED).standard_normal((len(scaled), DRAWS))
     steps = solve_triangular(cholesky(scaled, lower=False, check_finite=False), normal) / scale[:, None]
-    moved = {link.effect.name: np.repeat(link.values[None], DRAWS, axis=0) for link in free}
-    first = 0
-    for link, row, one in rows:
-        last = first + link.values.shape[1]
-        values = moved[link.effect.name]
-        values[:, row] = np.clip(values[:, row] + steps[first:last].T, one.low, one.high)
-        first = last
-    return {link.effect.name: [Link(link.effect, values) for values in moved[link.effect.name]] for link in free}
+    drawn = [moved(chain, free, step) for step in steps.T]
+    return {chain.links[index].effect.name: [one.links[index] for one in drawn] for index in free}
