@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect, Parameter
+from taxel.gap.equations import Column, Problem, Steps, gradient_of, system_of
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]
@@ -35,21 +35,6 @@ ENOUGH: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """What is to be fitted. target: f64[C, F, n], the real features. weight: f64[C, F, n], 1 / counts^2; 0 where
-    unknown or not to be used.
-    """
-
-    state: State
-    target: Array
-    weight: Array
-
-    def cost(self, features: Array) -> float:
-        """Weighted sum of squares."""
-        return float(np.sum(self.weight * (self.target - features) ** 2))
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """chain: with the fitted values. features: f64[C, F, n]. cost: of the problem, without priors."""
 
@@ -59,21 +44,10 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
-    """How the features change with a parameter: change f64[C, F, n] a unit, block of each (cell, taxel) [C, n], and
-    the number of blocks. precision, pull: of its prior, f64[count].
-    """
-
-    change: Array
-    blocks: NDArray[np.intp]
-    count: int
-    precision: Array
-    pull: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Start:
-    """Where fits to different parts of one problem begin: it is worked out once for all of them."""
+    """Where fits to different parts of one problem begin, and how features change there with each value: both are
+    worked out once for all of them. They end near where they begin, and a chord serves as well as a tangent.
+    """
 
     chain: Chain
     features: Array
@@ -104,13 +78,16 @@ def fit(
     features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
     damping = KNOWN_DAMPING if start else DAMPING
-    for number in range(iterations if free else 0):
-        columns = start.columns if start and number == 0 else _columns(problem.state, chain, free, features)
-        system, gradient = normal_equations(problem, columns, features)
+    columns = start.columns if start else ()
+    steps = Steps(system_of(problem, columns)) if start and free else None
+    for _ in range(iterations if free else 0):
+        if steps is None or start is None:
+            columns = _columns(problem.state, chain, free, features)
+            steps = Steps(system_of(problem, columns))
+        gradient = gradient_of(problem, columns, features) + _pull(chain, free)
         better = False
         for _ in range(6):
-            step = _solve(system, gradient, damping)
-            tried = moved(chain, free, step)
+            tried = moved(chain, free, steps.step(gradient, damping))
             new_features = tried.features(problem.state)
             new_cost, new_prior = problem.cost(new_features), _prior_cost(tried, free)
             if new_cost + new_prior < cost + prior:
@@ -121,7 +98,7 @@ def fit(
             break
         gain = (cost + prior - new_cost - new_prior) / max(cost + prior, 1e-12)
         chain, features, cost, prior = tried, new_features, new_cost, new_prior
-        damping = max(damping / 10.0, 1e-6)
+        damping = damping if start else max(damping / 10.0, 1e-6)
         if gain < ENOUGH:
             break
     return Fit(chain, features, cost)
@@ -154,38 +131,10 @@ def _columns(state: State, chain: Chain, free: list[int], features: Array) -> tu
             beside[row] = beside[row] + step
             values = [beside if other == index else chain.links[other].values for other in range(len(chain.links))]
             change = np.nan_to_num(chain.with_values(values).features(state) - features) / step[blocks][:, None]
-            precision = 0.0 if np.isinf(parameter.prior) else parameter.prior**-2
+            precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
             count = link.values.shape[1]
-            pull = precision * (parameter.middle - link.values[row])
-            columns.append(Column(change, blocks, count, np.full(count, precision), pull))
+            columns.append(Column(change, blocks, count, np.full(count, precision)))
     return tuple(columns)
-
-
-def normal_equations(problem: Problem, columns: Sequence[Column], features: Array) -> tuple[Array, Array]:
-    """Matrix f64[p, p] and right side f64[p] of the step from `features`, over all blocks of all columns."""
-    residual = problem.target - features
-    starts = np.cumsum([0] + [column.count for column in columns])
-    system = np.diag(np.concatenate([column.precision for column in columns]))
-    gradient = np.concatenate([column.pull for column in columns])
-    for number, (column, start) in enumerate(zip(columns, starts, strict=False)):
-        weighted = problem.weight * column.change
-        own = np.bincount(column.blocks.ravel(), np.sum(weighted * residual, axis=1).ravel(), column.count)
-        gradient[start : start + column.count] += own
-        for other, other_start in zip(columns[: number + 1], starts, strict=False):
-            product = np.sum(weighted * other.change, axis=1).ravel()
-            pairs = column.blocks.ravel() * other.count + other.blocks.ravel()
-            part = np.bincount(pairs, product, column.count * other.count).reshape(column.count, other.count)
-            system[start : start + column.count, other_start : other_start + other.count] += part
-            if other_start != start:
-                system[other_start : other_start + other.count, start : start + column.count] += part.T
-    return system, gradient
-
-
-def _solve(system: Array, gradient: Array, damping: float) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(system), 1e-12 * max(float(np.diag(system).max()), 1e-300)))
-    scaled = system / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += damping + 1e-9
-    return np.asarray(cho_solve(cho_factor(scaled, check_finite=False), gradient / scale) / scale)
 
 
 def moved(chain: Chain, free: list[int], step: Array) -> Chain:
@@ -211,3 +160,13 @@ def _prior_cost(chain: Chain, free: list[int]) -> float:
             if np.isfinite(parameter.prior):
                 total += float(np.sum((link.values[row] - parameter.middle) ** 2)) / parameter.prior**2
     return total
+
+
+def _pull(chain: Chain, free: list[int]) -> Array:
+    """Of the priors on the values as they are, f64[p]."""
+    parts = []
+    for link in (chain.links[index] for index in free):
+        for row, parameter in enumerate(link.effect.parameters()):
+            precision = parameter.prior**-2 if np.isfinite(parameter.prior) else 0.0
+            parts.append(precision * (parameter.middle - link.values[row]))
+    return np.concatenate(parts)

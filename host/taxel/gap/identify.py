@@ -9,19 +9,21 @@ tell the two apart on these presses.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf
 
 from taxel.gap.catalogue import LIKE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies, in_threads
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
-from taxel.gap.fit import Column, Problem, fit, normal_equations, start_of, started
+from taxel.gap.equations import Column, Problem, gradient_of, system_of
+from taxel.gap.fit import fit, start_of, started
 from taxel.gap.judge import REFITS, Judge
 
 Array = NDArray[np.float64]
@@ -31,6 +33,9 @@ EXCITED, CLEAR = 1.0, 25.0
 
 NEAR_DEG: Final = 40.0
 """Angle below which the linear answer is checked by fitting the other effect in full."""
+
+LEAST_PIVOT: Final = 1e-7
+"""Of a scaled system, below which a column adds nothing to those before it."""
 
 SAME_DEG: Final = 8.0
 """Angle (cosine 0.99) below which two effects look the same, however large they are: two models of one contact differ
@@ -101,13 +106,15 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
         name: [form for form in (*own, *LIKE.get(name, ())) if not form.unavailable(state)]
         for name, own in forms.items()
     }
-    own_columns = in_threads(
+    nuisance = start_of(state, Chain((started(state, Latency("hand")),))).columns
+    own_spaces = in_threads(
         state,
-        lambda own: [start_of(state, Chain((_typical_link(judge, form),))).columns for form in own],
+        lambda own: [
+            Subspace(judge, [*nuisance, *start_of(state, Chain((_typical_link(judge, form),))).columns]) for form in own
+        ],
         usable.values(),
     )
-    columns = dict(zip(usable, own_columns, strict=True))
-    nuisance = start_of(state, Chain((started(state, Latency("hand")),))).columns
+    spaces = dict(zip(usable, own_spaces, strict=True))
     found = {link.effect.name: link for link in links}
 
     def rows_of(name: str) -> list[Likeness]:
@@ -117,10 +124,10 @@ def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Seque
         if whole < EXCITED:
             return []
         rows = []
-        for other, bases in columns.items():
-            if other == name or not bases:
+        for other, own in spaces.items():
+            if other == name or not own:
                 continue
-            left = min(linear_left(judge, vector, [*nuisance, *basis]) for basis in bases)
+            left = min(space.left(vector) for space in own)
             if name in found and _degrees(left, whole) < NEAR_DEG:
                 left = min(left, *(_fitted_left(judge, vector, form) for form in usable[other]))
             rows.append(Likeness(name, other, _degrees(left, whole), left))
@@ -158,15 +165,28 @@ def _length2(judge: Judge, vector: Array) -> float:
     return float(np.sum(judge.weight * vector**2))
 
 
+class Subspace:
+    """What the blocks of some columns can do, on what a judge counts. Priors do not count: what could be is asked."""
+
+    def __init__(self, judge: Judge, columns: Sequence[Column]) -> None:
+        self._judge = judge
+        self._columns = [replace(one, precision=0.0 * one.precision) for one in columns]
+        system = system_of(Problem(judge.state, judge.state.mean, judge.weight), self._columns)
+        self._scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
+        factor, order, rank, _ = dpstrf(system / np.outer(self._scale, self._scale), tol=LEAST_PIVOT, lower=1)
+        self._factor, self._kept = factor[:rank, :rank], order[:rank] - 1
+
+    def left(self, vector: Array) -> float:
+        """Squared length of what it leaves of a vector, f64[C, F, n]."""
+        problem = Problem(self._judge.state, vector, self._judge.weight)
+        gradient = gradient_of(problem, self._columns, np.zeros_like(vector)) / self._scale
+        done = solve_triangular(self._factor, gradient[self._kept], lower=True, check_finite=False)
+        return max(_length2(self._judge, vector) - float(done @ done), 0.0)
+
+
 def linear_left(judge: Judge, vector: Array, columns: Sequence[Column]) -> float:
-    """Squared length of what a subspace leaves of a vector. Priors do not count: what could be is asked."""
-    problem = Problem(judge.state, vector, judge.weight)
-    free = [Column(one.change, one.blocks, one.count, 0.0 * one.precision, 0.0 * one.pull) for one in columns]
-    system, gradient = normal_equations(problem, free, np.zeros_like(vector))
-    scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
-    scaled = system / np.outer(scale, scale)
-    solution = lstsq(scaled, gradient / scale, cond=1e-7, lapack_driver="gelsy", check_finite=False)[0]
-    return max(_length2(judge, vector) - float((gradient / scale) @ solution), 0.0)
+    """Squared length of what a subspace leaves of a vector, for one that is asked once."""
+    return Subspace(judge, columns).left(vector)
 
 
 def _fitted_left(judge: Judge, vector: Array, form: Effect) -> float:

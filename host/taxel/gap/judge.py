@@ -15,8 +15,9 @@ from scipy.stats import t as student
 
 from taxel.gap.chain import Chain
 from taxel.gap.cores import in_copies
+from taxel.gap.equations import Problem
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.fit import ITERATIONS, Fit, Problem, fit, start_of
+from taxel.gap.fit import ITERATIONS, Fit, fit, start_of
 from taxel.gap.metric import jackknife_error, leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.state import State

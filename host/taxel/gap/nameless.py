@@ -16,7 +16,7 @@ from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
-from taxel.gap.fit import Column
+from taxel.gap.equations import Column
 from taxel.gap.identify import is_alike, linear_left
 from taxel.gap.judge import Judge
 from taxel.gap.uneven import odd_pattern
@@ -85,5 +85,4 @@ def _amplitude(judge: Judge, scope: str, fades: bool) -> Column:
     pair = state.pair
     own = np.arange(pair.n) if scope == TAXEL else pair.groups.sensor
     count = int(own.max()) + 1
-    nothing = np.zeros(count)
-    return Column(change, np.broadcast_to(own, (len(pair.cells), pair.n)), count, nothing, nothing)
+    return Column(change, np.broadcast_to(own, (len(pair.cells), pair.n)), count, np.zeros(count))

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect
-from taxel.gap.fit import Column, start_of
+from taxel.gap.equations import Column
+from taxel.gap.fit import start_of
 from taxel.gap.identify import linear_left
 from taxel.gap.judge import Judge
 
@@ -67,6 +68,5 @@ def _columns(judge: Judge, form: Effect) -> tuple[Column, ...]:
     """Derivatives about a plain case, and what that does itself: most effects are far from linear at nothing."""
     start = start_of(judge.state, Chain((Link(form, form.typical(judge.state)),)))
     done = np.nan_to_num(start.features - judge.state.mean)
-    nothing = np.zeros(1)
-    itself = Column(done, np.zeros(done.shape[::2], np.intp), 1, nothing, nothing)
+    itself = Column(done, np.zeros(done.shape[::2], np.intp), 1, np.zeros(1))
     return (*start.columns, itself)

@@ -49,9 +49,10 @@ class ContactPropagation(Effect):
     def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:
         """What becomes of the forces f64[Q, K, m] on board `number`."""
         kernel = sheet_kernel(state.pair.boards[number], spread_m)
-        shares = {} if self.variant.endswith(EVEN) else geometry_of(state).shares
-        keep = 1.0 if self.variant.startswith("added") else 1.0 - strength
-        result = keep * force
+        result = force if self.variant.startswith("added") else (1.0 - strength) * force
+        if self.variant.endswith(EVEN):
+            return np.asarray(result + strength * (force @ taxel_kernel(kernel, None)))
+        shares, result = geometry_of(state).shares, result.copy()
         for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
             own = state.cell == cell
             result[own] += strength * (force[own] @ taxel_kernel(kernel, shares.get((cell, number))))

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
 
+FAR_M: Final = 1.0
+"""Beyond the deepest press that a simulator has made: no layer is so thick."""
+
 COARSE: Final = 16
 MOST_STEPS: Final = 40
 CLOSE: Final = 1e-11
@@ -47,6 +50,11 @@ class Contact:
     points: Array
     normals: Array
     object_from_board: Array
+
+    @cached_property
+    def board_from_object(self) -> Array:
+        """The other way."""
+        return np.asarray(np.linalg.inv(self.object_from_board))
 
 
 class Mesh:
@@ -100,21 +108,21 @@ class Law:
     depth_m: Array
     force_n: Array
 
-    def force(self, depth: Array) -> Array:
-        """Newtons; beyond the last point along its tangent."""
-        inside = np.interp(depth, self.depth_m, self.force_n)
+    @cached_property
+    def _longer(self) -> tuple[Array, Array]:
+        """Depth and force with one more point, far along the last tangent."""
         slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
-        return np.asarray(
-            np.where(depth > self.depth_m[-1], self.force_n[-1] + slope * (depth - self.depth_m[-1]), inside)
+        return np.append(self.depth_m, self.depth_m[-1] + FAR_M), np.append(
+            self.force_n, self.force_n[-1] + slope * FAR_M
         )
+
+    def force(self, depth: Array) -> Array:
+        """Newtons; none where nothing is pressed, beyond the last point along its tangent."""
+        return np.asarray(np.interp(depth, *self._longer))
 
     def depth(self, force: Array) -> Array:
         """Metres; the same read the other way."""
-        inside = np.interp(force, self.force_n, self.depth_m)
-        slope = (self.depth_m[-1] - self.depth_m[-2]) / (self.force_n[-1] - self.force_n[-2])
-        return np.asarray(
-            np.where(force > self.force_n[-1], self.depth_m[-1] + slope * (force - self.force_n[-1]), inside)
-        )
+        return np.asarray(np.interp(force, *self._longer[::-1]))
 
 
 def law_of(state: State) -> Law:
@@ -198,7 +206,7 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     near, wanted = depth[depth + high > 0.0], net_force * depth.shape[1]
 
     def beyond(shift: float | Array) -> Array:
-        return np.asarray(law.force(np.maximum(near + shift, 0.0)).sum(axis=-1) - wanted)
+        return np.asarray(law.force(near + shift).sum(axis=-1) - wanted)
 
     # The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
     # which stays (the Illinois rule).
@@ -206,7 +214,7 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
     known = beyond(coarse[:, None])
     first = int(np.argmax(known > 0.0))
     if not first:
-        return np.asarray(law.force(np.maximum(depth + high, 0.0)))
+        return np.asarray(law.force(depth + high))
     low, high, below, above = (float(one) for one in (*coarse[first - 1 : first + 1], *known[first - 1 : first + 1]))
     stays = 0
     for _ in range(MOST_STEPS):
@@ -222,7 +230,7 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
             high, above = middle, value
             below *= 0.5 if stays < 0 else 1.0
             stays = -1
-    return np.asarray(law.force(np.maximum(depth + middle, 0.0)))
+    return np.asarray(law.force(depth + middle))
 
 
 @lru_cache(maxsize=8)

@@ -17,10 +17,13 @@ def low_pass(values: Array, time_s: Array, seconds: Array) -> Array:
     (the solution of seconds dy/dt = value - y).
     """
     result = np.empty_like(values)
+    constants = np.maximum(seconds, LEAST_S)
+    if (constants == constants.flat[0]).all():
+        constants = constants[:1, :1]  # as a rule it holds for the whole hand: one exponential a node
     before = behind = np.zeros_like(values[:, 0])
     steps = np.diff(time_s, prepend=2 * time_s[0] - time_s[1] if len(time_s) > 1 else -1.0)
     for node, step in enumerate(steps):
-        x = step / np.maximum(seconds, LEAST_S)
+        x = step / constants
         now = values[:, node]
         behind = now + (now - before) * np.expm1(-x) / x + (behind - before) * np.exp(-x)
         result[:, node], before = behind, now

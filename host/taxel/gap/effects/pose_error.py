@@ -9,7 +9,7 @@ import numpy as np
 from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.state import Signal, State
-from taxel.hand.transforms import from_rotation_vector
+from taxel.hand.transforms import from_rotation_vector, inverse
 from taxel.recording.grasp_format import Phase
 
 PRIOR_MM, PRIOR_DEG = 3.0, 4.0
@@ -54,19 +54,22 @@ class PoseError(Effect):
         """What the displacement adds to the force in hold, newtons, f64[C, n]."""
         geometry = geometry_of(state)
         blocks = self.blocks(state)
+        motions = self._motions(values)
         change = np.zeros((len(state.pair.cells), state.pair.n))
         for number, contact in enumerate(geometry.contacts):
-            own = values[:, blocks[contact.cell, contact.taxels[0]]]
-            if own.any():
-                motion = self._motion(own, contact.object_from_board)
+            block = blocks[contact.cell, contact.taxels[0]]
+            if values[:, block].any():
+                motion = motions[block]
+                if self.scope != OBJECT:
+                    motion = contact.object_from_board @ motion @ contact.board_from_object
                 rest = geometry.rest[number].mean(axis=1)
                 change[contact.cell, contact.taxels] = geometry.displaced(state, number, motion) - rest
         return change
 
-    def _motion(self, own: Array, object_from_board: Array) -> Array:
-        """Of the board as the object sees it, f64[4, 4]."""
-        step = from_rotation_vector(np.radians(own[3:]))
-        step[:3, 3] = 1e-3 * own[:3]
-        if self.scope == OBJECT:
-            return np.asarray(np.linalg.inv(step))
-        return np.asarray(object_from_board @ step @ np.linalg.inv(object_from_board))
+    def _motions(self, values: Array) -> Array:
+        """Of each block, f64[G, 4, 4]: of boards as an object that is moved sees them, or of brackets in their own
+        frames.
+        """
+        steps = from_rotation_vector(np.radians(values[3:].T))
+        steps[:, :3, 3] = 1e-3 * values[:3].T
+        return inverse(steps) if self.scope == OBJECT else steps

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import sha256
 from typing import Final
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +31,32 @@ EQUAL_M: Final = 1e-6
 """Distances that differ by less are worked out once."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Distances:
+    """Distances of pieces that occur, f64[d], and which one it is from each to every other, [9, m, m, 9]."""
+
+    apart_m: Array
+    which: NDArray[np.intp]
+
+
+_known: WeakValueDictionary[bytes, _Distances] = WeakValueDictionary()
+
+
 def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
     """Share of the force on each piece that reaches a taxel (last axis) of its board, f64[9, m, m]; they add to 1."""
     if (PIECES**2 * len(board.taxels)) ** 2 > MOST_PAIRS:
         kernel = _shares(board.apart_m, spread_m, board.pitch_m)
         return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES**2, *kernel.shape))
-    apart, which = _distances(board)
-    kernel = _shares(apart, spread_m, board.pitch_m / PIECES)[which].mean(axis=-1)
-    return np.asarray(kernel / kernel.sum(axis=-1, keepdims=True))
+    return _kernel(_distances(board), spread_m, board.pitch_m / PIECES)
+
+
+@lru_cache(maxsize=16)
+def _kernel(distances: _Distances, spread_m: float, side_m: float) -> Array:
+    """See `sheet_kernel`; fingers that are built alike share it."""
+    kernel = _shares(distances.apart_m, spread_m, side_m)[distances.which].mean(axis=-1)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    kernel.setflags(write=False)
+    return np.asarray(kernel)
 
 
 def _shares(apart_m: Array, spread_m: float, side_m: float) -> Array:
@@ -52,24 +73,25 @@ def taxel_kernel(kernel: Array, share: Array | None) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _distances(board: BoardLayout) -> tuple[Array, NDArray[np.intp]]:
-    """Distances of pieces that occur, f64[d], and which one it is from each to every other, [9, m, m, 9]."""
+def _distances(board: BoardLayout) -> _Distances:
+    """Of a board's pieces; of boards that are built alike the same object, as long as it is in use."""
     points = board.pieces
     steps = np.empty((PIECES**2, len(points), len(points), PIECES**2), np.int64)
     for piece in range(PIECES**2):
         apart = np.linalg.norm(points[:, piece, None, None] - points[None], axis=-1)
         steps[piece] = np.rint(apart / EQUAL_M)
     values, which = np.unique(steps, return_inverse=True)
-    return EQUAL_M * values.astype(np.float64), which.reshape(steps.shape)
+    found = _Distances(EQUAL_M * values.astype(np.float64), which.reshape(steps.shape))
+    return _known.setdefault(sha256(steps.tobytes()).digest(), found)
 
 
 @lru_cache(maxsize=256)
 def _square_kernel(spread_m: float, side_m: float) -> tuple[Array, Array]:
     """exp(-r / spread) averaged over two squares, over the distance of their centres, mean of two directions."""
-    points = ((np.arange(SUB) + 0.5) / SUB - 0.5) * side_m
-    step = (points[:, None] - points).ravel()
-    x, y = (grid.ravel() for grid in np.meshgrid(step, step))
+    steps, weight = np.arange(1 - SUB, SUB) * side_m / SUB, SUB - np.abs(np.arange(1 - SUB, SUB))
+    x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    share = np.outer(weight, weight).ravel() / SUB**4
     distance = np.arange(0.0, FAR_M + STEP_M, STEP_M)
-    along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m).mean(axis=1)
+    along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m) @ share
     across = np.exp(-np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y) / spread_m)
-    return distance, 0.5 * (along + across.mean(axis=1))
+    return distance, 0.5 * (along + across @ share)

@@ -17,7 +17,8 @@ from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from taxel.gap.chain import Chain
 from taxel.gap.effects.effect import OBJECT, Effect
-from taxel.gap.fit import Column, Problem, normal_equations, start_of
+from taxel.gap.equations import Column, Problem, gradient_of, system_of
+from taxel.gap.fit import start_of
 from taxel.gap.judge import Judge
 from taxel.gap.pair import Pair
 from taxel.gap.rounds import FIXED
@@ -53,7 +54,7 @@ class Added:
             return np.zeros((0, 0))
         nothing = np.zeros((1, *self.weight.shape))
         problem = Problem(self.known.judge.state, nothing, self.weight[None])
-        return normal_equations(problem, self.columns, nothing)[0]
+        return system_of(problem, self.columns)
 
     def pull(self, difference: Array) -> Array:
         """J'Wd of a difference f64[F, n], f64[q]."""
@@ -95,8 +96,7 @@ class Known:
         if not columns:
             return cls(judge, chain, start.features, (), np.zeros((0, 0)))
         problem = Problem(judge.state, start.features, judge.weight)
-        system, _ = normal_equations(problem, columns, start.features)
-        return cls(judge, chain, start.features, columns, _inverse(system))
+        return cls(judge, chain, start.features, columns, _inverse(system_of(problem, columns)))
 
     def left(self, difference: Array) -> Left:
         """What these values cannot do of a difference f64[C, F, n] on the recorded presses."""
@@ -105,8 +105,7 @@ class Known:
         if not self.columns:
             return Left(self, np.zeros(0), length2)
         problem = Problem(self.judge.state, difference, weight)
-        free = [replace(one, pull=np.zeros(one.count)) for one in self.columns]
-        return Left(self, normal_equations(problem, free, np.zeros_like(difference))[1], length2)
+        return Left(self, gradient_of(problem, self.columns, np.zeros_like(difference)), length2)
 
     def variance_after(self, added: Added) -> Array:
         """Variances of all values once a press is added, f64[p]."""
@@ -185,8 +184,7 @@ class Felt:
             place[active] = np.arange(len(active))
             own = place[blocks]
             change = np.where(own >= 0, column.change[press], 0.0)[None]
-            nothing = np.zeros(len(active))
-            columns.append(Column(change, np.maximum(own, 0)[None], len(active), nothing, nothing))
+            columns.append(Column(change, np.maximum(own, 0)[None], len(active), np.zeros(len(active))))
             index.append(number[active])
         numbers = np.concatenate(index) if index else np.zeros(0, np.intp)
         return Added(self.known, numbers, w, tuple(columns))

@@ -15,7 +15,8 @@ from scipy.linalg import cholesky, solve_triangular
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.noise import Noise
-from taxel.gap.fit import free_links, moved, normal_equations, start_of
+from taxel.gap.equations import system_of
+from taxel.gap.fit import free_links, moved, start_of
 from taxel.gap.judge import Judge
 
 SCATTERS: Final = (Noise.name, BaselineDrift.name)
@@ -40,7 +41,7 @@ def draws_of(judge: Judge, chain: Chain, fixed: Sequence[str]) -> dict[str, list
     if not free:
         return {}
     start = start_of(judge.state, chain, fixed)
-    system, _ = normal_equations(judge.problem(), start.columns, start.features)
+    system = system_of(judge.problem(), start.columns)
     links = [chain.links[index] for index in free]
     within = [
         np.full(link.values.shape[1], (one.high - one.low) ** -2) for link in links for one in link.effect.parameters()
