@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import HAND, TAXEL
+from taxel.gap.effects.effect import HAND, TAXEL, Effect
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Trial, as_good
 from taxel.gap.weighing import MOST_OF_LEFT, Weighed
@@ -58,15 +58,27 @@ def decided(standing: Standing, held: Sequence[Trial], others: Sequence[Trial]) 
 
 
 def _plainest(accepted: list[Round]) -> Round | None:
-    """The best of them, or one for the whole hand that is as good where the best has a value for each taxel."""
+    """The best of them, or a plainer one that is as good: for the whole hand where the best has a value for each taxel,
+    without a memory where the best remembers.
+    """
     first = next(iter(accepted), None)
-    if first is None or first.best is None or first.best.link.effect.scope != TAXEL or is_evident(first.best):
+    if first is None or first.best is None or is_evident(first.best):
         return first
     for other in accepted[1:]:
         assert other.best is not None
-        if other.best.link.effect.scope == HAND and as_good(other.best, first.best, first.base):
+        plainer = _is_plainer(other.best.link.effect, first.best.link.effect)
+        if plainer and as_good(other.best, first.best, first.base):
             return other
     return first
+
+
+def _is_plainer(one: Effect, other: Effect) -> bool:
+    """Whether an effect needs fewer words than another: one value, not one for each taxel; what presses now, not what
+    pressed before.
+    """
+    if one.scope != HAND:
+        return False
+    return other.scope == TAXEL or (other.memory and not one.memory)
 
 
 def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_tried: int) -> Round:

@@ -120,8 +120,15 @@ def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themse
     closed = state.drop / (state.drop + 0.25 * state.full_scale)
     kept = 0.7 * closed
     np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
-    assert forms["gap"].is_idle(state, np.array([[0.3], [1e3]]))
-    assert not forms["drop"].is_idle(state, np.array([[0.3], [1e3]]))
+
+
+def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
+    """Of a time constant nothing is seen there: what it does is another law of counts."""
+    lasts = float(state.since[-1])
+    for form in CATALOGUE["hysteresis"]:
+        slow, quick = (np.array([[0.3], [times * lasts], [0.0]])[: len(form.parameters())] for times in (4.0, 0.5))
+        assert form.is_idle(state, slow) is (form.variant != "sticks")
+        assert not form.is_idle(state, quick)
 
 
 def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):

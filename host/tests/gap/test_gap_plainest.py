@@ -1,4 +1,4 @@
-"""Which of the effects that would be accepted is taken: none with a value for each taxel if one for the hand does."""
+"""Which of the effects that would be accepted is taken: the plainest of those that do as much."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from taxel.gap.chain import Chain, Link
 from taxel.gap.deciding import _plainest, is_seen_beside
 from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.judge import Score
@@ -32,6 +33,7 @@ def round_of(effect, value: float) -> Round:
 
 
 TAXELS, HAND, BOARDS = GainMismatch("taxel", 0.3), Saturation("clip"), Stiffness("board")
+MEMORY = Hysteresis("sticks")
 
 
 @pytest.mark.parametrize(
@@ -41,9 +43,13 @@ TAXELS, HAND, BOARDS = GainMismatch("taxel", 0.3), Saturation("clip"), Stiffness
         ([TAXELS, HAND], [20.0, 50.0], 0),  # it does much more
         ([TAXELS, BOARDS], [20.0, 20.5], 0),  # a value for each board is no fewer words
         ([HAND, TAXELS], [20.0, 20.5], 0),
+        ([MEMORY, HAND], [20.0, 20.5], 1),  # what presses now does as much as what pressed before
+        ([MEMORY, HAND], [20.0, 50.0], 0),
+        ([MEMORY, BOARDS], [20.0, 20.5], 0),
+        ([HAND, MEMORY], [20.0, 20.5], 0),
     ],
 )
-def test_one_value_that_does_as_much_goes_before_one_for_each_taxel(effects, values, taken):
+def test_the_plainest_of_those_that_do_as_much_is_taken(effects, values, taken):
     accepted = [round_of(effect, value) for effect, value in zip(effects, values, strict=True)]
     assert _plainest(accepted) is accepted[taken]
 
