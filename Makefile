@@ -42,7 +42,9 @@ demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small c
 blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
-test: lint test-c fuzz-short test-python test-executed  ## everything that must pass: style, types, layers, C and Python tests
+test: $(STAMP)  ## everything that must pass: style, types, layers, C and Python tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c
+	@$(MAKE) --no-print-directory fuzz-short test-python test-executed
 
 test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
 	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
@@ -54,8 +56,9 @@ test-threads: $(STAMP)  ## the emulator's threads under the thread sanitizer
 	@$(BIN)/cmake --build $(BUILD)/threads --target test_crew test_effects_world | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(crew|effects_world)$$'
 
+# Files in the order in which they are found: those that wait for real time come first, not alone at the end.
 test-python: $(STAMP)  ## Python tests
-	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-executed: $(STAMP)  ## UART, I2C, command, fault and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
