@@ -1,30 +1,55 @@
-"""A simulated campaign whose objects stand a little elsewhere in each grasp: what `tools/thesis/search.py` searches on.
+"""A simulated campaign whose objects stand where they do on the emulated hand of a seed: what `tools/thesis/search.py`
+searches on. share: of what the settings say, for each object alike.
 
-Example: python tools/thesis/displaced.py out/displaced.h5 --move 0.0034 --turn 0.04
+Example: python tools/thesis/displaced.py out/displaced_0.8.h5 --share 0.8
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from taxel.campaign.scatter import Scatter
-from taxel.campaign.simulated import SimSettings, run_simulated
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.scatter import Scatter, hand_draw
+from taxel.campaign.setup import Setup
+from taxel.campaign.simulated import SimSettings, simulate_planned
+from taxel.campaign.store import begin_or_extend
 from taxel.grasp.plan import thesis_plan
+from taxel.sim.closing import RATE_HZ
+from taxel.thesis.settings import SCATTER, TOUCHED
+
+
+@dataclass(frozen=True)
+class AsOnTheHand(Scatter):
+    """draw: of the hand, in place of the simulator's own."""
+
+    draw: tuple[float, ...] = ()
+
+    def moved(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """See `Scatter`."""
+        return super().moved(np.array(self.draw))
 
 
 def main() -> None:
     """See the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--move", type=float, default=0.0007, help="Metres, standard deviation along each axis.")
-    parser.add_argument("--turn", type=float, default=0.01, help="Radians, about each axis.")
+    parser.add_argument("--share", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=None)
     chosen = parser.parse_args()
-    scatter = Scatter(object_m=chosen.move, object_rad=chosen.turn)
-    settings = SimSettings(seed=chosen.seed + 1, scatter=scatter)
-    run_simulated(chosen.out, thesis_plan(chosen.seed), settings, jobs=chosen.jobs, overwrite=True)
+    move, turn = (chosen.share * one for one in (SCATTER.object_m, SCATTER.object_rad))
+    setup, settings = Setup(placings=TOUCHED), SimSettings(seed=chosen.seed + 1)
+    model = settings.sensor.told(settings.sensing.stiffness_n_per_m, "uncoupled")
+    with begin_or_extend(
+        chosen.out, "sim", setup, RATE_HZ, settings.describe(), overwrite=True, sensor_model=model
+    ) as out:
+        for planned in thesis_plan(chosen.seed):
+            draw = tuple(hand_draw(chosen.seed, planned.id).tolist())
+            scatter = AsOnTheHand(object_m=move, object_rad=turn, draw=draw)
+            out.add(simulate_planned(setup, planned, replace(settings, scatter=scatter)), planned.id)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ effects of first order vanish from the mean of a few repeats, and those of secon
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
 from taxel.hand.transforms import from_rotation_vector
+
+_GRASP_STREAM = 2  # of a seed; 1 is that of the brackets (session.py)
 
 FACTORS = 7
 """Where the object stands (3), how it is turned (3), and the grip."""
@@ -25,7 +27,8 @@ class Scatter:
     """Standard deviations of what nobody commands. All zero: every repeat is the same.
 
     object_m, object_rad: where the object stands, each grasp, each axis. grip: relative, of the torque, each grasp.
-    remount_m, remount_rad: of every bracket, each session, each axis.
+    remount_m, remount_rad: of every bracket, each session, each axis. objects: names of those that stand better or
+    worse than the others, and the factor on object_m and object_rad.
     """
 
     object_m: float = 0.7e-3
@@ -33,6 +36,12 @@ class Scatter:
     grip: float = 0.05
     remount_m: float = 0.15e-3
     remount_rad: float = 0.004
+    objects: tuple[tuple[str, float], ...] = ()
+
+    def of(self, item: str) -> Scatter:
+        """As it is with one object."""
+        factor = dict(self.objects).get(item, 1.0)
+        return replace(self, object_m=factor * self.object_m, object_rad=factor * self.object_rad, objects=())
 
     def moved(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Where the object is in its nominal frame, f64[4, 4], and the factor on the torque, of f64[7] unit draws."""
@@ -48,6 +57,11 @@ def shift(place: NDArray[np.float64], turn: NDArray[np.float64], metres: float, 
     motion = from_rotation_vector(radians * turn)
     motion[:3, 3] = metres * place
     return motion
+
+
+def hand_draw(seed: int, grasp: str) -> NDArray[np.float64]:
+    """What the emulated hand of a campaign draws for a grasp: f64[7], normal."""
+    return np.random.default_rng([seed, _GRASP_STREAM, *grasp.encode()]).normal(size=FACTORS)
 
 
 def balanced_draw(seed: int, name: str, repeat: int) -> NDArray[np.float64]:

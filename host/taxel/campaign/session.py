@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from taxel.campaign.hand_in_contact import HandInContact, Mount
 from taxel.campaign.motion import Motion, move
 from taxel.campaign.rows import Rows, rows_of
-from taxel.campaign.scatter import FACTORS, shift
+from taxel.campaign.scatter import hand_draw, shift
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
@@ -33,7 +33,7 @@ from taxel.stream.start_script import write_start_script
 LEAD_IN_S = 4.0
 """From power to the first grasp: every board is found and its clock has been read twice."""
 
-_SESSION_STREAM, _GRASP_STREAM = 1, 2
+_SESSION_STREAM = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +105,7 @@ def _drawn_shift(rng: np.random.Generator, metres: float, radians: float) -> NDA
 
 def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact) -> _Made:
     approach, item = setup.approach(planned), setup.objects[planned.object]
-    rng = np.random.default_rng([settings.seed, _GRASP_STREAM, *planned.id.encode()])
-    offset, grip = settings.scatter.moved(rng.normal(size=FACTORS))
+    offset, grip = settings.scatter.of(planned.object).moved(hand_draw(settings.seed, planned.id))
     true_pose = setup.object_pose(planned.object) @ offset
     timeline = settings.timeline
 

@@ -88,7 +88,8 @@ def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings)
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     scene, approach = _scene(setup, planned.object), setup.approach(planned)
     name = f"{planned.object} {planned.approach}"
-    offset, grip = settings.scatter.moved(balanced_draw(settings.seed, name, planned.iteration))
+    scatter = settings.scatter.of(planned.object)
+    offset, grip = scatter.moved(balanced_draw(settings.seed, name, planned.iteration))
     motion = simulate_grasp(scene, approach, settings.timeline, RATE_HZ, offset, grip, object_pose=where, law=law)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     hold = motion.phase == Phase.HOLD

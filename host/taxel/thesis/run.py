@@ -61,7 +61,8 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
     made = (
         f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
         f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
-        "places (standard deviation, each axis, each grasp).",
+        "places (standard deviation, each axis, each grasp; "
+        f"{', '.join(f'{name} {factor:g} times as far' for name, factor in SCATTER.objects)}).",
         f"The simulated side is the simulator with its elastic layer, {1e3 * SIM_LAYER_M:.1f} mm thick, without any of "
         "that: objects stand where they are believed to be.",
     )

@@ -20,6 +20,14 @@ def test_a_draw_becomes_metres_radians_and_a_factor():
     assert scatter.moved(np.full(FACTORS, -100.0))[1] == 0.0
 
 
+def test_an_object_that_stands_firmly_moves_by_its_share_and_is_gripped_alike():
+    scatter = Scatter(object_m=1e-3, object_rad=0.02, grip=0.1, objects=(("cylinder", 0.5),))
+    draw = np.array([1.0, -2.0, 0.0, 0.0, 1.0, 0.0, -0.5])
+    assert scatter.of("cylinder") == Scatter(object_m=0.5e-3, object_rad=0.01, grip=0.1)
+    assert scatter.of("cylinder").moved(draw)[1] == scatter.of("wedge").moved(draw)[1]
+    np.testing.assert_array_equal(scatter.of("wedge").moved(draw)[0], scatter.moved(draw)[0])
+
+
 @pytest.mark.parametrize("repeats", [2, 6, 8, 10, 16])
 def test_an_even_number_of_repeats_has_no_mean_and_unit_variance(repeats):
     rows = design(repeats)

@@ -91,7 +91,7 @@ def _pressed(plan: PressPlan, press: PlannedPress, settings: EmulatedSettings, c
     """Where the object truly is from the touch to the hold; it stands and presses a little other than planned."""
     approach = press.approach
     rng = np.random.default_rng([settings.seed, _STREAM, *press.id.encode()])
-    offset, strength = settings.scatter.moved(rng.normal(size=FACTORS))
+    offset, strength = settings.scatter.of(approach.object).moved(rng.normal(size=FACTORS))
     rest = EmulatedRest(
         contact,
         list(plan.objects).index(approach.object),

@@ -87,7 +87,7 @@ def _layer(plan: PressPlan, law: LayerLaw) -> StandingLayer:
 def simulate_press(setup: Setup, press: PlannedPress, work: Work) -> GraspRecord:
     """One press. Its noise depends on the seed and the press alone. Raises `PressError` if it does not rest."""
     plan, settings, approach = work.plan, work.settings, press.approach
-    offset, strength = settings.scatter.moved(
+    offset, strength = settings.scatter.of(approach.object).moved(
         balanced_draw(settings.seed, f"{approach.object} {approach.name}", press.iteration)
     )
     shape = setup.objects[approach.object].shape
