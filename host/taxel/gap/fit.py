@@ -78,11 +78,9 @@ def fit(
     features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
     damping = KNOWN_DAMPING if start else DAMPING
-    columns = start.columns if start else ()
-    steps = Steps(system_of(problem, columns)) if start and free else None
-    for _ in range(iterations if free else 0):
-        if steps is None or start is None:
-            columns = _columns(problem.state, chain, free, features)
+    for number in range(iterations if free else 0):
+        if number == 0 or not start:
+            columns = start.columns if start else _columns(problem.state, chain, free, features)
             steps = Steps(system_of(problem, columns))
         gradient = gradient_of(problem, columns, features) + _pull(chain, free)
         better = False

@@ -52,17 +52,15 @@ class Added:
         """N = J'WJ, f64[q, q]."""
         if not self.columns:
             return np.zeros((0, 0))
-        nothing = np.zeros((1, *self.weight.shape))
-        problem = Problem(self.known.judge.state, nothing, self.weight[None])
-        return system_of(problem, self.columns)
+        return system_of(self._problem(np.zeros_like(self.weight)), self.columns)
 
     def pull(self, difference: Array) -> Array:
         """J'Wd of a difference f64[F, n], f64[q]."""
-        weighted = self.weight * difference
-        parts = [
-            np.bincount(one.blocks[0], np.sum(weighted * one.change[0], axis=0), one.count) for one in self.columns
-        ]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        return gradient_of(self._problem(difference), self.columns, np.zeros((1, *difference.shape)))
+
+    def _problem(self, target: Array) -> Problem:
+        """Of the press alone, f64[F, n]."""
+        return Problem(self.known.judge.state, target[None], self.weight[None])
 
     @cached_property
     def _factors(self) -> tuple[Array, NDArray[np.int32]]:

@@ -1,0 +1,57 @@
+"""Fits that begin near their end keep the derivative of their beginning; what a subspace leaves is worked out once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.chain import Chain, Link
+from taxel.gap.equations import Column, Problem, system_of
+from taxel.gap.fit import fit, start_of, started
+from taxel.gap.identify import Subspace
+from taxel.gap.judge import Judge
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
+
+
+@pytest.fixture(scope="module")
+def judge(world, tmp_path_factory) -> Judge:
+    return prepared(read_pair(*world(tmp_path_factory.mktemp("refit"))))[0]
+
+
+@pytest.mark.parametrize("name", ["stiffness", "saturation", "contact_propagation", "gain_mismatch"])
+def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, name):
+    state = judge.state
+    effect = CATALOGUE[name][0]
+    there = Link(effect, effect.typical(state))
+    target = Chain((there,)).features(state) + np.random.default_rng(1).normal(0.0, 1.0, state.mean.shape)
+    whole = Problem(state, target, judge.weight)
+    chain = fit(whole, Chain((started(state, effect),))).chain
+    part = Problem(state, target, np.where((judge.parts != 0)[:, None], judge.weight, 0.0))
+    slow, quick = fit(part, chain), fit(part, chain, iterations=6, start=start_of(state, chain))
+    assert quick.cost <= slow.cost * (1.0 + 1e-4)
+    assert quick.cost < part.cost(state.mean)
+
+
+def test_blocks_of_one_link_meet_themselves_alone(judge):
+    """The short way gives what the long one gives."""
+    state = judge.state
+    effect = CATALOGUE["hysteresis"][0]
+    columns = start_of(state, Chain((Link(effect, effect.typical(state)),))).columns
+    problem = Problem(state, state.mean, judge.weight)
+    apart = [Column(one.change, one.blocks.copy(), one.count, one.precision) for one in columns]
+    np.testing.assert_allclose(system_of(problem, columns), system_of(problem, apart))
+
+
+def test_a_subspace_leaves_nothing_of_its_own_and_all_of_what_is_square_to_it(judge):
+    state = judge.state
+    columns = start_of(state, Chain((started(state, CATALOGUE["gain_mismatch"][1]),))).columns
+    values = np.random.default_rng(2).normal(size=columns[0].count)
+    own = columns[0].change * values[columns[0].blocks][:, None]
+    space = Subspace(judge, [*columns, *columns])  # the same twice: no more than once
+    whole = float(np.sum(judge.weight * own**2))
+    assert space.left(own) == pytest.approx(0.0, abs=1e-6 * whole)
+    noise = np.zeros_like(own)
+    noise[:, judge.layout.noise] = 1.0
+    assert space.left(noise) == pytest.approx(float(np.sum(judge.weight * noise**2)))
