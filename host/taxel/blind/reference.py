@@ -15,7 +15,7 @@ from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect
-from taxel.gap.effects.latency import Latency
+from taxel.gap.effects.latency import is_delay
 from taxel.gap.fit import started
 from taxel.gap.judge import Judge
 from taxel.gap.pair import read_pair
@@ -52,7 +52,7 @@ def reference_parameters(real: Path, sim: Path, name: str, forms: Collection[str
 def _fitted(judge: Judge, form: Effect) -> Link:
     """As a diagnosis does: frames are aligned anew once the effect is known."""
     chain = judge.in_sample(Chain((started(judge.state, form),))).chain
-    if form.name != Latency.name:
+    if not is_delay(form):
         shift, chain = shift_beside(judge, chain, ())
         chain = judge.shifted(shift).in_sample(chain).chain
     return chain.links[0]

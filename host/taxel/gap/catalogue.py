@@ -17,6 +17,7 @@ from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
+from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.errors import GapInputError
 
@@ -37,7 +38,7 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
         "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
-        "hysteresis": tuple(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more", "sticks")),
+        "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
         "saturation": (Saturation("clip"), Saturation("soft")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by looking, see `taxel.gap.dropped`

@@ -7,7 +7,6 @@ import pytest
 
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.dropped import find_dropped
-from taxel.gap.effects.hysteresis import stuck
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 
@@ -84,9 +83,3 @@ def test_a_broken_line_is_found_beside_an_effect_that_could_learn_it_by_heart(wo
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2]]
     named = set(report["verdict"]["effects"][1:])
     assert named & {"gain_mismatch", "stiffness"}
-
-
-def test_what_sticks_follows_late_and_lets_go_late():
-    values = np.array([0.0, 10.0, 20.0, 20.0, 19.0, 12.0, 0.0])[None, :, None]
-    out = stuck(values, np.full((1, 1), 0.2))[0, :, 0]
-    assert out == pytest.approx([0.0, 8.0, 16.0, 16.0, 16.0, 12.0, 0.0])

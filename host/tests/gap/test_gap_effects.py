@@ -125,9 +125,9 @@ def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themse
 def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
     """Of a time constant nothing is seen there: what it does is another law of counts."""
     lasts = float(state.since[-1])
-    for form in CATALOGUE["hysteresis"]:
-        slow, quick = (np.array([[0.3], [times * lasts], [0.0]])[: len(form.parameters())] for times in (4.0, 0.5))
-        assert form.is_idle(state, slow) is (form.variant != "sticks")
+    for form in (one for one in CATALOGUE["hysteresis"] if one.variant != "sticks"):
+        slow, quick = (np.array([[0.3], [times * lasts]]) for times in (4.0, 0.5))
+        assert form.is_idle(state, slow)
         assert not form.is_idle(state, quick)
 
 

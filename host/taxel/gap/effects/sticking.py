@@ -1,0 +1,90 @@
+"""A layer that sticks: it is let go at another depth than that at which it was pressed, and it creeps for long."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from taxel.gap.effects.effect import Array, Parameter
+from taxel.gap.effects.hysteresis import Hysteresis, closed_by, drop_of
+from taxel.gap.effects.lag import low_pass
+from taxel.gap.state import Signal, State
+
+CREEP_PRIOR: Final = 0.3
+"""Expected creep a decade of time."""
+
+STUCK_SHARE: Final = 0.3
+"""Of the way, what friction holds back. No parameter: a wider play of a smaller share is almost the same. Chosen on
+opened worlds of this project's emulator, and on no hardware."""
+
+STEP_DECADES: Final = 0.5
+TIMES_S: Final = 10.0 ** np.arange(-1.5, 2.0, STEP_DECADES)
+"""Time constants of what creeps: from a frame to far beyond a grasp."""
+
+MIDDLE_S: Final = 1.0
+"""At that age of a load, creep changes nothing: it would else be a gain."""
+
+
+class Sticking(Hysteresis):
+    """variant "sticks": the closed share x of a plate capacitor's gap falls behind by up to `fraction` while it grows
+    and is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is closed a
+    share `creep` comes in every decade of time, as elastomers creep: with the logarithm of time.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("sticks")
+
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Width of the play, and creep a decade."""
+        creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)
+        return Parameter("fraction", "1", 0.0, 1.0, 0.0, 0.05), creep
+
+    def unavailable(self, state: State) -> str:
+        """See `Effect`: it acts on the drop."""
+        return ""
+
+    def is_idle(self, state: State, values: Array) -> bool:
+        """Never: a play shows at any speed, and creep has no time constant."""
+        return False
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if not values.any():
+            return signal
+        fraction, creep = self.spread_out(state, values)
+        closed = closed_by(state, signal)
+        closed = closed + STUCK_SHARE * (stuck(closed, fraction[:, 0] / STUCK_SHARE) - closed)
+        return signal.with_drop(drop_of(state, crept(closed, state.since, creep)))
+
+
+def stuck(values: Array, width: Array) -> Array:
+    """What follows values f64[Q, K, n] >= 0 along K with a play: it lags by up to width f64[Q, n] while they grow, and
+    stays while they fall to it.
+    """
+    result = np.empty_like(values)
+    held = np.zeros_like(values[:, 0])
+    for node in range(values.shape[1]):
+        now = values[:, node]
+        held = np.clip(held, np.maximum(now - width, 0.0), now)
+        result[:, node] = held
+    return result
+
+
+def crept(values: Array, time_s: Array, creep: Array) -> Array:
+    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / MIDDLE_S). creep: f64, broadcast to values.
+
+    A sum of first-order lags is linear in the values: one matrix for all of them.
+    """
+    return np.asarray(values + creep * (_creep_a_decade(tuple(time_s.tolist())) @ values))
+
+
+@lru_cache(maxsize=8)
+def _creep_a_decade(time_s: tuple[float, ...]) -> Array:
+    """Matrix f64[K, K]: what comes of values at nodes of time, with a creep of 1."""
+    times, one = np.array(time_s), np.eye(len(time_s))
+    late = np.expm1(-MIDDLE_S / TIMES_S).sum() * one
+    for constant in TIMES_S:
+        late += low_pass(one[:, :, None], times, np.full((1, 1), constant))[:, :, 0].T
+    return np.asarray(STEP_DECADES * late)
