@@ -51,18 +51,20 @@ LEAST_TAXELS: Final = 8
 
 SHUFFLES: Final = 499
 
-BESIDE: Final = 0.25
+BESIDE: Final = 0.67
 """Greatest difference of what goes to the lines beside along one axis and the other, over their mean, at which nothing
-tells that lines have to do with it."""
+tells that lines have to do with it: a factor of two, since pitches differ.
+"""
 
-ALONG: Final = 0.15
-"""And greatest share of it that goes along the lines themselves."""
+ALONG: Final = 0.2
+"""And greatest share of it that goes along the lines themselves: a trace disturbs the next one over its whole length.
+"""
 
 
 def odd_pattern(judge: Judge, link: Link) -> str | None:
     """What is odd about a link's values, as words after its name; None: they are as parts' are, or nobody knows."""
     if _goes_round(link):
-        return "goes to the taxels beside alike along both lines, which that of electrodes does not"
+        return "goes to the taxels beside on all sides and not along the lines, which that of electrodes does not"
     if link.effect.name not in (GainMismatch.name, Stiffness.name):
         return None
     (parameter, *_) = link.effect.parameters()
@@ -74,8 +76,8 @@ def odd_pattern(judge: Judge, link: Link) -> str | None:
 
 
 def _goes_round(link: Link) -> bool:
-    """Whether what is called crosstalk goes to the next taxels alone, as far along TX as along RX: electrodes of two
-    layers do not do that, and what spreads in the cover does.
+    """Whether what is called crosstalk goes to the next taxels alone, along TX about as far as along RX: electrodes of
+    two layers do not do that, and what spreads in the cover does.
     """
     if link.effect.name != ElectrodeCrosstalk.name or link.effect.variant != "network":
         return False

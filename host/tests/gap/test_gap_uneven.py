@@ -90,6 +90,7 @@ def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, v
     ("values", "round_about"),
     [
         ([0.0, 0.002, 0.05, 0.055, -1.0], True),  # the taxels beside, along both lines
+        ([0.0, 0.002, 0.09, 0.13, -1.0], True),  # the pitch along one is greater
         ([0.0, 0.002, 0.03, 0.065, -1.0], False),  # one layer more than the other
         ([-0.03, -0.05, 0.05, 0.055, -1.0], False),  # along the lines too
         ([0.02, 0.02, 0.0, 0.0, -1.0], False),

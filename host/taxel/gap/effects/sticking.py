@@ -73,7 +73,7 @@ def stuck(values: Array, width: Array) -> Array:
 
 
 def crept(values: Array, time_s: Array, creep: Array) -> Array:
-    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / MIDDLE_S). creep: f64, broadcast to values.
+    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / MIDDLE_S). creep: f64, of each value.
 
     A sum of first-order lags is linear in the values: one matrix for all of them.
     """
