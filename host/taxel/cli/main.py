@@ -1,5 +1,6 @@
 """Join the commands and turn errors into one line."""
 
+import signal
 import sys
 from importlib.metadata import entry_points
 from typing import NoReturn
@@ -42,6 +43,8 @@ for point in entry_points(group="taxel.commands"):
 
 def main() -> None:
     """Run a command; the exit status is 0 only on success."""
+    # A service that is stopped closes its files and ends what it has begun, as at Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except TaxelError as error:

@@ -55,6 +55,7 @@ class Node:
     def __init__(self, group: Any, place: Place) -> None:
         self._group = group
         self.place = place
+        self._open: dict[tuple[str, ArraySpec], Any] = {}
 
     def names(self) -> list[str]:
         """Names of everything in this group, sorted."""
@@ -72,11 +73,14 @@ class Node:
 
     def check_array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> None:
         """Check kind and shape of an array without reading it. sizes: as in `check_header`."""
-        self._checked(name, spec, sizes)
+        # To find and check one of hundreds of datasets takes as long as to read it: it stays open until it is read.
+        self._open[name, spec] = self._checked(name, spec, sizes)
 
     def array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Read an array in its documented type; a list of str for texts. sizes: as in `check_header`."""
-        dataset, place = self._checked(name, spec, sizes), self.place.key(name)
+        dataset, place = self._open.pop((name, spec), None), self.place.key(name)
+        if dataset is None:
+            dataset = self._checked(name, spec, sizes)
         with hdf5_errors(place):
             values = dataset[()]
         return list(values) if spec.dtype == STRING else typed(values, spec, place)
