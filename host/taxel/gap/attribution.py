@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain
-from taxel.gap.held_out import HeldOut
+from taxel.gap.held_out import HeldOut, scatter2
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, root, shrink
 
@@ -29,7 +29,9 @@ class Attribution:
     promised: dict[Names, Array]
 
     def shapley(self) -> dict[str, float]:
-        """Each effect's share of what all of them take from the squared gap (Shapley 1953); they add to 1."""
+        """Each effect's share of what all of them take from the squared gap (Shapley 1953); they add to 1. None where
+        together they take nothing.
+        """
         count = len(self.names)
         worth: dict[str, float] = {}
         for name in self.names:
@@ -42,12 +44,12 @@ class Attribution:
                     total += weight * float((self.gap2[without] - self.gap2[without | {name}]).mean())
             worth[name] = total
         whole = sum(worth.values())
-        return {name: value / whole if whole != 0 else 0.0 for name, value in worth.items()}
+        return {name: value / whole if whole > 0 else 0.0 for name, value in worth.items()}
 
     @property
     def strongest_first(self) -> tuple[str, ...]:
-        """Names by their shares of what all of them take from the gap; those that differ by less than a tenth of it as
-        they were found.
+        """Names by their shares of what all of them take from the gap, in tenths; those that have as many as they were
+        found.
         """
         shares = self.shapley()
         return tuple(sorted(self.names, key=lambda name: -round(10 * shares[name])))
@@ -84,7 +86,8 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
     count = real.value.shape[1]
     scale = judge.layout.scale(real.value.shape[0], real.value.shape[3])
     inside = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
-    start = [max(own.excess(state.mean), 0.0) + held.floor2 for own in inside]
+    floor = [scatter2(own.sessions, scale) for own in inside]
+    start = [max(own.excess(state.mean), 0.0) + one for own, one in zip(inside, floor, strict=True)]
     gap2: dict[Names, Array] = {}
     promised: dict[Names, Array] = {}
     for size in range(len(names) + 1):
@@ -93,8 +96,8 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
             for session, links in enumerate(held.links):
                 chain = Chain.of([link for link in links if link.effect.name in chosen])
                 features = chain.features(state)
-                squares.append(float(np.sum(scale * real.residual(features)[:, session] ** 2)))
-                after = max(inside[session].excess(features), 0.0) + held.floor2
+                squares.append(real.square(session, features, scale))
+                after = max(inside[session].excess(features), 0.0) + floor[session]
                 shrinks.append(shrink(start[session], after))
             gap2[frozenset(chosen)] = np.array(squares)
             promised[frozenset(chosen)] = np.array(shrinks)

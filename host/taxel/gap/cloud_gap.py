@@ -33,7 +33,9 @@ LIKELY: Final = 0.02
 
 
 def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed: int) -> dict[str, Any]:
-    """The report's `gap.mm`; its floor is None with one session. model: features f64[C, F, n] of the simulator."""
+    """The report's `gap.mm`; its floor is None with one session, all of it where no hold is known. model: features
+    f64[C, F, n] of the simulator.
+    """
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     sessions = real.value.shape[1]
     rng = np.random.default_rng(seed)
@@ -46,12 +48,16 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed
         simulated = ndtr((model[cell, hold] - ACTIVE_DROP_COUNTS) / SOFT_COUNTS)
         row = [chamfer_mm(places, one, simulated) if there else np.nan for one, there in zip(active, made, strict=True)]
         distance.append(row)
+        if not made.any():
+            continue
         mean = active[made].mean(axis=0)
         if made.sum() > 1:
             others = [(active[made].sum(axis=0) - one) / (made.sum() - 1) for one in active[made]]
             floor.append([chamfer_mm(places, one, other) for one, other in zip(active[made], others, strict=True)])
         for _ in range(PLACEBO_DRAWS):
             placebo.append(chamfer_mm(places, mean, _denser(simulated, mean, pair.groups.sensor, rng)))
+    if not placebo:
+        return {"value": None, "ci95": None, "floor": None, "placebo": None}
     per_session = known_mean(np.array(distance), 0)
     whole = float(np.nanmean(per_session))
     left = np.array([np.nanmean(np.delete(per_session, s)) for s in range(sessions)]) if sessions > 2 else np.zeros(0)

@@ -83,7 +83,11 @@ def diagnose(
         confounded = confounded_with(selection.names, selection.rivals, likes)
         unsure = nameless(judge, selection.chain, confounded)
         verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2, unsure, pair.cells)
-        report = report_of(judge, gap, selection, held, told, verdict, likes, confounded, forms, seed)
+        believed = selection.only(verdict.effects)
+        if believed is not selection:
+            held = held_out(judge, believed.chain)
+            told = attribute(judge, believed.names, held)
+        report = report_of(judge, gap, selection, believed, held, told, verdict, likes, confounded, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -131,6 +132,46 @@ class SessionMeans:
     def residual(self, features: Array) -> Array:
         """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""
         return np.where(self.known, self.value - features[:, None], 0.0)
+
+    @cached_property
+    def is_complete(self) -> bool:
+        """Whether every session knows what any of them knows."""
+        return bool((self.known == self.known.any(axis=1, keepdims=True)).all())
+
+    @cached_property
+    def pairing(self) -> Array:
+        """All pairs of sessions over those of which both know it, f64[C, F, n]: products of sessions, weighted so, add
+        up as if every session knew everything. 0 where fewer than two do; 1 with one session.
+        """
+        sessions, count = self.known.shape[1], self.known.sum(axis=1)
+        if sessions < 2:
+            return np.ones(count.shape)
+        return np.where(count > 1, sessions * (sessions - 1) / np.maximum(count * (count - 1), 1), 0.0)
+
+    def excesses(self, features: Array) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
+        """Squared difference from features f64[C, F, n] less what scatters, counts^2, and where that is known, of the
+        same form: of all sessions, then without each. The mean of the products of two sessions that know it; where one
+        does, its square less the variance of a session.
+        """
+        residual, variance = self.residual(features), np.nan_to_num(self.variance)
+        total, squares, count = residual.sum(axis=1), np.square(residual).sum(axis=1), self.known.sum(axis=1)
+
+        def told(total: Array, squares: Array, count: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
+            several = (total**2 - squares) / np.maximum(count * (count - 1), 1)
+            return np.where(count > 1, several, np.where(count == 1, squares - variance, 0.0)), count > 0
+
+        yield told(total, squares, count)
+        for session in range(residual.shape[1]):
+            own = residual[:, session]
+            yield told(total - own, squares - own**2, count - self.known[:, session])
+
+    def square(self, session: int, features: Array, scale: Array) -> float:
+        """Sum of a session's squared differences from features f64[C, F, n], times scale; of one that does not know
+        everything, as if the rest were like what it knows.
+        """
+        known, residual = self.known[:, session], self.residual(features)[:, session]
+        there, told = (float(np.sum(np.where(one, scale, 0.0))) for one in (self.known.any(axis=1), known))
+        return float(np.sum(scale * residual**2)) * (there / told if told > 0 else 0.0)
 
     def where(self, part: NDArray[np.bool_]) -> SessionMeans:
         """Only some taxels of some cells, bool[C, n]; the others are unknown."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
+from taxel.gap.features import SessionMeans
 from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, shrink
@@ -75,18 +76,21 @@ def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOu
     count = real.value.shape[1]
     before = judge.state.mean
     scale = layout.scale(real.value.shape[0], real.value.shape[3])
-    floor2 = float(np.sum(scale * np.nan_to_num(real.variance)))
-    firsts: list[float] = []
-    seconds: list[float] = []
-    promised, links = [], []
+    firsts = [real.square(session, before, scale) for session in range(count)]
+    seconds, promised, links = [], [], []
     start = start_of(judge.state, chain, fixed)
     for session in range(count):
         part = real.only(np.arange(count) != session) if count > 1 else real
         own = Judge(judge.state, part, layout)
         fitted = fit(own.problem(), chain, fixed, REFITS, start)
         links.append(fitted.chain.links)
-        for store, features in ((firsts, before), (seconds, fitted.features)):
-            store.append(float(np.sum(scale * real.residual(features)[:, session] ** 2)))
+        seconds.append(real.square(session, fitted.features, scale))
         excess = [own.excess(features) for features in (before, fitted.features)]
-        promised.append(shrink(max(excess[0], 0.0) + floor2, max(excess[1], 0.0) + floor2))
-    return HeldOut(np.array(firsts), np.array(seconds), floor2, np.array(promised), tuple(links))
+        scatter = scatter2(part, scale)
+        promised.append(shrink(max(excess[0], 0.0) + scatter, max(excess[1], 0.0) + scatter))
+    return HeldOut(np.array(firsts), np.array(seconds), scatter2(real, scale), np.array(promised), tuple(links))
+
+
+def scatter2(real: SessionMeans, scale: Array) -> float:
+    """Squared gap of one session that its scatter alone makes, counts^2."""
+    return float(np.sum(scale * np.nan_to_num(real.variance)))

@@ -129,6 +129,8 @@ class Judge:
     def score(self, features: Array, weight: Array | None = None) -> Score:
         """Of features f64[C, F, n]."""
         weight = self.weight if weight is None else weight
+        if not self.sessions.is_complete:
+            return self._score_of_some(features, weight)
         residual = self.sessions.residual(features)
         # Per session pair: sum over s != t of w D_s D_t, over their number.
         weighted = residual * weight[:, None]
@@ -141,6 +143,18 @@ class Judge:
         gram = grams.sum(axis=0)
         left = [off_diagonal(gram[np.ix_(stay, stay)]) for stay in leave_one_out(len(gram))]
         return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64), off_diagonal(grams))
+
+    def _score_of_some(self, features: Array, weight: Array) -> Score:
+        """As `score`, where sessions lack cells: what is known stands for its like."""
+        every = weight.sum(axis=(0, 2))
+
+        def families(told: Array, known: NDArray[np.bool_]) -> Array:
+            sums, parts = np.einsum("cfn,cfn->f", weight, told), np.einsum("cfn,cfn->f", weight, known)
+            own = [(sums[one].sum(), parts[one].sum(), every[one].sum()) for one in self.layout.families]
+            return np.array([found * (whole / part) if part > 0 else 0.0 for found, part, whole in own])
+
+        found, *left = (families(*one) for one in self.sessions.excesses(features))
+        return Score(float(found.sum()), np.array([one.sum() for one in left]), found)
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -43,7 +44,10 @@ def _effect(file: str, name: str, table: Any) -> dict[str, Prior]:
         raise GapInputError(f"{file}: [{name}]", f"one of {known}", "another name", "correct the name")
     if not isinstance(table, dict):
         raise GapInputError(f"{file}: {name}", "a table", type(table).__name__, f"write [{name}] above its parameters")
-    parameters = {one.name: one for form in catalogue.CATALOGUE[name] for one in form.own_parameters()}
+    parameters: dict[str, Parameter] = {}
+    for one in (one for form in catalogue.CATALOGUE[name] for one in form.own_parameters()):
+        other = parameters.get(one.name, one)
+        parameters[one.name] = replace(one, low=min(one.low, other.low), high=max(one.high, other.high))
     return {key: _prior(f"{file}: {name}.{key}", parameters, key, value) for key, value in table.items()}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.clock import Clock
-from taxel.gap.features import COUNTS_PER_SECOND, Layout
+from taxel.gap.features import COUNTS_PER_SECOND, Layout, untouched_cells
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -90,6 +90,11 @@ class State:
     base: Signal
     mean: Array
     shift_s: float = 0.0
+
+    @cached_property
+    def untouched(self) -> NDArray[np.bool_]:
+        """bool[C, n], see `untouched_cells`: there the wander tells what is left after release."""
+        return untouched_cells(self.pair)
 
     @cached_property
     def coarse(self) -> State:

@@ -198,7 +198,7 @@ def _propagation(judge: Judge, selection: Selection) -> tuple[Link, Array] | str
     first = selection.rounds[0].trials if selection.rounds else ()
     for trial in first:
         if trial.name == NAME:
-            return trial.link, trial.features
+            return trial.link, trial.chain.features(state)
     fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in catalogue.CATALOGUE[NAME]]
     best = min(fits, key=lambda fit: judge.score(fit.features).value)
     return best.chain.links[0], best.features

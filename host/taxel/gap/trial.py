@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -79,6 +80,15 @@ class Selection:
         """The effects that were found, in the order in which they were."""
         found = [one.best.name for one in self.rounds if one.accepted and one.best is not None]
         return tuple(dict.fromkeys(name for name in (*found, *self.chain.names) if name in self.chain.names))
+
+    def only(self, names: Collection[str]) -> Selection:
+        """With these effects alone in the chain, as they were fitted beside the others."""
+        if set(self.chain.names) <= set(names):
+            return self
+        chain, *parts = (
+            Chain(tuple(link for link in one.links if link.effect.name in names)) for one in (self.chain, *self.parts)
+        )
+        return replace(self, chain=chain, features=chain.features(self.judge.state), parts=tuple(parts))
 
     @property
     def is_local(self) -> bool:

@@ -89,6 +89,9 @@ def judge_verdict(
     if within and local and gap.excess.value <= margin / 3.0:
         names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
+    if not names and gap.excess.error is None:
+        line = f"Unknown: {size}, whose cause fewer than three sessions cannot tell{_most_like(selection)}."
+        return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
     if not names or (named < NAMED and not local):
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
     said = "; ".join(_in_words(name) for name in names)
@@ -111,6 +114,14 @@ def _hangs_on(gap: Gap, margin: float) -> int | None:
     cells = excess.sum(axis=(1, 2)) / (excess.shape[0] * excess.shape[2])
     alone = len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= margin / 3.0
     return int(cells.argmax()) if alone else None
+
+
+def _most_like(selection: Selection) -> str:
+    """What takes most of the gap, though nobody knows whether by chance."""
+    best = selection.rounds[0].best if selection.rounds else None
+    if best is None or best.held is None or best.held.gone_of(selection.start) < NAMED:
+        return ""
+    return f"; most like {_in_words(best.name)}: {100 * best.held.gone_of(selection.start):.0f} % of its score"
 
 
 def _in_words(name: str) -> str:

@@ -45,7 +45,7 @@ class Products:
 
 def products(real: SessionMeans, model: Array, layout: Layout) -> Products:
     """model: f64[C, F, n], counts."""
-    scale = np.sqrt(layout.scale(real.value.shape[0], real.value.shape[3]))
+    scale = np.sqrt(layout.scale(real.value.shape[0], real.value.shape[3]) * real.pairing)[:, None]
     residual = real.residual(model)
     centred = np.where(real.known, residual - known_mean(np.where(real.known, residual, np.nan), 1)[:, None], 0.0)
     parts = []

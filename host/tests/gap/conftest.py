@@ -57,6 +57,8 @@ class World:
     most: float = np.inf
     scales: tuple[float, ...] = (1.0,)
     recorded: int | None = None
+    absent: object = None  # (session, cell) -> whether the hand has left it out
+    noise: float = 4.0  # counts, of the simulator
     mesh: ObjectMesh = field(default_factory=lambda: ObjectMesh(CUBE, FACES))
 
     def force(self, cell: int, scale: np.ndarray | float = 1.0) -> np.ndarray:
@@ -107,6 +109,8 @@ class World:
         for session in range(sessions):
             mounting = np.exp(rng.normal(0.0, self.session_scatter, N))
             for cell in range(cells):
+                if source == "real" and self.absent is not None and self.absent(session, cell):
+                    continue
                 for repeat in range(repeats):
                     scale = 1.0
                     if source == "real":
@@ -117,7 +121,7 @@ class World:
         drop = MODEL.drop(force)
         if source == "real" and self.effect is not None:
             drop = self.effect(force, drop)
-        raw = np.rint(30_000.0 - drop + rng.normal(0.0, 4.0, force.shape))
+        raw = np.rint(30_000.0 - drop + rng.normal(0.0, 4.0 if source == "real" else self.noise, force.shape))
         valid = np.ones((len(TIME), BOARDS), bool)
         if source == "real" and self.after is not None:
             raw, valid = self.after(raw, valid, rng)

@@ -41,6 +41,5 @@ class BaselineDrift(Effect):
         added = (values**2).sum(axis=0)[self.blocks(state)]
         result = features.copy()
         wander = state.layout.wander
-        untouched = features[:, wander] > 0
-        result[:, wander] = np.where(untouched, np.sqrt(features[:, wander] ** 2 + added), features[:, wander])
+        result[:, wander] = np.where(state.untouched, np.sqrt(features[:, wander] ** 2 + added), features[:, wander])
         return result

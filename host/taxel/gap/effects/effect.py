@@ -81,12 +81,14 @@ class Effect(ABC):
         """The same with what is known of them."""
         known = self.priors
         return tuple(
-            one.expected(known[one.name].value, known[one.name].std) if one.name in known else one
+            one.expected(known[one.name].value, known[one.name].std)
+            if one.name in known and one.low <= known[one.name].value <= one.high
+            else one
             for one in self.own_parameters()
         )
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Effect:
-        """The same effect, of which something is known."""
+        """The same effect, of which something is known; what a form cannot be says nothing of it."""
         known = copy(self)
         known.priors = dict(priors)  # no proxy: an effect is sent to other processes
         return known

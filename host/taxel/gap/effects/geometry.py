@@ -126,16 +126,19 @@ class Law:
 
 
 def law_of(state: State) -> Law:
-    """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed."""
+    """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed, or
+    hardly, as by a rigid contact.
+    """
     force, separation = state.base.force, state.base.separation
     assert force is not None
     assert separation is not None
     pressed = (separation < 0) & (force > 0.02)
     depth, newtons = -separation[pressed], force[pressed]
     stated = state.model.contact_stiffness_n_per_m
+    stiffness = stated or (float(np.median(newtons / depth)) if len(depth) else 1000.0)
+    line = Law(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
     if len(depth) < 200:
-        stiffness = stated or (float(np.median(newtons / depth)) if len(depth) else 1000.0)
-        return Law(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
+        return line
     edges = np.quantile(depth, np.linspace(0.0, 0.995, 25))
     middle, level = [0.0], [0.0]
     for low, high in pairwise(edges.tolist()):
@@ -143,7 +146,7 @@ def law_of(state: State) -> Law:
         if own.sum() >= 5 and np.median(depth[own]) > middle[-1] + 1e-6:
             middle.append(float(np.median(depth[own])))
             level.append(max(float(np.median(newtons[own])), level[-1] + 1e-4))
-    return Law(np.array(middle), np.array(level))
+    return Law(np.array(middle), np.array(level)) if len(middle) > 1 else line
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ class Noise(Effect):
         result[:, noise] = np.sqrt(features[:, noise] ** 2 + added[:, None])
         wander = state.layout.wander
         mean2 = added * _share_of_mean(state)
-        result[:, wander] = np.where(features[:, wander] > 0, np.sqrt(features[:, wander] ** 2 + mean2), 0.0)
+        result[:, wander] = np.where(state.untouched, np.sqrt(features[:, wander] ** 2 + mean2), 0.0)
         return result
 
 

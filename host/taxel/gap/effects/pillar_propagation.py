@@ -24,12 +24,16 @@ MOST_DEPTH: Final = 0.97
 """Share of the greatest depth, which no finite force reaches."""
 
 
+FALLEN: Final = 1.0 - np.exp(-1.0)
+"""Share of a depth that is gone at the spread, by the report's definition."""
+
+
 class PillarPropagation(ContactPropagation):
     """A piece's depth is at least what any other's leaves over the way between them; its own force stays.
 
     Depth is told as a share of the greatest, force / (force + half_depth_n): that of the sensor model's drop, were the
-    taxel a capacitor whose plate approaches. spread_mm: the way over which it falls by all of that. strength: share of
-    what comes by this that the others gain.
+    taxel a capacitor whose plate approaches. spread_mm: the way over which it falls from that to 1/e of it. strength:
+    share of what comes by this that the others gain.
     """
 
     def __init__(self, scope: str = "hand") -> None:
@@ -37,7 +41,7 @@ class PillarPropagation(ContactPropagation):
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Spread and strength."""
-        return Parameter("spread_mm", "mm", 0.3, 40.0, 2.0, 6.0), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
+        return Parameter("spread_mm", "mm", 0.2, 25.0, 1.3, 3.8), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
 
     def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:
         """See `ContactPropagation`."""
@@ -45,6 +49,7 @@ class PillarPropagation(ContactPropagation):
         even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)
         # Half the sensor model's force: of shares tried the best on worlds of this project's emulator, chosen there.
         half_depth_n = 0.5 * state.model.half_force_n
+        reach_m = spread_m / FALLEN
         result = force.copy()
         for cell in np.unique(state.cell[force.any(axis=(1, 2))]).tolist():
             own = force[state.cell == cell]
@@ -53,7 +58,7 @@ class PillarPropagation(ContactPropagation):
             if whole <= 0.0:
                 continue
             pressure = PIECES**2 * most[:, None] * shares.get((cell, number), even)
-            gained = strength * np.stack([drawn(board, level * pressure, spread_m, half_depth_n) for level in LEVELS])
+            gained = strength * np.stack([drawn(board, level * pressure, reach_m, half_depth_n) for level in LEVELS])
             level = np.clip(own.sum(axis=2) / whole, 0.0, LEVELS[-1])
             right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
             share = ((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]))[..., None]
@@ -61,15 +66,15 @@ class PillarPropagation(ContactPropagation):
         return result
 
 
-def drawn(board: BoardLayout, pressure: Array, spread_m: float, half_depth_n: float) -> Array:
+def drawn(board: BoardLayout, pressure: Array, reach_m: float, half_depth_n: float) -> Array:
     """Force that a board's taxels gain, newtons, f64[m]. pressure: f64[m, 9], of their pieces, as the force of a taxel
-    that is pressed so all over.
+    that is pressed so all over. reach_m: the way over which the greatest depth falls to none.
     """
     depth = (pressure / (pressure + half_depth_n)).ravel()
     sources = np.flatnonzero(pressure.ravel() > LEAST_SHARE * pressure.max())
     if not len(sources):
         return np.zeros(len(pressure))
-    left = depth[sources, None] - _apart(board)[sources] / spread_m
+    left = depth[sources, None] - _apart(board)[sources] / reach_m
     deeper = np.clip(left.max(axis=0), depth, MOST_DEPTH)
     gained = np.maximum(half_depth_n * deeper / (1.0 - deeper) - pressure.ravel(), 0.0)
     return np.asarray(gained.reshape(pressure.shape).mean(axis=1))

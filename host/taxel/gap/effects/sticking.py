@@ -28,8 +28,8 @@ MIDDLE_S: Final = 1.0
 
 
 class Sticking(Hysteresis):
-    """variant "sticks": the closed share x of a plate capacitor's gap falls behind by up to `fraction` while it grows
-    and is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is closed a
+    """variant "sticks": the closed share x of a plate capacitor's gap falls behind by up to `play` while it grows and
+    is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is closed a
     share `creep` comes in every decade of time, as elastomers creep: with the logarithm of time.
     """
 
@@ -39,7 +39,7 @@ class Sticking(Hysteresis):
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Width of the play, and creep a decade."""
         creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)
-        return Parameter("fraction", "1", 0.0, 1.0, 0.0, 0.05), creep
+        return Parameter("play", "1", 0.0, 1.0, 0.0, 0.05), creep
 
     def unavailable(self, state: State) -> str:
         """See `Effect`: it acts on the drop."""
@@ -53,10 +53,17 @@ class Sticking(Hysteresis):
         """See `Effect`."""
         if not values.any():
             return signal
-        fraction, creep = self.spread_out(state, values)
+        play, creep = self.spread_out(state, values)
         closed = closed_by(state, signal)
-        closed = closed + STUCK_SHARE * (stuck(closed, fraction[:, 0] / STUCK_SHARE) - closed)
+        closed = closed + STUCK_SHARE * (stuck(closed, play[:, 0] / STUCK_SHARE) - closed)
         return signal.with_drop(drop_of(state, crept(closed, state.since, creep)))
+
+
+def as_late(values: Array, frame_s: float, lasts_s: float) -> tuple[float, float]:
+    """In the words of the other forms: the share that comes between a frame and the end of the record, and the seconds
+    by which half of that has come. values: of the parameters, f64[2, 1].
+    """
+    return float(values[1, 0]) * float(np.log10(lasts_s / frame_s)), float(np.sqrt(frame_s * lasts_s))
 
 
 def stuck(values: Array, width: Array) -> Array:

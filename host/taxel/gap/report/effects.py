@@ -15,13 +15,14 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
+from taxel.gap.effects.sticking import Sticking, as_late
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import MODEL_SHARE, Judge
-from taxel.gap.metric import Gap, Interval, jackknife, measure, shrink_by, together
+from taxel.gap.metric import Gap, Interval, jackknife, shrink_by, together
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import model_of, noise_parts
-from taxel.gap.trial import Selection
+from taxel.gap.trial import Selection, Trial
 
 Array = NDArray[np.float64]
 
@@ -45,22 +46,23 @@ def effect_entry(
     identifiable: str,
     draws: Sequence[Link],
 ) -> dict[str, Any]:
-    """One effect that was tried. draws: its link as it may be as well, none of one that was not found."""
+    """One effect that was tried. selection: of what the verdict names. draws: its link as it may be as well, none of
+    one that was not found.
+    """
     pair = judge.state.pair
     first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
-    in_verdict = name in selection.names
+    link = next((one for one in selection.chain.links if one.effect.name == name), None)
+    in_verdict = link is not None
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
-    if first is None:
+    if link is None and first is not None:
+        link = first.link
+    if link is None:
         return {**entry, "identifiability": identifiable, **_nothing(gap)}
-    link = first.link
     inside: list[Link] = []
     parts: list[Link] = []
     if in_verdict:
-        link = next(one for one in selection.chain.links if one.effect.name == name)
         inside = [one for links in held.links for one in links if one.effect.name == name]
         parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
-    features = first.held_features if first.held_features is not None else first.features
-    alone = shrink_by(judge.sessions, selection.before, features, judge.layout)
     found = {**entry, "parameters": parameters_of(pair, link, inside, parts, draws), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         spread = _spread_of_gains(judge, link)
@@ -68,14 +70,24 @@ def effect_entry(
     found["model"] = model_of(judge.state, link)
     found["identifiability"] = identifiable
     found |= _nothing(gap)
-    found["gap_after_alone"] = measure(judge.sessions, features, judge.layout).gap.value
-    found["shrink_alone"], found["shrink_alone_ci95"] = alone.value, alone.ci95
+    if first is not None:  # else it was seen beside another one only
+        found |= _alone(judge, selection.before, first, gap)
     if in_verdict:
         measured = told.shrink(name)
         found["shapley_share"] = told.shapley()[name]
         found["predicted_shrink"] = float(told.promised[frozenset({name})].mean())
         found["measured_shrink"], found["measured_shrink_ci95"] = measured.value, measured.ci95
     return found
+
+
+def _alone(judge: Judge, before: Array, first: Trial, gap: Gap) -> dict[str, Any]:
+    """What it does by itself; on cells that were left out, if it was worth that. before: features as the search began,
+    whose frames were aligned without it: what it takes of their gap it takes of the one that is told.
+    """
+    features = first.held_features if first.held_features is not None else first.features
+    alone = shrink_by(judge.sessions, before, features, judge.layout)
+    after = gap.gap.value * (1.0 - alone.value)
+    return {"gap_after_alone": after, "shrink_alone": alone.value, "shrink_alone_ci95": alone.ci95}
 
 
 def _nothing(gap: Gap) -> dict[str, Any]:
@@ -121,10 +133,20 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
         for block in _shown_blocks(link):
             values[_label(pair, link, parameter.name, block)] = (float(shown[block]), parameter.unit)
     if link.effect.name == "baseline_drift":
-        values["counts"] = (float(np.max(np.hypot(link.values[0], link.values[1]))), "counts")
+        values["counts"] = (_drifted(link), "counts")
+    if isinstance(link.effect, Sticking):
+        fraction, seconds = as_late(link.values, pair.frame_s, float(pair.clock.since_start[-1]))
+        values |= {"fraction": (fraction, "1"), "seconds": (seconds, "s")}
     if link.effect.name == "pose_error":
         values |= _displacement(link)
     return values
+
+
+def _drifted(link: Link) -> float:
+    """Counts by which the board that wanders most does so in a grasp; below 0 where drops fall rather than scatter."""
+    slope, scatter = link.values[:, np.hypot(link.values[0], link.values[1]).argmax()]
+    size = float(np.hypot(slope, scatter))
+    return -size if slope < -scatter else size
 
 
 def _shown(pair: Pair, link: Link, row: int) -> Array:

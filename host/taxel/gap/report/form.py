@@ -35,6 +35,7 @@ def report_of(
     judge: Judge,
     gap: Gap,
     selection: Selection,
+    believed: Selection,
     held: HeldOut,
     told: Attribution,
     verdict: Verdict,
@@ -43,18 +44,18 @@ def report_of(
     tried: Forms,
     seed: int,
 ) -> dict[str, Any]:
-    """All but run time and millimetres. likes, confounded: what these presses cannot tell apart. tried: what of the
-    catalogue.
+    """All but run time and millimetres. believed: of the selection what the verdict names; held, told: of it. likes,
+    confounded: what these presses cannot tell apart. tried: what of the catalogue.
     """
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
-    after = selection.features
+    after = believed.features
     found = products(real, before, layout)
     left = unexplained(pair, layout, real, after, judge.fold, seed)
-    draws = draws_of(judge, selection.chain, FIXED)
+    draws = draws_of(judge, believed.chain, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
         known = identifiability(name, judge, tried, likes, confounded)
-        return effect_entry(name, judge, selection, held, gap, told, known, draws.get(name, ()))
+        return effect_entry(name, judge, believed, held, gap, told, known, draws.get(name, ()))
 
     return {
         "format": "taxel-gap-report",

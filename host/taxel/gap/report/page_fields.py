@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import MARGIN_FLOORS, terms
 from taxel.gap.pair import Pair
-from taxel.gap.verdict import Verdict
+from taxel.gap.verdict import LEAST_MARGIN_COUNTS, Verdict
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def page_fields(
     sensor = pair.groups.sensor
 
     def rms(part: Array) -> float:
-        return float(np.sqrt(max(part.sum(axis=1).mean(), 0.0)))
+        return float(np.sqrt(max(part.sum(axis=1).mean(), 0.0))) if part.size else 0.0
 
     return {
         "taxels": {"sensor": pair.taxels.sensor.tolist(), "tx": pair.taxels.tx.tolist(), "rx": pair.taxels.rx.tolist()},
@@ -64,6 +64,7 @@ def page_fields(
         "losses": list(pair.losses),
         "margin": {
             "excess_counts2": verdict.margin,
-            "words": f"no gap: the upper bound of the excess is at most {MARGIN_FLOORS:g} squared floors",
+            "words": f"no gap: the upper bound of the excess is at most {MARGIN_FLOORS:g} squared floors of both "
+            f"sides, or {LEAST_MARGIN_COUNTS**2:g} squared counts where those are less",
         },
     }

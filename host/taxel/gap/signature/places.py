@@ -51,7 +51,7 @@ def energy(left: Remainder, model: Array, bins: int) -> Array:
 def spots(left: Remainder, model: Array, bins: int) -> list[Spot]:
     """What stands out, one for each kind of place at most."""
     scaled = left.residual[:, :, :bins] * left.root[:bins]
-    excess = _excess(scaled)
+    excess = _excess(scaled, left.known[:, :, :bins].sum(axis=1))
     whole, pressed = float(excess.sum()), energy(left, model, bins)
     if whole <= 0:
         return []
@@ -59,14 +59,13 @@ def spots(left: Remainder, model: Array, bins: int) -> list[Spot]:
     return [spot for spot in found if spot is not None]
 
 
-def _excess(scaled: Array) -> Array:
-    """Of each cell and taxel, f64[C, n]."""
-    sessions = scaled.shape[1]
-    squares = np.einsum("csfn,csfn->cn", scaled, scaled)
-    if sessions < 2:
-        return np.asarray(squares)
-    total = scaled.sum(axis=1)
-    return np.asarray((np.einsum("cfn,cfn->cn", total, total) - squares) / (sessions * (sessions - 1)))
+def _excess(scaled: Array, count: NDArray[np.intp]) -> Array:
+    """Of each cell and taxel, f64[C, n]. scaled: f64[C, S, B, n]. count: [C, B, n], sessions that know it."""
+    squares = np.square(scaled).sum(axis=1)
+    if scaled.shape[1] < 2:
+        return np.asarray(squares.sum(axis=1))
+    products = (np.square(scaled.sum(axis=1)) - squares) / np.maximum(count * (count - 1), 1)
+    return np.asarray(np.where(count > 1, products, 0.0).sum(axis=1))
 
 
 def _spot(left: Remainder, scope: str, scaled: Array, excess: Array, pressed: Array) -> Spot | None:

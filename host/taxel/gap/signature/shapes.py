@@ -124,6 +124,8 @@ def _over_radius(pair: Pair, grid: Grid, drop: Array, hold: Array) -> Array:
     level, radius = np.zeros_like(drop), np.zeros_like(hold)
     for board in range(len(pair.sensors.address)):
         own = np.flatnonzero(pair.groups.sensor == board)
+        if not len(own):
+            continue
         place, weight = pair.taxels.position[own], np.maximum(hold[:, own], 0.0) ** 2
         total = weight.sum(axis=1, keepdims=True)
         share = weight / np.where(total > 0, total, 1.0)
@@ -138,7 +140,8 @@ def _over_radius(pair: Pair, grid: Grid, drop: Array, hold: Array) -> Array:
 def _over_sums(pair: Pair, drop: Array) -> Array:
     """What all taxels would do together as the hand, or as their board, is pressed: mean drops, f64[C, n, B, 2]."""
     sensor = pair.groups.sensor
-    means = np.stack([drop[:, sensor == board].mean(axis=1) for board in range(len(pair.sensors.address))], axis=1)
+    own = (sensor == np.arange(len(pair.sensors.address))[:, None]).astype(np.float64)
+    means = np.einsum("gn,cnb->cgb", own / np.maximum(own.sum(axis=1, keepdims=True), 1.0), drop)
     hand = np.broadcast_to(drop.mean(axis=1, keepdims=True), drop.shape)
     return np.stack([hand, means[:, sensor]], axis=-1)
 
