@@ -116,7 +116,7 @@ def _told_right(found: list[Told]) -> dict[str, dict[str, int]]:
 
 
 def _print_matches(found: list[Told]) -> None:
-    console = Console()
+    console = Console(markup=False)
     table = Table(title="best model of each cloud")
     for heading in ("cloud", "best", "score mm", "margin", "sure"):
         table.add_column(

@@ -141,7 +141,7 @@ def _in_words(stats: DistanceStats) -> str:
 
 
 def _print_rows(force: list[ForceRow], sor: list[SorRow]) -> None:
-    console = Console()
+    console = Console(markup=False)
     for title, first, rows in (
         ("force filter", ("counts",), [((f"{row.threshold_counts:g}",), row) for row in force]),
         ("outlier filter", ("N", "nSigma"), [((str(row.n_neighbors), f"{row.n_sigma:g}"), row) for row in sor]),

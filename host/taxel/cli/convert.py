@@ -37,8 +37,8 @@ def convert(
     Example: taxel convert skin.mcap skin.csv
     """
     options = GraspOptions(grasped, approach, baseline_frames=baseline_frames)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True, markup=False), transient=True) as progress:
         task = progress.add_task(f"converting {source}")
         done = convert_recording(
             source,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -50,15 +51,31 @@ def diagnose(
     for path in (report, page):
         if path.exists() and not overwrite:
             raise TaxelError(f"{path}: exists already; choose another --out or --overwrite it")
-    console = Console(stderr=as_json)
+    _make_folder(out)
+    console = Console(stderr=as_json, markup=False)
     with stage_bars(console) as show:
         diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {})
-    out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
-    report.write_text(text)
-    write_page(json.loads(text), page)
+    with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:
+        # Both are whole before either takes the place of an old one.
+        written = Path(folder) / report.name, Path(folder) / page.name
+        written[0].write_text(text)
+        write_page(json.loads(text), written[1])
+        for made, path in zip(written, (report, page), strict=True):
+            made.replace(path)
     if as_json:
         print(text)
     else:
         print_summary(console, diagnosis.report)
         console.print(f"report: {page}", highlight=False)
+
+
+def _make_folder(out: Path) -> None:
+    """Before anything is worked out for it. Raises TaxelError of one line."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TaxelError(f"--out {out}: cannot be made a folder ({error.strerror}); choose another one") from None
+    for path in (out / "report.json", out / "report.html"):
+        if path.is_dir():
+            raise TaxelError(f"{path}: is a folder; choose another --out")

@@ -40,11 +40,11 @@ def blind(
         raise TaxelError(f"--jobs: expected 1 or more, found {jobs}")
     if minutes is not None and not minutes >= 0:
         raise TaxelError(f"--minutes: expected 0 or more, found {minutes:g}")
-    console = Console(stderr=as_json)
+    console = Console(stderr=as_json, markup=False)
     drawn = seal(out, worlds, full_hand, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

@@ -11,7 +11,7 @@ from rich.table import Table
 
 def print_summary(console: Console, report: Mapping[str, Any]) -> None:
     """Verdict, gap and floor, shrink, and the parameters of what was found."""
-    console.print(f"\n[bold]{report['verdict']['one_line']}[/bold]\n", highlight=False)
+    console.print(f"\n{report['verdict']['one_line']}\n", style="bold", highlight=False, markup=False)
     table = Table(box=None, pad_edge=False)
     for heading in ("", "counts", "mm"):
         table.add_column(heading, justify="left" if not heading else "right")
@@ -25,13 +25,13 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
         said = f"shrink {100 * after['shrink']:.0f} %, predicted {100 * after['predicted_shrink']:.0f} %"
         if after["reducible_shrink"] is not None:
             said += f"; {100 * after['reducible_shrink']:.0f} % of what lies above the floor"
-        console.print(said, highlight=False)
+        console.print(said, highlight=False, markup=False)
     for entry in report["effects"]:
         if entry["in_verdict"]:
             values = ", ".join(_parameter(name, one) for name, one in list(entry["parameters"].items())[:6])
-            console.print(f"{entry['name']}: {values}", highlight=False)
+            console.print(f"{entry['name']}: {values}", highlight=False, markup=False)
     for loss in report["losses"]:
-        console.print(f"note: {loss}", highlight=False)
+        console.print(f"note: {loss}", highlight=False, markup=False)
 
 
 def _with_interval(value: float, interval: list[float] | None, digits: int = 1) -> str:

@@ -57,7 +57,7 @@ def grasp(
     sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
     if jobs < 0:
         raise TaxelError(f"--jobs: expected 0 (one a core) or more, found {jobs}")
-    console = Console(stderr=as_json)
+    console = Console(stderr=as_json, markup=False)
     paths = _paths(source, out, overwrite or resume)
     if "emulated" in paths:
         path = paths["emulated"]
@@ -128,7 +128,7 @@ class _bar:  # noqa: N801 - a context manager used like a function
 
     def __init__(self, console: Console, title: str) -> None:
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("grasps"),

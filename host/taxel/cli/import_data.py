@@ -216,11 +216,11 @@ def _wrist(text: str) -> FloatArray | None:
 @contextmanager
 def _bar(quiet: bool) -> Iterator[Tell]:
     """A progress bar that shows what is being done."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     if quiet or not console.is_terminal:
         yield silent
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("importing", total=None)
         yield lambda what, done, of: progress.update(task, description=what, completed=done, total=of)

@@ -49,7 +49,7 @@ def monitor(
 
     Example: taxel monitor emulator: --seconds 2
     """
-    console = Console()
+    console = Console(markup=False)
     with _opening(console, url):
         skin = open_watched(url, hand, rate, speed)
     with skin:

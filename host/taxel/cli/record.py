@@ -27,10 +27,10 @@ def record(
 
     Example: taxel record "emulator:?speed=max" --seconds 2 --out skin.mcap
     """
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     with open_recorded(url, out, hand, overwrite, joint_angles(joints)) as skin:
         summary = StreamSummary(skin)
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
         try:
             with Progress(*columns, console=console, transient=True) as progress:
                 task = progress.add_task(f"recording {url}")
@@ -45,4 +45,4 @@ def record(
         except KeyboardInterrupt:
             pass
         finally:
-            summary.print(Console())
+            summary.print(Console(markup=False))

@@ -67,7 +67,7 @@ def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float
             if as_json:
                 print(json.dumps(summary.as_dict(), indent=2))
             else:
-                summary.print(Console())
+                summary.print(Console(markup=False))
 
 
 def _to_port(recording: str, hand: str | None, grasp: str | None, speed: float | None) -> None:

@@ -22,7 +22,7 @@ def show(
 
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
-    console = Console()
+    console = Console(markup=False)
     common = _common(datasets)
     if not common and not grasp:
         raise TaxelError(f"{', '.join(map(str, datasets))}: no grasp id that all of them have; name one with --grasp")

@@ -17,9 +17,16 @@ def stage_bars(console: Console | None = None, *, hidden: bool = False) -> Itera
     """Bars on `console`, a stage's own elapsed time beside it. None: on standard error, so that standard output stays
     what a script reads, and gone when all is done. hidden: no bars.
     """
-    columns = (TextColumn("{task.description:<14}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:<14}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     passing = console is None
-    with Progress(*columns, console=console or Console(stderr=True), transient=passing, disable=hidden) as progress:
+    with Progress(
+        *columns, console=console or Console(stderr=True, markup=False), transient=passing, disable=hidden
+    ) as progress:
         tasks: dict[str, TaskID] = {}
 
         def show(stage: str, done: int, total: int) -> None:

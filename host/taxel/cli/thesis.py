@@ -45,7 +45,7 @@ def thesis(
         return
     _say(console, found)
     if beside is not None:
-        console.print(f"gap diagnosis: {beside.one_line}", highlight=False)
+        console.print(f"gap diagnosis: {beside.one_line}", highlight=False, markup=False)
     console.print(
         f"{sum(one.reproduced for one in found)} of {len(found)} findings reproduced; page: {out / 'thesis.html'}"
     )

@@ -33,9 +33,7 @@ LIKELY: Final = 0.02
 
 
 def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed: int) -> dict[str, Any]:
-    """The report's `gap.mm`; its floor is None with one session, all of it where no hold is known. model: features
-    f64[C, F, n] of the simulator.
-    """
+    """The report's `gap.mm`; a floor that nobody knows is 0, as in counts. model: of the simulator, f64[C, F, n]."""
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     sessions = real.value.shape[1]
     rng = np.random.default_rng(seed)
@@ -56,15 +54,13 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed
             floor.append([chamfer_mm(places, one, other) for one, other in zip(active[made], others, strict=True)])
         for _ in range(PLACEBO_DRAWS):
             placebo.append(chamfer_mm(places, mean, _denser(simulated, mean, pair.groups.sensor, rng)))
-    if not placebo:
-        return {"value": None, "ci95": None, "floor": None, "placebo": None}
     per_session = known_mean(np.array(distance), 0)
     whole = float(np.nanmean(per_session))
     left = np.array([np.nanmean(np.delete(per_session, s)) for s in range(sessions)]) if sessions > 2 else np.zeros(0)
     return {
         "value": whole,
         "ci95": jackknife(left, whole).ci95,
-        "floor": float(np.mean([value for row in floor for value in row])) if floor else None,
+        "floor": float(np.mean([value for row in floor for value in row])) if floor else 0.0,
         "placebo": float(np.mean(placebo)),
     }
 

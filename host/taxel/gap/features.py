@@ -247,7 +247,7 @@ def session_means(
 
 def untouched_cells(pair: Pair) -> NDArray[np.bool_]:
     """bool[C, n]: the simulator never lets the taxel drop in that cell."""
-    largest = np.nanmax(np.abs(pair.sim.nodes), axis=1)
+    largest = np.max(np.abs(pair.sim.nodes), axis=1, where=np.isfinite(pair.sim.nodes), initial=0.0)
     result = np.ones((len(pair.cells), pair.n), bool)
     for cell in range(len(pair.cells)):
         result[cell] = (largest[pair.sim.cell == cell] < UNTOUCHED_COUNTS + 4 * _node_noise(pair)).all(axis=0)

@@ -15,15 +15,25 @@ from numpy.typing import NDArray
 from taxel.gap.boards import BoardLayout, layouts_of
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
+from taxel.gap.losses import losses_of, require_answers
 from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_format import REAL, SIM, Phase
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 PLACE_TOLERANCE_M = 1e-5
 SHARED_PHASES = (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
+
+LEAST_TIMES = 0.25
+"""Share of frames with a time of their own, below which nobody knows when anything happened."""
+
+FEW_FRAMES = 20
+"""Fewer say nothing of a clock."""
+
+MOST_RATIO = 50.0
+"""Of how long hold lasts on either side, beyond which one of them is hardly in seconds."""
 
 Key = tuple[str, str]
 
@@ -89,9 +99,12 @@ def silent(done: int, total: int) -> None:
 def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = silent) -> Pair:
     """Read what two datasets have in common. Raises DatasetError and GapInputError of one line."""
     with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
+        if (real.source, sim.source) == (SIM, REAL):
+            where, found = f"{real.path}: /", "a simulation, and the recording second"
+            raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
-        clock, rate = _clock(((real, made), (sim, simulated)))
+        clock, rate, lost = _clock(((real, made), (sim, simulated)))
         groups = grouped(real.taxels, real.sensors)
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
@@ -102,6 +115,8 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         second = read_recording(
             sim, simulated, numbers, clock, groups, columns, lambda done, _: progress(count + done, total)
         )
+        paths = (str(real_path), str(sim_path))
+        require_answers(paths, first, second, real.sensors)
         return Pair(
             cells,
             real.taxels,
@@ -114,9 +129,9 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             sim.sensor_model,
             dict(real.objects),
             *poses,
-            (str(real_path), str(sim_path)),
+            paths,
             (_digest(real.path), _digest(sim.path)),
-            tuple(losses + _further_losses(first, second, groups)),
+            tuple(losses + lost + losses_of(first, second, groups)),
             unrecorded,
         )
 
@@ -178,26 +193,54 @@ def _common_cells(
     return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
 
 
-def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock, float]:
-    durations: dict[Phase, float] = {}
+def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock, float, list[str]]:
+    """Nodes of what all grasps have, the rate of the slowest, and which phases are lost because some have none."""
+    durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
     rate = np.inf
-    for data, grasps in sides:
+    for side, (data, grasps) in enumerate(sides):
         for grasp in grasps:
             require_hold(grasp, str(data.path))
             time, phase = grasp.timestamp, grasp.phase
-            step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+            step = _frame_s(grasp, str(data.path))
             if step > 0:
                 rate = min(rate, 1.0 / step)
             for wanted in SHARED_PHASES:
                 own = time[phase == wanted]
-                lasts = float(own[-1] - own[0] + step) if len(own) else 0.0
-                durations[wanted] = min(durations.get(wanted, np.inf), lasts)
-            if durations[Phase.HOLD] <= 0:
+                durations[wanted][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
+            if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
                 raise GapInputError(where, "time that passes in hold", "none", "correct the file")
-    usable = {phase: lasts for phase, lasts in durations.items() if lasts > 0}
+    usable = {wanted: min(min(own) for own in lasts) for wanted, lasts in durations.items()}
+    usable = {wanted: lasts for wanted, lasts in usable.items() if lasts > 0}
     rate = rate if np.isfinite(rate) else 1.0
-    return Clock.of(usable, rate), rate
+    return Clock.of(usable, rate), rate, _lost_phases(sides, durations)
+
+
+def _frame_s(grasp: Grasp, path: str) -> float:
+    """Median frame period, seconds. Raises GapInputError where most frames share their time with others."""
+    steps = np.diff(grasp.timestamp)
+    if len(steps) >= FEW_FRAMES and np.count_nonzero(steps) < LEAST_TIMES * len(steps):
+        where, found = f"{path}: /grasps/{grasp.id}/timestamp", f"{np.count_nonzero(steps) + 1} for {len(steps) + 1}"
+        raise GapInputError(where, "a time for each frame", found, "record with a finer clock")
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def _lost_phases(
+    sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], durations: dict[Phase, list[list[float]]]
+) -> list[str]:
+    losses = []
+    for phase, lasts in durations.items():
+        if not any(any(own) for own in lasts):
+            continue  # in neither file: nothing is lost
+        for (data, grasps), own in zip(sides, lasts, strict=True):
+            without = [grasp.id for grasp, one in zip(grasps, own, strict=True) if one <= 0]
+            if without:
+                those = f"{len(without)} grasps ({without[0]})" if len(without) < len(grasps) else "all grasps"
+                losses.append(f"{data.path}: {phase.name.lower()} is missing in {those}: left out of the comparison")
+    real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
+    if not 1.0 / MOST_RATIO < real / sim < MOST_RATIO:
+        losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: are both in seconds?")
+    return losses
 
 
 def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:
@@ -206,38 +249,6 @@ def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:
     tx = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
     rx = np.unique(board * 256 + taxels.rx, return_inverse=True)[1]
     return Groups(board, tx, rx)
-
-
-def _further_losses(real: Recording, sim: Recording, groups: Groups) -> list[str]:
-    losses = []
-    sessions = np.unique(real.session)
-    if len(sessions) < 3:
-        count = "one session" if len(sessions) == 1 else f"{len(sessions)} sessions"
-        losses.append(f"only {count}: no intervals, and what is held out comes from the same mounting of the skin")
-    if sim.force is None:
-        losses.append("the simulation has no contact_force and separation: effects that act on force cannot be tried")
-    confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
-    if len(sessions) > 1 and len(confounded) == len(sessions):
-        losses.append("no session has every approach: differences of sessions and of approaches mix")
-    made = np.bincount(real.cell)
-    if made.max() < 2:
-        losses.append("no approach was made twice: nobody knows what scatters, and no gap can be told from it")
-    elif made.min() < 2:
-        losses.append("an approach was made once: its repeatability is taken from the others")
-    least = int(min(real.frames.min(), sim.frames.min()))
-    if least < 100:
-        losses.append(f"baselines of {least} frames instead of 100")
-    losses += [_without_baseline(one, side, groups) for one, side in ((real, "hand"), (sim, "simulator"))]
-    return [loss for loss in losses if loss]
-
-
-def _without_baseline(recording: Recording, side: str, groups: Groups) -> str:
-    """Of boards that lost too many frames of a baseline; empty if none did."""
-    count = 0
-    for baseline, missing in zip(recording.baseline, recording.missing, strict=True):
-        boards = np.unique(groups.sensor[np.isnan(baseline)])
-        count += int((missing[boards] < 1.0).any())
-    return f"in {count} grasps of the {side} a board lost its baseline: its drops there are unknown" if count else ""
 
 
 def _digest(path: Path) -> str:

@@ -89,6 +89,11 @@ def judge_verdict(
     if within and local and gap.excess.value <= margin / 3.0:
         names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
+    if not names and not (selection.rounds and selection.rounds[0].trials):
+        return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size}; no effect of the catalogue was tried.", margin)
+    if not names and gap.floor == 0.0:
+        line = f"Unknown: {size}, and nobody knows what scatters; make every press twice or more."
+        return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
     if not names and gap.excess.error is None:
         line = f"Unknown: {size}, whose cause fewer than three sessions cannot tell{_most_like(selection)}."
         return Verdict(UNKNOWN, (UNKNOWN,), line, margin)

@@ -197,9 +197,11 @@ def check_created(value: Any, place: Place) -> str:
 
 
 def check_integer(value: Any, place: Place) -> int:
-    """An integer of 0 or more."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < 0:
-        place.fail("an integer of 0 or more", shown(value), "count from 0")
+    """An integer of 0 or more, of 63 bits."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
+        place.fail("an integer of 0 or more", shown(value), "store a whole number")
+    if not 0 <= value < 2**63:
+        place.fail("an integer from 0 to 2^63 - 1", shown(int(value)), "count from 0")
     return int(value)
 
 

@@ -81,7 +81,8 @@ def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: b
 def _made(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple[ReportedGap, Path]]:
     """The report, and where to make the dataset; a copy where nothing is to be added. What was made is checked."""
     found = read_report(report)
-    with made_beside(Path(out), (Path(report), Path(sim)), overwrite) as whole:
+    inputs = Path(report), Path(sim), *([found.real] if found.real is not None else [])
+    with made_beside(Path(out), inputs, overwrite) as whole:
         with GraspDataset(sim) as data:
             _check_hand(found, data, shown_path(sim))
         if not found.effects:

@@ -33,6 +33,12 @@ CLOSE: Final = 1e-11
 REMEMBERED: Final = 20000
 """Displacements whose forces are kept."""
 
+LEAST_DETERMINANT: Final = 1e-15
+"""Square metres; a triangle that a ray sees smaller is met edge-on."""
+
+MOST_AT_ONCE: Final = 200_000
+"""Rays times triangles: what stays in a core's cache."""
+
 CONVEX: Final = 0.999
 """Share of its hull that a solid fills if it counts as convex."""
 
@@ -83,21 +89,26 @@ def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:
 
 
 def _through_triangles(triangles: Array, points: Array, directions: Array) -> Array:
-    """Moller and Trumbore 1997; the entry that lies nearest to the point counts."""
+    """Moller and Trumbore 1997, their triple products written so that what hangs on rays and on triangles are factors
+    of matrices; the entry that lies nearest to the point counts.
+    """
+    corner = triangles[:, 0]
+    first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
+    normal, about_second, about_first = np.cross(first, second), np.cross(second, corner), np.cross(corner, first)
+    level = np.einsum("ti,ti->t", corner, normal)
     nearest = np.full(len(points), np.inf)
-    for corner, second, third in triangles:
-        edges = second - corner, third - corner
-        p = np.cross(directions, edges[1])
-        determinant = p @ edges[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            offset = points - corner
-            u = np.einsum("mi,mi->m", offset, p) / determinant
-            q = np.cross(offset, edges[0])
-            v = np.einsum("mi,mi->m", directions, q) / determinant
-            at = q @ edges[1] / determinant
+    for rows in np.array_split(np.arange(len(points)), -(-len(points) * len(triangles) // MOST_AT_ONCE) or 1):
+        ray, moment = directions[rows], np.cross(points[rows], directions[rows])
+        determinant = -(ray @ normal.T)
+        u = moment @ second.T - ray @ about_second.T
+        v = -(moment @ first.T) - ray @ about_first.T
         # A positive determinant: the ray comes from outside.
-        hit = (determinant > 1e-15) & (u >= 0) & (v >= 0) & (u + v <= 1) & (np.abs(at) < np.abs(nearest))
-        nearest = np.where(hit, at, nearest)
+        hit = (determinant > LEAST_DETERMINANT) & (u >= 0) & (v >= 0) & (u + v <= determinant)
+        ray_at, triangle = np.nonzero(hit)
+        at = (points[rows][ray_at] * normal[triangle]).sum(axis=1) - level[triangle]
+        at /= determinant[ray_at, triangle]
+        order = np.argsort(np.abs(at), kind="stable")[::-1]
+        nearest[rows[ray_at[order]]] = at[order]  # the last one stays: the nearest
     return nearest
 
 

@@ -12,6 +12,7 @@ from taxel.gap.boards import PIECES, BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import Array, Parameter
 from taxel.gap.effects.geometry import geometry_of
+from taxel.gap.effects.sheet_kernel import MOST_PAIRS
 from taxel.gap.state import State
 
 LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
@@ -68,13 +69,17 @@ class PillarPropagation(ContactPropagation):
 
 def drawn(board: BoardLayout, pressure: Array, reach_m: float, half_depth_n: float) -> Array:
     """Force that a board's taxels gain, newtons, f64[m]. pressure: f64[m, 9], of their pieces, as the force of a taxel
-    that is pressed so all over. reach_m: the way over which the greatest depth falls to none.
+    that is pressed so all over; f64[m, 1] of taxels where these are too many. reach_m: the way over which the greatest
+    depth falls to none.
     """
+    if pressure.shape[1] > 1 and pressure.size**2 > MOST_PAIRS:
+        return drawn(board, pressure.mean(axis=1, keepdims=True), reach_m, half_depth_n)
+    apart_m = _apart(board) if pressure.shape[1] > 1 else board.apart_m
     depth = (pressure / (pressure + half_depth_n)).ravel()
     sources = np.flatnonzero(pressure.ravel() > LEAST_SHARE * pressure.max())
     if not len(sources):
         return np.zeros(len(pressure))
-    left = depth[sources, None] - _apart(board)[sources] / reach_m
+    left = depth[sources, None] - apart_m[sources] / reach_m
     deeper = np.clip(left.max(axis=0), depth, MOST_DEPTH)
     gained = np.maximum(half_depth_n * deeper / (1.0 - deeper) - pressure.ravel(), 0.0)
     return np.asarray(gained.reshape(pressure.shape).mean(axis=1))

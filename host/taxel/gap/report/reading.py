@@ -64,6 +64,7 @@ class ReportedGap:
 
     status: of the verdict. effects: in the order in which they act; none under no_gap and unknown. remainder: whether
     there is an unknown cause besides. sensor, tx, rx: of the n taxels. sim_sha256: of the simulation it was made from.
+    real: the recording of the hand, if it is told.
     """
 
     path: Path
@@ -75,6 +76,7 @@ class ReportedGap:
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
     sim_sha256: str
+    real: Path | None
 
 
 def read_report(path: str | PathLike[str]) -> ReportedGap:
@@ -135,6 +137,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
         tx,
         rx,
         report.root.field("inputs").field("sim").text("sha256"),
+        Path(hand.text("path")) if (hand := report.root.field("inputs").maybe("real")) is not None else None,
     )
 
 

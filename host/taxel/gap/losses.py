@@ -1,0 +1,83 @@
+"""What a pair of recordings lacks: in words where less can be told, refused where nothing can."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.gap.errors import GapInputError
+from taxel.gap.reading import Groups, Recording
+from taxel.recording.grasp_tables import SensorTable
+
+
+def require_answers(paths: tuple[str, str], real: Recording, sim: Recording, sensors: SensorTable) -> None:
+    """Raises GapInputError where a whole side tells nothing: no hold, counts that stand still, a board that the
+    simulator never reads.
+    """
+    if not np.isfinite(real.hold).any():
+        where, remedy = f"{paths[0]}: /grasps/*/valid", "record grasps whose frames arrive"
+        raise GapInputError(where, "frames of hold that arrived", "none in any grasp", remedy)
+    silent = np.flatnonzero((sim.missing >= 1.0).all(axis=0))
+    if len(silent):
+        board, remedy = int(sensors.address[silent[0]]), "simulate that board, or leave it out of both files"
+        raise GapInputError(f"{paths[1]}: /grasps/*/valid", f"frames of sensor {board}", "none in any grasp", remedy)
+    if _stands_still(real):
+        where, remedy = f"{paths[0]}: /grasps/*/raw_counts", "check the hand: nothing was measured"
+        raise GapInputError(where, "counts that change", "the same in all frames of each grasp", remedy)
+    if sim.force is not None and _stands_still(sim) and (np.nan_to_num(sim.force) > 0.0).any():
+        where, remedy = f"{paths[1]}: /grasps/*/raw_counts", "write the counts that the sensor model makes of it"
+        raise GapInputError(where, "counts that follow contact_force", "the same in all frames of each grasp", remedy)
+
+
+def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
+    """What less can be told, and why: sentences for the report."""
+    losses = []
+    sessions = np.unique(real.session)
+    if len(sessions) < 3:
+        count = "one session" if len(sessions) == 1 else f"{len(sessions)} sessions"
+        losses.append(f"only {count}: no intervals, and what is held out comes from the same mounting of the skin")
+    if sim.force is None:
+        losses.append("the simulation has no contact_force and separation: effects that act on force cannot be tried")
+    confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
+    if len(sessions) > 1 and len(confounded) == len(sessions):
+        losses.append("no session has every approach: differences of sessions and of approaches mix")
+    made = np.bincount(real.cell)
+    if made.max() < 2:
+        losses.append("no approach was made twice: nobody knows what scatters, and no gap can be told from it")
+    elif _are_copies(real):
+        losses.append("repeats of an approach are alike to the bit: nobody knows what scatters")
+    elif made.min() < 2:
+        losses.append("an approach was made once: its repeatability is taken from the others")
+    for one, side in ((real, "hand"), (sim, "simulator")):
+        losses += _lost_frames(one, side, groups)
+    return losses
+
+
+def _stands_still(recording: Recording) -> bool:
+    """Whether no count of any grasp ever changes, as far as frames arrived."""
+    return not any(np.nan_to_num(part).any() for part in (recording.nodes, recording.noise))
+
+
+def _are_copies(recording: Recording) -> bool:
+    """Whether all grasps of each approach are the same."""
+    first = np.unique(recording.cell, return_index=True)[1][np.unique(recording.cell, return_inverse=True)[1]]
+    parts: tuple[NDArray[np.floating], ...] = (recording.hold, recording.noise)
+    return all(np.array_equal(part, part[first], equal_nan=True) for part in parts)
+
+
+def _lost_frames(recording: Recording, side: str, groups: Groups) -> list[str]:
+    """Of grasps that never arrived, of baselines that are short, and of boards that lost theirs."""
+    losses = []
+    arrived = (recording.missing < 1.0).any(axis=1)
+    if not arrived.all():
+        losses.append(f"of {int((~arrived).sum())} grasps of the {side} no frame arrived")
+    least = int(recording.frames[arrived].min(initial=100))
+    if least < 100:
+        losses.append(f"baselines of the {side} of {least} frames instead of 100")
+    count = 0
+    for baseline, missing in zip(recording.baseline, recording.missing, strict=True):
+        boards = np.unique(groups.sensor[np.isnan(baseline)])
+        count += int((missing[boards] < 1.0).any())
+    if count:
+        losses.append(f"in {count} grasps of the {side} a board lost its baseline: its drops there are unknown")
+    return losses

@@ -1,0 +1,174 @@
+"""Pairs in which nothing can be told, and what less is told of others: one line, or a sentence in the report."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from taxel.cli.main import app
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.errors import GapInputError
+from taxel.gap.pair import read_pair
+from taxel.recording.errors import DatasetError
+
+
+def changed(path, change):
+    with h5py.File(path, "r+") as file:
+        for number, grasp in enumerate(file["grasps"].values()):
+            change(number, grasp)
+
+
+def no_hold(number, grasp):
+    valid = grasp["valid"][()]
+    valid[grasp["phase"][()] == 2] = False
+    grasp["valid"][...] = valid
+
+
+def silent_board(number, grasp):
+    grasp["valid"][:, 1] = False
+
+
+def still(number, grasp):
+    grasp["raw_counts"][...] = 2426
+
+
+def coarse(number, grasp):
+    grasp["timestamp"][...] = np.floor(grasp["timestamp"][()])
+
+
+@pytest.mark.parametrize(
+    ("side", "change", "words"),
+    [
+        (0, no_hold, "frames of hold that arrived"),
+        (1, silent_board, "frames of sensor 33"),
+        (0, still, "check the hand"),
+        (1, still, "counts that follow contact_force"),
+        (0, coarse, "a finer clock"),
+    ],
+)
+def test_what_tells_nothing_is_refused_in_one_line(world, tmp_path, side, change, words):
+    paths = world(tmp_path, cells=3, sessions=3)
+    changed(paths[side], change)
+    with pytest.raises(GapInputError, match=words) as caught:
+        read_pair(*paths)
+    assert paths[side] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_hand_and_simulator_must_not_be_exchanged(world, tmp_path):
+    real, sim = world(tmp_path, cells=2, sessions=2)
+    with pytest.raises(GapInputError, match="exchange the two files"):
+        read_pair(sim, real)
+    read_pair(real, real)
+
+
+def copies(path):
+    with h5py.File(path, "r+") as file:
+        first = {}
+        for grasp in file["grasps"].values():
+            one = first.setdefault(grasp.attrs["approach"], grasp)
+            grasp["raw_counts"][...] = one["raw_counts"][()]
+
+
+def test_copies_are_no_repeats(world, tmp_path):
+    paths = world(tmp_path, cells=3, sessions=3)
+    copies(paths[0])
+    losses = read_pair(*paths).losses
+    assert any("alike to the bit" in loss for loss in losses)
+
+
+def test_a_phase_that_one_grasp_lacks_is_told(world, tmp_path):
+    paths = world(tmp_path, cells=3, sessions=3)
+
+    def no_release(number, grasp):
+        if number == 4:
+            phase = grasp["phase"][()]
+            grasp["phase"][...] = np.where(phase == 3, 4, phase)
+
+    changed(paths[0], no_release)
+    (loss,) = (loss for loss in read_pair(*paths).losses if "release" in loss)
+    assert "1 grasps (0004)" in loss
+
+
+def test_milliseconds_are_told(world, tmp_path):
+    paths = world(tmp_path, cells=3, sessions=3)
+    changed(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
+    assert any("are both in seconds" in loss for loss in read_pair(*paths).losses)
+
+
+def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
+    paths = world(tmp_path, cells=3, sessions=3)
+
+    def lost(number, grasp):
+        if number == 4:
+            grasp["valid"][...] = False
+
+    changed(paths[0], lost)
+    losses = read_pair(*paths).losses
+    assert "of 1 grasps of the hand no frame arrived" in losses
+    assert not any("baselines" in loss for loss in losses)
+
+
+def test_nothing_tried_is_not_nothing_found(world, tmp_path):
+    from taxel.gap.catalogue import CATALOGUE
+
+    paths = world(tmp_path, effect=lambda force, drop: 0.6 * drop)
+    verdict = diagnose(*paths, without=list(CATALOGUE)).report["verdict"]
+    assert verdict["status"] == "unknown"
+    assert "no effect of the catalogue was tried" in verdict["one_line"]
+
+
+def test_names_in_brackets_are_printed_as_they_are(world, tmp_path):
+    real, sim = world(tmp_path, cells=2, sessions=3)
+
+    def renamed(number, grasp):
+        if grasp.attrs["approach"] == "press_0":
+            grasp.attrs["approach"] = "press[/bold]0"
+
+    changed(real, renamed)
+    out = tmp_path / "[/bold]x"
+    result = CliRunner().invoke(app, ["gap", "diagnose", real, sim, "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "press[/bold]0" in result.output
+    assert json.loads((out / "report.json").read_text())["format"] == "taxel-gap-report"
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "report.json"]
+
+
+@pytest.mark.parametrize("place", ["file", "page"])
+def test_a_report_that_cannot_be_put_leaves_what_was_there(world, tmp_path, place):
+    real, sim = world(tmp_path, cells=2, sessions=3)
+    out = tmp_path / "out"
+    if place == "file":
+        out.write_text("old")
+    else:
+        (out / "report.html").mkdir(parents=True)
+        (out / "report.json").write_text("old")
+    result = CliRunner().invoke(app, ["gap", "diagnose", real, sim, "--out", str(out), "--overwrite"])
+    assert result.exit_code != 0
+    assert "--out" in str(result.exception)
+    assert (out if place == "file" else out / "report.json").read_text() == "old"
+
+
+def test_apply_does_not_replace_the_recording_of_the_hand(world, tmp_path):
+    real, sim = world(tmp_path, cells=2, sessions=3)
+    report = tmp_path / "report.json"
+    report.write_text(json.dumps(diagnose(real, sim).report))
+    command = ["gap", "apply", str(report), sim, "--out", real, "--overwrite"]
+    result = CliRunner().invoke(app, command)
+    assert isinstance(result.exception, GapInputError)
+    assert "another file than the inputs" in str(result.exception)
+
+
+def test_a_session_beyond_63_bits_is_refused(world, tmp_path):
+    paths = world(tmp_path, cells=2, sessions=3)
+
+    def huge(number, grasp):
+        grasp.attrs["session"] = np.uint64(2**63)
+
+    changed(paths[0], huge)
+    with pytest.raises(DatasetError, match="2\\^63 - 1"):
+        read_pair(*paths)
