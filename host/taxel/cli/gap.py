@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -51,10 +52,11 @@ def diagnose(
     for path in (report, page):
         if path.exists() and not overwrite:
             raise TaxelError(f"{path}: exists already; choose another --out or --overwrite it")
-    _make_folder(out)
+    _check_folder(out)
     console = Console(stderr=as_json, markup=False)
     with stage_bars(console) as show:
         diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {})
+    out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
     with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:
         # Both are whole before either takes the place of an old one.
@@ -70,12 +72,12 @@ def diagnose(
         console.print(f"report: {page}", highlight=False)
 
 
-def _make_folder(out: Path) -> None:
+def _check_folder(out: Path) -> None:
     """Before anything is worked out for it. Raises TaxelError of one line."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise TaxelError(f"--out {out}: cannot be made a folder ({error.strerror}); choose another one") from None
+    there = next(path for path in (out, *out.absolute().parents) if path.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        why = "may not be written to" if there.is_dir() else "is no folder"
+        raise TaxelError(f"--out {out}: {there} {why}; choose another one")
     for path in (out / "report.json", out / "report.html"):
         if path.is_dir():
             raise TaxelError(f"{path}: is a folder; choose another --out")

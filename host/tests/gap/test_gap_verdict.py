@@ -12,7 +12,8 @@ from taxel.gap.verdict import LEAST_MARGIN_COUNTS, judge_verdict
 
 FLOOR = 2.0
 MARGIN = 3.0 * FLOOR**2
-NOTHING = SimpleNamespace(explained=0.0, is_local=False, fits=0.0)
+ROUND = SimpleNamespace(trials=(None,), best=None)
+NOTHING = SimpleNamespace(explained=0.0, is_local=False, fits=0.0, rounds=(ROUND,))
 HELD = SimpleNamespace(reducible=None, shrink=SimpleNamespace(value=0.0), left2=0.0)
 
 
