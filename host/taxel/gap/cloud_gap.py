@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.special import ndtr
 
-from taxel.gap.features import Layout, SessionMeans, known_mean
+from taxel.gap.features import SessionMeans, known_mean
 from taxel.gap.metric import jackknife
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
@@ -32,7 +32,7 @@ LIKELY: Final = 0.02
 """Taxels that are active in fewer repeats are left out of a cloud."""
 
 
-def cloud_gap(pair: Pair, real: SessionMeans, model: Array, layout: Layout, seed: int) -> dict[str, Any]:
+def cloud_gap(pair: Pair, real: SessionMeans, model: Array, seed: int) -> dict[str, Any]:
     """The report's `gap.mm`; a floor that nobody knows is 0, as in counts. model: of the simulator, f64[C, F, n]."""
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     sessions = real.value.shape[1]

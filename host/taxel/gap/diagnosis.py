@@ -88,7 +88,7 @@ def diagnose(
             held = held_out(judge, believed.chain)
             told = attribute(judge, believed.names, held)
         report = report_of(judge, gap, selection, believed, held, told, verdict, likes, confounded, forms, seed)
-        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, layout, seed)
+        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [
             f"frames of the hand were taken {1e3 * state.shift_s:.0f} ms later than those of the simulator"

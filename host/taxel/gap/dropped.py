@@ -40,6 +40,12 @@ ELSEWHERE: Final = 0.3
 NOTHING: Final = 0.05
 """Share of the expected drop below which a line shows nothing at all."""
 
+ONE_SESSION: Final = 0.1
+"""Standard error of the share of its expected drop that a taxel shows, where one session tells it."""
+
+SURELY: Final = 3.0
+"""Standard errors."""
+
 STUCK: Final = 0.1
 """Noise below this share of the board's usual noise: the taxel does not even read noise."""
 
@@ -50,14 +56,13 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
     if part is not None:
         real = real.where(part)
         features = np.where(part[:, None], features, 0.0)
-    cells = np.ones(len(features), bool)
-    answer, dead, loaded = _answers(state, real, features, cells)
-    noise = known_mean(real.value[cells][:, :, state.layout.noise].reshape(-1, n), 0)
+    answer, dead, loaded = _answers(state, real, features)
+    noise = known_mean(real.value[:, :, state.layout.noise].reshape(-1, n), 0)
     usual = _median_of_board(noise, sensor)
     stuck = np.nan_to_num(noise, nan=np.inf) < STUCK * usual
     missing = np.zeros(int(sensor.max()) + 1)
-    gone = np.nan_to_num(known_mean(real.value[cells][:, :, state.layout.missing].reshape(-1, n), 0)) / COUNTS_MISSING
-    simulated = features[cells][:, state.layout.missing].mean(axis=0) / COUNTS_MISSING
+    gone = np.nan_to_num(known_mean(real.value[:, :, state.layout.missing].reshape(-1, n), 0)) / COUNTS_MISSING
+    simulated = features[:, state.layout.missing].mean(axis=0) / COUNTS_MISSING
     for board in range(len(missing)):
         extra = float(np.mean((gone - simulated)[sensor == board]))
         missing[board] = extra if extra > MISSING else 0.0
@@ -69,7 +74,7 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
     on_line = np.zeros(n, bool)
     for line in lines:
         on_line |= _on_line(state, line)
-    shorts = _shorts(state, real, features, cells)
+    shorts = _shorts(state, real, features)
     evident = any(_is_evident(state, np.where(loaded, answer, np.nan), line) for line in lines)
     evident = evident or any(short.pairs > 1 for short in shorts)
     return Dropped(dead & ~on_line, tuple(lines), missing, dead | on_line, stuck, shorts, evident)
@@ -85,16 +90,14 @@ def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
     return result
 
 
-def _answers(
-    state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+def _answers(state: State, real: SessionMeans, features: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """The share of its expected drop that each taxel shows, f64[n]; those that do not answer, and those that were
     expected to: bool[n] each.
     """
-    expected = features[cells][:, : state.layout.bins]
+    expected = features[:, : state.layout.bins]
     weight = state.layout.weight[: state.layout.bins, None]
-    seen = np.nan_to_num(real.value[cells][:, :, : state.layout.bins])
-    known = np.isfinite(real.value[cells][:, :, : state.layout.bins])
+    seen = np.nan_to_num(real.value[:, :, : state.layout.bins])
+    known = np.isfinite(real.value[:, :, : state.layout.bins])
     power = np.einsum("csfn,cfn->sn", known * weight, expected**2)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.einsum("csfn,cfn->sn", weight * seen, expected) / power
@@ -102,8 +105,8 @@ def _answers(
     count = np.isfinite(ratio).sum(axis=0)
     mean = known_mean(ratio, 0)
     squares = np.where(np.isfinite(ratio), (ratio - mean) ** 2, 0.0).sum(axis=0)
-    error = np.sqrt(squares / np.maximum(count - 1, 1) / np.maximum(count, 1)) if ratio.shape[0] > 1 else 0.1
-    return mean, loaded & (mean < DEAD) & (np.nan_to_num(mean + 3.0 * error, nan=9.0) < SURE), loaded
+    error = np.where(count > 1, np.sqrt(squares / np.maximum(count * (count - 1), 1)), ONE_SESSION)
+    return mean, loaded & (mean < DEAD) & (np.nan_to_num(mean + SURELY * error, nan=np.inf) < SURE), loaded
 
 
 def _lines(state: State, dead: NDArray[np.bool_], known: NDArray[np.bool_]) -> list[tuple[int, str, int]]:
@@ -187,11 +190,11 @@ def _only_ends(
     return any(float(np.sum(weight * (shown - np.minimum(gain * meant, end)) ** 2)) < short for gain in GAINS)
 
 
-def _shorts(state: State, real: SessionMeans, features: Array, cells: NDArray[np.bool_]) -> tuple[Short, ...]:
+def _shorts(state: State, real: SessionMeans, features: Array) -> tuple[Short, ...]:
     """Neighbouring lines whose crossings all show the same where they should differ."""
     bins = state.layout.bins
-    expected = features[cells][:, :bins]
-    seen = np.nan_to_num(known_mean(real.value[cells], 1)[:, :bins])
+    expected = features[:, :bins]
+    seen = np.nan_to_num(known_mean(real.value, 1)[:, :bins])
     weight = state.layout.weight[:bins, None]
     found = []
     sensor = state.pair.taxels.sensor

@@ -115,6 +115,10 @@ class Judge:
         return weight if self.out is None else np.where(self.out, 0.0, weight)
 
     def _weights(self, real: SessionMeans) -> Array:
+        """One over the variance, f64[C, F, n]. The features of a taxel in a press scatter together: by the layout's
+        weights, which add to 1, all of them tell as much as one that is known by itself. What is called information or
+        standard deviations elsewhere is of these.
+        """
         model, layout = self.state.mean, self.layout
         between = np.nan_to_num(real.variance) / np.maximum(real.known.sum(axis=1), 1)
         pooled = 0.5 * between + 0.5 * between.mean(axis=0)

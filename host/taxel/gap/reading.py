@@ -61,14 +61,6 @@ class Recording:
     separation: NDArray[np.float32] | None
     frames: NDArray[np.intp]
 
-    def take(self, grasps: NDArray[np.bool_] | NDArray[np.intp]) -> Recording:
-        """Only some of the grasps."""
-        parts: dict[str, Any] = {
-            name: None if getattr(self, name) is None else getattr(self, name)[grasps]
-            for name in self.__dataclass_fields__
-        }
-        return Recording(**parts)
-
     def __len__(self) -> int:
         return len(self.cell)
 

@@ -17,6 +17,12 @@ UNKNOWN: Final = "unknown"
 LEAST_MARGIN_COUNTS: Final = 3.0
 """A gap of fewer counts is none, however small the floor is or if nobody knows it: no simulator is nearer."""
 
+SURELY_WITHIN: Final = 1.0 / 3.0
+"""Of the margin: an excess below it is none, whatever was found; and what all presses but one make together."""
+
+STRAYS: Final = 2.0
+"""Margins, up to which an excess that no effect explains may hang on one press."""
+
 SIGNIFICANT: Final = 0.02
 """P-value of an excess from which on it may be chance."""
 
@@ -79,14 +85,14 @@ def judge_verdict(
     within = gap.most <= margin or (gap.excess.value <= margin and gap.p_value > SIGNIFICANT)
     named = max(selection.explained, held.reducible or 0.0)
     local = selection.is_local
-    if within and not local and (not names or named < NAMED or gap.excess.value <= margin / 3.0):
+    if within and not local and (not names or named < NAMED or gap.excess.value <= SURELY_WITHIN * margin):
         line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
         return Verdict("no_gap", (), line, margin)
-    if not names and gap.excess.value <= 2.0 * margin and (one := _hangs_on(gap, margin)) is not None:
+    if not names and gap.excess.value <= STRAYS * margin and (one := _hangs_on(gap, margin)) is not None:
         press = f"one press ({' '.join(cells[one])})" if cells else "one press"
         line = f"No gap but in {press}: {gap.gap.value:.1f} counts (floor {gap.floor:.1f}), hardly any in the others."
         return Verdict("no_gap", (), line, margin)
-    if within and local and gap.excess.value <= margin / 3.0:
+    if within and local and gap.excess.value <= SURELY_WITHIN * margin:
         names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
     size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
     if not names and not (selection.rounds and selection.rounds[0].trials):
@@ -117,7 +123,7 @@ def _hangs_on(gap: Gap, margin: float) -> int | None:
     """
     excess = gap.terms.excess
     cells = excess.sum(axis=(1, 2)) / (excess.shape[0] * excess.shape[2])
-    alone = len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= margin / 3.0
+    alone = len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= SURELY_WITHIN * margin
     return int(cells.argmax()) if alone else None
 
 

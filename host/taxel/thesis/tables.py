@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from taxel.cloud.distance import DistanceStats
 from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectResult
@@ -58,10 +58,6 @@ class Table:
                     for value in (row.ours.get(name), row.thesis.get(name), row.ratio(name))
                 )
                 out.writerow([*row.key, *("" if value is None else f"{value:.6g}" for value in figures)])
-
-    def to_json(self) -> dict[str, Any]:
-        """For a program."""
-        return asdict(self)
 
 
 KINDS: Final = ("ours", "thesis", "ratio")

@@ -75,7 +75,7 @@ def halo(force, drop):
 def test_four_steps_in_the_order_of_the_thesis(judged, told):
     judge, entries = judged(effect=spread), told(effect=spread)
     assert [entry["step"] for entry in entries] == STEPS
-    whole = cloud_gap(judge.state.pair, judge.sessions, judge.state.mean, judge.layout, 0)["value"]
+    whole = cloud_gap(judge.state.pair, judge.sessions, judge.state.mean, 0)["value"]
     assert entries[0]["mm"] == entries[0]["mm_hand_only"] == pytest.approx(whole)
     assert entries[0]["gap"] == pytest.approx(measure(judge.sessions, judge.state.mean, judge.layout).gap.value)
     assert entries[1]["gap"] is entries[2]["gap"] is None

@@ -36,7 +36,7 @@ def effect_card(report: Report, effect: Value, axis: Axis) -> str:
         ("Share of the shrink", f"{percent(effect.maybe_number('shapley_share'))} (Shapley)"),
         ("Gap with it alone", with_unit(effect.maybe_number("gap_after_alone"), "counts")),
         ("Predicted", f'<span class="glyph">&#9671;</span> {percent(predicted)} of the gap'),
-        ("Measured", f'<span class="glyph">&#9679;</span> {percent(measured)}{_within(effect, bounds)}'),
+        ("Measured", f'<span class="glyph">&#9679;</span> {percent(measured)}{_within(bounds)}'),
     ]
     terms = "".join(f"<div><dt>{term}</dt><dd>{text}</dd></div>" for term, text in facts if text)
     return (
@@ -47,7 +47,7 @@ def effect_card(report: Report, effect: Value, axis: Axis) -> str:
     )
 
 
-def _within(effect: Value, bounds: tuple[float, float] | None) -> str:
+def _within(bounds: tuple[float, float] | None) -> str:
     return "" if bounds is None else f" ({percent_interval(bounds)})"
 
 
