@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import threading
 from importlib.metadata import entry_points
 from typing import NoReturn
 
@@ -44,7 +45,8 @@ for point in entry_points(group="taxel.commands"):
 def main() -> None:
     """Run a command; the exit status is 0 only on success."""
     # A service that is stopped closes its files and ends what it has begun, as at Ctrl-C.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if threading.current_thread() is threading.main_thread():  # no other may say what a signal does
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except TaxelError as error:

@@ -107,7 +107,7 @@ def terminal(monkeypatch):
     monkeypatch.setattr(
         command,
         "Console",
-        lambda: Console(file=made.out, force_terminal=True, color_system="truecolor", width=80, height=24),
+        lambda **how: Console(file=made.out, force_terminal=True, color_system="truecolor", width=80, height=24, **how),
     )
     return made
 
