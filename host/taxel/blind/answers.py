@@ -14,6 +14,7 @@ from taxel.blind.asked import CLEAR, form_of
 from taxel.blind.drawing import World
 from taxel.blind.hidden import UNKNOWN, Place
 from taxel.blind.run import WORLDS
+from taxel.gap.effects.sticking import WORKED_OUT, Sticking
 from taxel.recording.grasp_dataset import GraspDataset
 
 LOADED_COUNTS: Final = 150.0
@@ -192,8 +193,8 @@ def _compared(
             true = truth.get(name, 0.0)
             if isinstance(one["value"], list) or abs(true) < max(LEAST_TRUE, SMALL * _greatest(truth, name)):
                 continue
-            if form_of(entry).startswith("sticks ") and name in ("fraction", "seconds"):
-                continue  # worked out of the others, and of how long the record is
+            if form_of(entry).startswith(Sticking.variant) and name in WORKED_OUT:
+                continue  # of the others, and of how long the record is
             if cause.name == "pose_error" and name not in ("translation_mm", "rotation_deg"):
                 continue  # where about its origin an object has turned, a press along its face does not tell
             low, high = one["ci95"] or (None, None)

@@ -157,8 +157,8 @@ class SessionMeans:
         total, squares, count = residual.sum(axis=1), np.square(residual).sum(axis=1), self.known.sum(axis=1)
 
         def told(total: Array, squares: Array, count: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
-            several = (total**2 - squares) / np.maximum(count * (count - 1), 1)
-            return np.where(count > 1, several, np.where(count == 1, squares - variance, 0.0)), count > 0
+            once = np.where(count == 1, squares - variance, 0.0)
+            return np.where(count > 1, mean_product(total, squares, count), once), count > 0
 
         yield told(total, squares, count)
         for session in range(residual.shape[1]):
@@ -180,6 +180,13 @@ class SessionMeans:
     def only(self, sessions: NDArray[np.bool_]) -> SessionMeans:
         """Some of the sessions, bool[S]."""
         return SessionMeans(self.value[:, sessions], self.count[:, sessions], self.spread)
+
+
+def mean_product(total: Array, squares: Array, count: NDArray[np.intp]) -> Array:
+    """Of two different sessions, from sums over the sessions that know something and over their squares; 0 where fewer
+    than two do.
+    """
+    return np.where(count > 1, (total**2 - squares) / np.maximum(count * (count - 1), 1), 0.0)
 
 
 def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -133,7 +133,7 @@ class Judge:
     def score(self, features: Array, weight: Array | None = None) -> Score:
         """Of features f64[C, F, n]."""
         weight = self.weight if weight is None else weight
-        if not self.sessions.is_complete:
+        if not self.sessions.is_complete:  # as a rule they are, and one product of matrices serves
             return self._score_of_some(features, weight)
         residual = self.sessions.residual(features)
         # Per session pair: sum over s != t of w D_s D_t, over their number.

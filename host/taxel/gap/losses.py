@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.errors import GapInputError
 from taxel.gap.reading import Groups, Recording
+from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import SensorTable
+
+MOST_RATIO = 50.0
+"""Of how long hold lasts on either side, beyond which one of them is hardly in seconds."""
 
 
 def require_answers(paths: tuple[str, str], real: Recording, sim: Recording, sensors: SensorTable) -> None:
@@ -53,6 +59,27 @@ def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
     return losses
 
 
+def lost_phases(
+    sides: Sequence[tuple[str, Sequence[str]]], durations: Mapping[Phase, Sequence[Sequence[float]]]
+) -> list[str]:
+    """Phases that are compared in no grasp because some have none. sides: path and grasps of hand and simulator.
+    durations: seconds of each of those grasps, by phase and side; 0 for none.
+    """
+    losses = []
+    for phase, lasts in durations.items():
+        if not any(any(own) for own in lasts):
+            continue  # in neither file: nothing is lost
+        for (path, names), own in zip(sides, lasts, strict=True):
+            without = [name for name, seconds in zip(names, own, strict=True) if seconds <= 0]
+            if without:
+                those = f"{len(without)} of {len(names)} grasps ({without[0]})"
+                losses.append(f"{path}: {phase.name.lower()} is missing in {those}: left out of the comparison")
+    real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
+    if not 1.0 / MOST_RATIO < real / sim < MOST_RATIO:
+        losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: are both in seconds?")
+    return losses
+
+
 def _stands_still(recording: Recording) -> bool:
     """Whether no count of any grasp ever changes, as far as frames arrived."""
     return not any(np.nan_to_num(part).any() for part in (recording.nodes, recording.noise))
@@ -70,7 +97,7 @@ def _lost_frames(recording: Recording, side: str, groups: Groups) -> list[str]:
     losses = []
     arrived = (recording.missing < 1.0).any(axis=1)
     if not arrived.all():
-        losses.append(f"of {int((~arrived).sum())} grasps of the {side} no frame arrived")
+        losses.append(f"no frame arrived of {int((~arrived).sum())} of {len(recording)} grasps of the {side}")
     least = int(recording.frames[arrived].min(initial=100))
     if least < 100:
         losses.append(f"baselines of the {side} of {least} frames instead of 100")
@@ -79,5 +106,6 @@ def _lost_frames(recording: Recording, side: str, groups: Groups) -> list[str]:
         boards = np.unique(groups.sensor[np.isnan(baseline)])
         count += int((missing[boards] < 1.0).any())
     if count:
-        losses.append(f"in {count} grasps of the {side} a board lost its baseline: its drops there are unknown")
+        those = f"{count} of {len(recording)} grasps of the {side}"
+        losses.append(f"in {those} a board lost its baseline: its drops there are unknown")
     return losses

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taxel.gap.boards import BoardLayout, layouts_of
 from taxel.gap.clock import Clock
 from taxel.gap.errors import GapInputError
-from taxel.gap.losses import losses_of, require_answers
+from taxel.gap.losses import losses_of, lost_phases, require_answers
 from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
@@ -31,9 +31,6 @@ LEAST_TIMES = 0.25
 
 FEW_FRAMES = 20
 """Fewer say nothing of a clock."""
-
-MOST_RATIO = 50.0
-"""Of how long hold lasts on either side, beyond which one of them is hardly in seconds."""
 
 Key = tuple[str, str]
 
@@ -213,7 +210,8 @@ def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock
     usable = {wanted: min(min(own) for own in lasts) for wanted, lasts in durations.items()}
     usable = {wanted: lasts for wanted, lasts in usable.items() if lasts > 0}
     rate = rate if np.isfinite(rate) else 1.0
-    return Clock.of(usable, rate), rate, _lost_phases(sides, durations)
+    names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
+    return Clock.of(usable, rate), rate, lost_phases(names, durations)
 
 
 def _frame_s(grasp: Grasp, path: str) -> float:
@@ -223,24 +221,6 @@ def _frame_s(grasp: Grasp, path: str) -> float:
         where, found = f"{path}: /grasps/{grasp.id}/timestamp", f"{np.count_nonzero(steps) + 1} for {len(steps) + 1}"
         raise GapInputError(where, "a time for each frame", found, "record with a finer clock")
     return float(np.median(steps)) if len(steps) else 0.0
-
-
-def _lost_phases(
-    sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], durations: dict[Phase, list[list[float]]]
-) -> list[str]:
-    losses = []
-    for phase, lasts in durations.items():
-        if not any(any(own) for own in lasts):
-            continue  # in neither file: nothing is lost
-        for (data, grasps), own in zip(sides, lasts, strict=True):
-            without = [grasp.id for grasp, one in zip(grasps, own, strict=True) if one <= 0]
-            if without:
-                those = f"{len(without)} grasps ({without[0]})" if len(without) < len(grasps) else "all grasps"
-                losses.append(f"{data.path}: {phase.name.lower()} is missing in {those}: left out of the comparison")
-    real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
-    if not 1.0 / MOST_RATIO < real / sim < MOST_RATIO:
-        losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: are both in seconds?")
-    return losses
 
 
 def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:

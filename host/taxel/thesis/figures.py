@@ -151,7 +151,7 @@ def _treatment(results: Sequence[ObjectResult]) -> Any:
     axis.set_xticks(range(len(steps)), words, fontsize=9)
     axis.set_ylabel("points")
     axis.axvline(2.5, color=EDGE, linewidth=0.8)
-    axis.legend(fontsize=8, frameon=False)
+    axis.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     _plain(axis)
     return figure
 

@@ -38,7 +38,8 @@ def beside(
     """report: of the gap diagnosis of the same datasets. printed: mean distance by object and stage."""
     found = {entry["name"]: float(entry["shapley_share"]) for entry in report["effects"] if entry["in_verdict"]}
     whole = sum(max(share, 0.0) for share in found.values())
-    shares = {name: 100.0 * share / whole if whole > 0 else 0.0 for name, share in found.items()}
+    largest_first = sorted(found.items(), key=lambda item: -item[1])
+    shares = {name: 100.0 * share / whole if whole > 0 else 0.0 for name, share in largest_first}
     ours = [contributions({stage: one.to_sim[stage].mean_m for stage in STAGES}) for one in results]
     theirs = [contributions(printed[one.thesis]) for one in results]
     steps = {

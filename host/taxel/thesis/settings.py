@@ -34,7 +34,8 @@ coupling shifts their rest.
 """
 
 STANDS: Final = (("rectangular_prism", 0.63), ("cylinder", 0.8), ("triangular_prism", 1.05))
-"""How far these stand from their places, as a share of what `SCATTER` says: chosen with `tools/thesis/search.py`."""
+"""How far these stand from their places, as a share of what `SCATTER` says: found with `tools/thesis/search.py`, and
+changed by a few hundredths on whole campaigns."""
 
 SCATTER: Final = Scatter(object_m=3.4e-3, object_rad=0.04, objects=STANDS)
 """Objects were put in their places by hand; the arm, the hand and its calibration have their share."""

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
 from taxel.gap.effects.effect import Array, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.lag import low_pass
+from taxel.gap.effects.plate import closed_by, drop_of
 from taxel.gap.state import Signal, State
-
-HALF_SHARE = 0.25
-"""Of full scale: counts of a gap that is half closed. No parameter: with that free it could be any law of counts. A
-gap's share at full scale hangs on the layout; 0.25 lies within what free fits gave on worlds of this project's emulator
-(0.24 to 0.35), chosen there and on no hardware."""
-
-MOST_CLOSED = 0.98
-"""Of a gap: beyond that the counts of a plate capacitor say nothing of a sensor's."""
 
 MOST_TIMES = 3.0
 """The recorded time, in which a time constant shows: of what comes so late not a third has come by the end."""
@@ -72,15 +63,3 @@ class Hysteresis(Effect):
         if self.variant == "more":
             return signal.with_force(signal.force + fraction * low_pass(signal.force, state.since, seconds[:, 0]))
         return signal.with_force(late(signal.force))
-
-
-def closed_by(state: State, signal: Signal) -> Array:
-    """Share f64[Q, K, n] by which a plate capacitor's gap is closed where its drop is the signal's."""
-    drop = np.maximum(state.to_drop(signal), 0.0)
-    return np.asarray(drop / (HALF_SHARE * state.full_scale + drop))
-
-
-def drop_of(state: State, closed: Array) -> Array:
-    """Drops [counts] of gaps that are closed by shares f64[Q, K, n]: the inverse of `closed_by`."""
-    closed = np.minimum(closed, MOST_CLOSED)
-    return np.asarray(HALF_SHARE * state.full_scale * closed / (1.0 - closed))

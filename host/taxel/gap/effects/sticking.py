@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Parameter
-from taxel.gap.effects.hysteresis import Hysteresis, closed_by, drop_of
+from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.lag import low_pass
+from taxel.gap.effects.plate import closed_by, drop_of
 from taxel.gap.state import Signal, State
 
 CREEP_PRIOR: Final = 0.3
@@ -27,27 +28,25 @@ MIDDLE_S: Final = 1.0
 """At that age of a load, creep changes nothing: it would else be a gain."""
 
 
-class Sticking(Hysteresis):
-    """variant "sticks": the closed share x of a plate capacitor's gap falls behind by up to `play` while it grows and
-    is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is closed a
-    share `creep` comes in every decade of time, as elastomers creep: with the logarithm of time.
+WORKED_OUT: Final = ("fraction", "seconds")
+"""Parameters of the other forms, told beside its own: see `as_late`."""
+
+
+class Sticking(Effect):
+    """A form of `Hysteresis`, "sticks": the closed share of a plate capacitor's gap falls behind by up to `play` while
+    it grows and is let go only when the load has fallen as far below it, at any speed (Prandtl's play); and of what is
+    closed a share `creep` comes in every decade of time, as elastomers creep: with the logarithm of time.
     """
 
-    def __init__(self) -> None:
-        super().__init__("sticks")
+    name = Hysteresis.name
+    order = Hysteresis.order
+    memory: ClassVar[bool] = True
+    variant = "sticks"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Width of the play, and creep a decade."""
         creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)
         return Parameter("play", "1", 0.0, 1.0, 0.0, 0.05), creep
-
-    def unavailable(self, state: State) -> str:
-        """See `Effect`: it acts on the drop."""
-        return ""
-
-    def is_idle(self, state: State, values: Array) -> bool:
-        """Never: a play shows at any speed, and creep has no time constant."""
-        return False
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.features import mean_product
 from taxel.gap.pair import Pair
 from taxel.gap.signature.fit import Remainder, p_value
 from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, groups
@@ -64,8 +65,7 @@ def _excess(scaled: Array, count: NDArray[np.intp]) -> Array:
     squares = np.square(scaled).sum(axis=1)
     if scaled.shape[1] < 2:
         return np.asarray(squares.sum(axis=1))
-    products = (np.square(scaled.sum(axis=1)) - squares) / np.maximum(count * (count - 1), 1)
-    return np.asarray(np.where(count > 1, products, 0.0).sum(axis=1))
+    return np.asarray(mean_product(scaled.sum(axis=1), squares, count).sum(axis=1))
 
 
 def _spot(left: Remainder, scope: str, scaled: Array, excess: Array, pressed: Array) -> Spot | None:
