@@ -14,7 +14,7 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import HAND, TAXEL, Effect
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Trial, as_good
-from taxel.gap.weighing import MOST_OF_LEFT, Weighed
+from taxel.gap.weighing import Weighed
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_t
     least, noticeable = asked_of(standing)
     gain, p_value = weighed.held.better_than(standing.base)
     p_value = min(1.0, p_value * names_tried)
-    level = PLAIN_LEVEL if weighed.gone > MOST_OF_LEFT else LEVEL
+    level = PLAIN_LEVEL if weighed.does_most else LEVEL
     shared = weighed.held.share_of(standing.start, standing.base, noticeable) > least
     large = p_value < level and (shared or weighed.takes_most)
     return Round(standing.base, every, trial, gain, p_value, large and weighed.is_material(least))

@@ -26,6 +26,7 @@ from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
 from taxel.gap.report.form import report_of
 from taxel.gap.select import MOST_EFFECTS, select
+from taxel.gap.signature.bank import unexplained
 from taxel.gap.thesis_terms import thesis_terms
 from taxel.gap.trial import Selection
 from taxel.gap.verdict import Verdict, judge_verdict
@@ -82,12 +83,15 @@ def diagnose(
         likes = likenesses(judge, forms, fitted)
         confounded = confounded_with(selection.names, selection.rivals, likes)
         unsure = nameless(judge, selection.chain, confounded)
-        verdict = judge_verdict(gap, selection, told.strongest_first, held, simulated2, unsure, pair.cells)
+        left = unexplained(pair, layout, real, selection.features, judge.fold, seed)
+        names = told.strongest_first
+        verdict = judge_verdict(gap, selection, names, held, simulated2, unsure, pair.cells, left["bank"])
         believed = selection.only(verdict.effects)
         if believed is not selection:
             held = held_out(judge, believed.chain)
             told = attribute(judge, believed.names, held)
-        report = report_of(judge, gap, selection, believed, held, told, verdict, likes, confounded, forms, seed)
+            left = unexplained(pair, layout, real, believed.features, judge.fold, seed)
+        report = report_of(judge, gap, selection, believed, held, told, verdict, left, likes, confounded, forms, seed)
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [

@@ -42,6 +42,10 @@ LEAST_FAMILY: Final = 1e-3
 NOTICEABLE: Final = 0.25
 """Mean square of standardised residuals that a simulator without any effect to be found stays below."""
 
+IMPERFECT: Final = 0.03
+"""And the least that a good simulator leaves: no effect takes it away. Chosen on opened worlds of this project's
+emulator, whose worlds without effect have 0.03 to 0.15."""
+
 REFITS: Final = 3
 """Iterations of a fit that begins near its end."""
 
@@ -100,8 +104,18 @@ class Judge:
     @property
     def noticeable(self) -> Array:
         """Score of each family of features, f64[5], below which a good simulator may just be imperfect."""
+        return NOTICEABLE * self._counted
+
+    @property
+    def imperfect(self) -> float:
+        """Score that a good simulator leaves at least."""
+        return IMPERFECT * float(self._counted.sum())
+
+    @property
+    def _counted(self) -> Array:
+        """Of each family of features, f64[5], how many count, with their weights."""
         counting = (self.layout.weight[:, None] * (self.weight > 0)).sum(axis=(0, 2))
-        return NOTICEABLE * np.array([counting[own].sum() for own in self.layout.families])
+        return np.array([counting[own].sum() for own in self.layout.families])
 
     def without(self, out: NDArray[np.bool_]) -> Judge:
         """A judge to whom these features, bool[C, F, n], do not count either."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.held_out import HeldOut
@@ -36,6 +36,12 @@ EXPLAINED: Final = 0.8
 """And to leave nothing worth a name: this share of what lies above the floor on the sessions that were left out, and of
 the score where they were fitted; and what is left is no gap of its own, by the same margin. A stranger is often
 explained by two thirds, and rarely by so much."""
+
+PATTERN_LEVEL: Final = 0.01
+"""P-value of a generic distortion in what is left, corrected for the bank, under which it is surely there."""
+
+PATTERN_SHARE: Final = 0.5
+"""Of what is left that it tells; if that is more than the margin, something nameless is there."""
 
 NEARLY_ALL: Final = 0.96
 """Or this: no model of a large effect is better."""
@@ -75,10 +81,12 @@ def judge_verdict(
     simulated2: float = 0.0,
     nameless: Mapping[str, str] = MappingProxyType({}),
     cells: Sequence[tuple[str, str]] = (),
+    bank: Sequence[Mapping[str, Any]] = (),
 ) -> Verdict:
     """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
     which the other side's means scatter, where it has sessions as well. nameless: of the found ones those that may as
-    well be a cause without a name, and why. cells: object and approach of each press.
+    well be a cause without a name, and why. cells: object and approach of each press. bank: generic distortions of what
+    the found ones leave, as the report's `unexplained` has them.
     """
     margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
     # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
@@ -107,7 +115,8 @@ def judge_verdict(
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
     said = "; ".join(_in_words(name) for name in names)
     less = f"{100 * held.shrink.value:.0f} % less with {said}"
-    if not (within and local) and not _is_enough(selection, held, margin):
+    enough = _is_enough(selection, held, margin) and not _has_pattern(bank, margin)
+    if not (within and local) and not enough:
         line = f"Partly explained: {size}, {less}; the rest is unknown."
         return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
     unsure = "; ".join(dict.fromkeys(nameless[name] for name in names if name in nameless))
@@ -115,6 +124,17 @@ def judge_verdict(
         line = f"Partly explained: {size}, {less}; but {unsure}."
         return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
     return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
+
+
+def _has_pattern(bank: Sequence[Mapping[str, Any]], margin: float) -> bool:
+    """Whether what is left is surely of one kind, and as much as a gap of its own."""
+    return any(
+        one["p_value"] is not None
+        and one["p_value"] < PATTERN_LEVEL
+        and one["share"] > PATTERN_SHARE
+        and one["counts2"] > margin
+        for one in bank
+    )
 
 
 def _hangs_on(gap: Gap, margin: float) -> int | None:

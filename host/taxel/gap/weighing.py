@@ -56,6 +56,17 @@ class Weighed:
         """Share of what was left that is gone where it was not fitted."""
         return self.held.gone_of(self.standing.base)
 
+    @property
+    def does_most(self) -> bool:
+        """Whether it does most of what was left, where it was not fitted: by the score or, where that is a gap of its
+        own, by what of it a good simulator does not have.
+        """
+        if self.gone > MOST_OF_LEFT:
+            return True
+        base, imperfect = self.standing.base.value, self.standing.judge.imperfect
+        more = base > imperfect and base - self.held.value > MOST_OF_LEFT * (base - imperfect)
+        return more and much_is_left(self.standing)
+
     @cached_property
     def excesses(self) -> tuple[tuple[float, float], ...]:
         """Counts^2 before and after, both where it was not fitted and where it was: a model with a value for each taxel

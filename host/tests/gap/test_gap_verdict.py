@@ -41,3 +41,26 @@ def test_a_gap_without_a_name_must_not_hang_on_one_press(cells, status):
     verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD, cells=presses)
     assert verdict.status == status
     assert ("one press (cylinder 0)" in verdict.one_line) == (status == "no_gap")
+
+
+def entry(**changes):
+    return {"name": "presses", "scope": "board", "share": 0.9, "counts2": 2.0 * MARGIN, "p_value": 0.001} | changes
+
+
+@pytest.mark.parametrize(
+    ("bank", "status"),
+    [
+        ([], "explained"),
+        ([entry()], "partly_explained"),
+        ([entry(p_value=0.02)], "explained"),  # may be chance
+        ([entry(p_value=None)], "explained"),  # too few sessions to test it
+        ([entry(share=0.4)], "explained"),  # one of many
+        ([entry(counts2=0.5 * MARGIN)], "explained"),  # no gap of its own
+    ],
+)
+def test_what_is_surely_of_one_kind_among_what_is_left_has_no_name(bank, status):
+    found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
+    held = SimpleNamespace(reducible=0.97, shrink=SimpleNamespace(value=0.8), left2=0.0)
+    verdict = judge_verdict(gap_of([10.0 * MARGIN] * 10), found, ("stiffness",), held, bank=bank)
+    assert verdict.status == status
+    assert ("unknown" in verdict.effects) == (status != "explained")

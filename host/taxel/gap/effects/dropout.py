@@ -30,8 +30,8 @@ class Short:
 class Dropped:
     """What was found. taxels: bool[n], that answer to nothing, on no found line. lines: (sensor column, axis, index).
     missing: share of each board's frames, f64[s]. dead: bool[n], all of these. stuck: bool[n], without even noise.
-    shorts: lines that carry the same. evident: a line shows nothing at all between lines
-    that answer, or two show the same on several crossings.
+    shorts: lines that carry the same. evident: a line or a patch shows nothing at all between others that answer, or
+    two lines show the same on several crossings.
     """
 
     taxels: NDArray[np.bool_]

@@ -24,9 +24,8 @@ STEP_DECADES: Final = 0.5
 TIMES_S: Final = 10.0 ** np.arange(-1.5, 2.0, STEP_DECADES)
 """Time constants of what creeps: from a frame to far beyond a grasp."""
 
-MIDDLE_S: Final = 1.0
-"""At that age of a load, creep changes nothing: it would else be a gain."""
-
+AT_ONCE_S: Final = 0.1
+"""At that age of a load, creep changes nothing: about a frame, in which a simulator without memory has it all."""
 
 WORKED_OUT: Final = ("fraction", "seconds")
 """Parameters of the other forms, told beside its own: see `as_late`."""
@@ -79,7 +78,7 @@ def stuck(values: Array, width: Array) -> Array:
 
 
 def crept(values: Array, time_s: Array, creep: Array) -> Array:
-    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / MIDDLE_S). creep: f64, of each value.
+    """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / AT_ONCE_S). creep: f64, of each value.
 
     A sum of first-order lags is linear in the values: one matrix for all of them.
     """
@@ -90,7 +89,7 @@ def crept(values: Array, time_s: Array, creep: Array) -> Array:
 def _creep_a_decade(time_s: tuple[float, ...]) -> Array:
     """Matrix f64[K, K]: what comes of values at nodes of time, with a creep of 1."""
     times, one = np.array(time_s), np.eye(len(time_s))
-    late = np.expm1(-MIDDLE_S / TIMES_S).sum() * one
+    late = np.expm1(-AT_ONCE_S / TIMES_S).sum() * one
     for constant in TIMES_S:
         late += low_pass(one[:, :, None], times, np.full((1, 1), constant))[:, :, 0].T
     return np.asarray(STEP_DECADES * late)

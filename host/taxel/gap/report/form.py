@@ -23,7 +23,6 @@ from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
 from taxel.gap.report.posterior import draws_of
 from taxel.gap.rounds import FIXED, Forms
-from taxel.gap.signature.bank import unexplained
 from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
@@ -39,18 +38,18 @@ def report_of(
     held: HeldOut,
     told: Attribution,
     verdict: Verdict,
+    left: Mapping[str, Any],
     likes: Sequence[Likeness],
     confounded: Mapping[str, Sequence[str]],
     tried: Forms,
     seed: int,
 ) -> dict[str, Any]:
-    """All but run time and millimetres. believed: of the selection what the verdict names; held, told: of it. likes,
-    confounded: what these presses cannot tell apart. tried: what of the catalogue.
+    """All but run time and millimetres. believed: of the selection what the verdict names; held, told, left: of it.
+    likes, confounded: what these presses cannot tell apart. tried: what of the catalogue.
     """
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = believed.features
     found = products(real, before, layout)
-    left = unexplained(pair, layout, real, after, judge.fold, seed)
     draws = draws_of(judge, believed.chain, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
@@ -91,7 +90,7 @@ def report_of(
             "shrink": held.shrink.value,
             "reducible_shrink": held.reducible,
         },
-        "unexplained": left,
+        "unexplained": dict(left),
         "classes": classes(confounded),
         "likeness": [one.to_json() for one in likes],
         "search": [_round(one) for one in selection.rounds],

@@ -41,13 +41,14 @@ FIXED: Final = {BOARD: "board", ROW: "row", COLUMN: "column", TAXEL: "taxel"}
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A distortion of the bank. share: of what is left. size: how many numbers it has. Of where it comes from one is
-    given: fitted columns, places that stand out, or a change over sessions or presses.
+    """A distortion of the bank. share: of what is left; counts2: that share in counts^2. size: how many numbers it has.
+    Of where it comes from one is given: fitted columns, places that stand out, or a change over sessions or presses.
     """
 
     name: str
     scope: str
     share: float
+    counts2: float
     p_value: float | None
     size: int
     told: Told | None = None
@@ -104,7 +105,8 @@ def unexplained(
         "signature": words,
         "where": where,
         "bank": [
-            {"name": one.name, "scope": one.scope, "share": one.share, "p_value": one.p_value} for one in found.bank
+            {"name": one.name, "scope": one.scope, "share": one.share, "counts2": one.counts2, "p_value": one.p_value}
+            for one in found.bank
         ],
     }
 
@@ -133,20 +135,24 @@ def signature(pair: Pair, layout: Layout, real: SessionMeans, model: Array, fold
 
 
 def _of_told(one: Told, excess: float) -> Entry:
-    share = float(off_diagonal(one.total)) / excess if excess > 0 else 0.0
-    return Entry(one.shape, one.scope, float(np.clip(share, 0.0, 1.0)), p_value(one.total), one.size, told=one)
+    share = _share(off_diagonal(one.total), excess)
+    return Entry(one.shape, one.scope, share, share * excess, p_value(one.total), one.size, told=one)
 
 
 def _of_spot(one: Spot, excess: float) -> Entry:
-    share = float(off_diagonal(one.gram)) / excess if excess > 0 else 0.0
+    share = _share(off_diagonal(one.gram), excess)
     size = 2 * len(one.numbers) + (one.scope == TAXEL)
-    return Entry(FIXED[one.scope], one.scope, float(np.clip(share, 0.0, 1.0)), one.p_value, size, spot=one)
+    return Entry(FIXED[one.scope], one.scope, share, share * excess, one.p_value, size, spot=one)
+
+
+def _share(part: Array, excess: float) -> float:
+    return float(np.clip(float(part) / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 
 def _of_change(one: Change, excess: float) -> Entry:
     whole = one.part + max(excess, 0.0)
     scope = HAND if not one.boards else BOARD
-    return Entry(one.name, scope, one.part / whole if whole > 0 else 0.0, one.p_value, 1, change=one)
+    return Entry(one.name, scope, one.part / whole if whole > 0 else 0.0, one.part, one.p_value, 1, change=one)
 
 
 def _corrected(entries: list[Entry]) -> list[Entry]:

@@ -1,0 +1,75 @@
+"""Silent taxels: dead ones in patches and on lines, and those that the object does not reach."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from taxel.gap.dead_places import is_evident, lines_of, patches
+
+SIZE = 6
+PLACE = np.arange(SIZE * SIZE)
+STATE = SimpleNamespace(
+    pair=SimpleNamespace(
+        n=SIZE * SIZE,
+        groups=SimpleNamespace(sensor=np.zeros(SIZE * SIZE, int)),
+        taxels=SimpleNamespace(tx=PLACE // SIZE, rx=PLACE % SIZE),
+    )
+)
+ALL = np.ones(SIZE * SIZE, bool)
+
+
+def grid(default, **places):
+    """f64[n] with other values at places such as t2r3."""
+    result = np.full((SIZE, SIZE), float(default))
+    for name, value in places.items():
+        result[int(name[1]), int(name[3])] = value
+    return result.ravel()
+
+
+def found(answer, expected):
+    """Dead taxels as pairs, whether that is evident, and lines."""
+    mute = answer < 0.2
+    dead, evident = patches(STATE, answer, mute, np.atleast_2d(expected))
+    lines = lines_of(STATE, dead, ALL)
+    evident = evident or any(is_evident(STATE, answer, line) for line in lines)
+    return {divmod(int(k), SIZE) for k in np.flatnonzero(dead)}, evident, lines
+
+
+def test_a_dead_patch_is_found_whole_though_little_is_expected_of_some_and_is_no_line():
+    patch = {"t0r4": 0.0, "t0r5": 0.0, "t1r4": 0.0, "t1r5": 0.0}
+    dead, evident, lines = found(grid(1.0, **patch), grid(500.0, t0r4=60.0, t1r5=50.0))
+    assert dead == {(0, 4), (0, 5), (1, 4), (1, 5)}
+    assert evident
+    assert lines == []
+
+
+def test_taxels_of_which_little_is_expected_alone_are_not_told():
+    assert found(grid(1.0, t2r2=0.0), grid(500.0, t2r2=60.0))[0] == set()
+
+
+def test_the_rim_of_one_press_is_not_dead_but_that_of_two_is():
+    rim = grid(1.0, t0r5=0.0, t1r5=0.0, t0r4=0.35, t1r4=0.4)
+    assert found(rim, grid(300.0))[0] == set()
+    assert found(rim, np.stack([grid(300.0), grid(300.0)]))[0] == {(0, 5), (1, 5)}
+
+
+def test_one_press_is_enough_where_what_lies_beside_is_as_expected():
+    dead, evident, _ = found(grid(1.0, t0r5=0.0, t1r5=0.0), grid(300.0))
+    assert dead == {(0, 5), (1, 5)}
+    assert not evident
+
+
+def test_a_line_at_the_edge_is_evident_beside_one_that_answers_in_full():
+    last = {f"t{tx}r5": 0.0 for tx in range(SIZE)}
+    _, evident, lines = found(grid(1.0, **last), grid(300.0))
+    assert lines == [(0, "rx", 5)]
+    assert evident
+    faint = last | {f"t{tx}r4": 0.6 for tx in range(SIZE)}
+    assert not found(grid(1.0, **faint), np.stack([grid(300.0), grid(300.0)]))[1]
+
+
+def test_a_line_remains_one_beside_a_single_dead_taxel():
+    _, _, lines = found(grid(1.0, **{f"t3r{rx}": 0.0 for rx in range(SIZE)}, t4r0=0.0), grid(300.0))
+    assert lines == [(0, "tx", 3)]
