@@ -404,6 +404,24 @@ def test_no_gap_is_said_calmly_and_its_pictures_are_noise() -> None:
     assert np.mean(steps) < 5
 
 
+def test_a_small_gap_that_is_hardly_chance_is_not_said_to_be_noise() -> None:
+    report = no_gap_report("rig4")
+    report["verdict"]["one_line"] = "No gap: 2.9 counts where repeats and sessions alone make 2.8."
+    report["gap"]["significant"] = True
+    seen = visible(page_text(report))
+    assert "hardly chance" in seen
+    assert "as well as repeats" not in seen
+
+
+def test_places_of_next_to_nothing_are_not_listed(small: Report) -> None:
+    board = small["sensors"][0]["address"]
+    small["unexplained"] |= {"p_value": 1e-4, "signature": "one board"}
+    small["unexplained"]["where"] = [{"address": board, "share": share} for share in (0.81234, 0.0004)]
+    seen = visible(page_text(small))
+    assert "81 %" in seen.replace("\N{NO-BREAK SPACE}", " ")
+    assert ": 0 %" not in seen.replace("\N{NO-BREAK SPACE}", " ")
+
+
 def test_unknown_cause_names_no_effect(small: Report) -> None:
     small["verdict"] |= {"status": "unknown", "effects": ["unknown"]}
     for row in small["effects"]:

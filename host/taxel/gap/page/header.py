@@ -11,9 +11,13 @@ from taxel.gap.page.report import Report
 from taxel.gap.page.tables import Section, bullets, paragraph
 from taxel.gap.page.text import escaped, plural, words
 
-NO_GAP_NOTE = (
+AGREE = (
     "The two recordings agree as well as repeats of the same grasp do. The pictures below are those of every report; "
     "here they show how noise happens to fall, and no place in them asks for attention."
+)
+SMALL = (
+    "What differs is hardly chance, yet less than what two good simulators of the same hand differ by. The pictures "
+    "below show where it lies; no place in them asks for attention."
 )
 
 
@@ -22,7 +26,7 @@ def header(report: Report, sections: Sequence[Section]) -> str:
     inputs = report.root.field("inputs")
     names = [f"<b>{escaped(file_name(inputs.field(side).text('path')))}</b>" for side in ("real", "sim")]
     links = bullets((f'<a href="#{section.anchor}">{section.title}</a>' for section in sections), "links")
-    note = paragraph(NO_GAP_NOTE, "calm") if report.no_gap else ""
+    note = paragraph(SMALL if report.gap.flag("significant") else AGREE, "calm") if report.no_gap else ""
     return (
         f'<header>\n<p class="eyebrow">Sim-to-real gap: {names[0]} against {names[1]}</p>\n'
         f"<h1>{escaped(report.verdict.text('one_line'))}</h1>\n"

@@ -55,7 +55,7 @@ def unexplained_section(report: Report) -> Section:
     left = report.root.field("unexplained")
     p = left.maybe_number("p_value")
     signature = escaped(left.maybe_text("signature"))
-    places = [_place(report, place) for place in left.maybe_list("where")]
+    places = [_place(report, place) for place in left.maybe_list("where") if _is_shown(place)]
     tested = f"({p_words(p)})"
     if not is_small(p):
         body = paragraph(f"What is left is not told from the floor {tested}.")
@@ -69,9 +69,18 @@ def unexplained_section(report: Report) -> Section:
     return Section("unexplained", "Unexplained", body + _bank(left.maybe_list("bank")))
 
 
+def _share_of(place: Value) -> float | None:
+    return place.maybe_number("share") if isinstance(place.content, dict) else None
+
+
+def _is_shown(place: Value) -> bool:
+    share = _share_of(place)
+    return share is None or share >= _LEAST_SHOWN
+
+
 def _place(report: Report, place: Value) -> str:
     """A place, with the share of what is left that lies there."""
-    share = place.maybe_number("share") if isinstance(place.content, dict) else None
+    share = _share_of(place)
     return place_words(report, place) + ("" if share is None else f": {percent(share)}")
 
 
