@@ -23,9 +23,11 @@ from typing import Final
 import numpy as np
 
 from taxel.blind.drawing import SMALL, World
+from taxel.blind.form import Form
 from taxel.blind.hidden import Hidden
-from taxel.blind.kinds import INSIDE, LOOKALIKES, OUTSIDE, Form, nuisances
+from taxel.blind.kinds import INSIDE, nuisances
 from taxel.blind.making import make_world
+from taxel.blind.strangers import LOOKALIKES, OUTSIDE
 from taxel.errors import TaxelError
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair

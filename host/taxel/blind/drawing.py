@@ -10,8 +10,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from taxel.blind.form import Form
 from taxel.blind.hidden import Cause, Hidden
-from taxel.blind.kinds import INSIDE, LOOKALIKES, NAMES, OUTSIDE, Form, forms_of, nuisances
+from taxel.blind.kinds import INSIDE, NAMES, forms_of, nuisances
+from taxel.blind.strangers import LOOKALIKES, OUTSIDE
 from taxel.hand import Hand, load_hand
 
 MIX: Final = {"none": 150, "single": 20 * len(NAMES), "several": 60, "outside": 60, "lookalike": 12}

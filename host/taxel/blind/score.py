@@ -11,8 +11,9 @@ import numpy as np
 
 from taxel.blind.answers import Answer, Named
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.kinds import ACTS_LIKE, NAMES
+from taxel.blind.kinds import NAMES
 from taxel.blind.simpler import NO_GAP
+from taxel.blind.strangers import ACTS_LIKE
 
 RATIOS: Final = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, np.inf)
 """Bounds of gap over floor between which accuracy is told."""

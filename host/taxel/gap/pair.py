@@ -83,6 +83,11 @@ class Pair:
         """Where each board's taxels lie."""
         return layouts_of(self.groups.sensor, self.taxels)
 
+    @cached_property
+    def object_names(self) -> tuple[str, ...]:
+        """Objects of the cells, sorted."""
+        return tuple(sorted({item for item, _ in self.cells}))
+
     @property
     def n(self) -> int:
         """Number of taxels."""

@@ -106,7 +106,7 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
     phases = [phase for phase in PHASES if (layout.phase == phase).any()]
     row = np.array([phases.index(Phase(int(phase))) for phase in layout.phase], dtype=np.intp)
     cells, cells_centred = found.cells.sum(axis=1), found.centred_cells.sum(axis=1)
-    objects = sorted({item for item, _ in pair.cells})
+    objects = pair.object_names
     of_object = np.array([objects.index(item) for item, _ in pair.cells], dtype=np.intp)
 
     def table(labels: list[dict[str, Any]], gram: Array, centred: Array) -> list[dict[str, Any]]:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from taxel.blind.drawing import FLOORS, MIX, PRESSES, WITHHELD_EACH, drawn_worlds
+from taxel.blind.form import Form
 from taxel.blind.hidden import UNKNOWN, Cause, Hidden
-from taxel.blind.kinds import INSIDE, NAMES, OUTSIDE, Form
+from taxel.blind.kinds import INSIDE, NAMES
+from taxel.blind.strangers import OUTSIDE
 from taxel.campaign.press import press_settings
 from taxel.campaign.session import session_world
 from taxel.campaign.setup import Setup

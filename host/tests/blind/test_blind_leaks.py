@@ -16,8 +16,9 @@ import pytest
 from taxel.blind import making
 from taxel.blind.drawing import Shape, drawn_worlds
 from taxel.blind.hidden import Cause, Hidden
-from taxel.blind.kinds import INSIDE, OUTSIDE
+from taxel.blind.kinds import INSIDE
 from taxel.blind.making import make_world
+from taxel.blind.strangers import OUTSIDE
 
 NOISE = Cause("noise", "noise white", ("noise white counts=60 board=0x53",))
 GAIN = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.4 board=0x53",))

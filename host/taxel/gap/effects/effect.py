@@ -117,7 +117,7 @@ class Effect(ABC):
         if self.scope == TAXEL:
             return np.broadcast_to(np.arange(n), (cells, n))
         if self.scope == OBJECT:
-            names = sorted({item for item, _ in pair.cells})
+            names = pair.object_names
             own = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
             return np.broadcast_to(own[:, None], (cells, n))
         return np.zeros((cells, n), np.intp)

@@ -253,7 +253,7 @@ def geometry_of(state: State) -> Geometry:
     pair = state.pair
     assert state.base.force is not None
     law = law_of(state)
-    meshes = {name: Mesh(pair.objects[name]) for name in sorted({item for item, _ in pair.cells})}
+    meshes = {name: Mesh(pair.objects[name]) for name in pair.object_names}
     hold = state.clock.phase == Phase.HOLD
     contacts = []
     for cell in range(len(pair.cells)):

@@ -145,5 +145,5 @@ def _label(pair: Pair, link: Link, parameter: str, block: int) -> str:
     if effect.scope == BOARD:
         return f"{text}, {pair.sensors.name[block].replace('_', ' ')}"
     if effect.scope == OBJECT:
-        return f"{text}, {sorted({item for item, _ in pair.cells})[block]}"
+        return f"{text}, {pair.object_names[block]}"
     return text if effect.scope == HAND else f"{name} of single taxels"

@@ -205,7 +205,7 @@ def block_numbers(effect: Effect, old: Pair, new: Pair) -> NDArray[np.intp]:
     """Of each block on a pair's presses its number on another's, -1 for an object that it lacks."""
     if effect.scope != OBJECT:
         return np.arange(int(effect.blocks_of(new).max()) + 1)
-    names = [sorted({item for item, _ in pair.cells}) for pair in (old, new)]
+    names = [pair.object_names for pair in (old, new)]
     return np.array([names[0].index(name) if name in names[0] else -1 for name in names[1]], dtype=np.intp)
 
 

@@ -168,7 +168,7 @@ def _label(pair: Pair, link: Link, name: str, block: int) -> str:
     if link.effect.scope == BOARD:
         return f"{name}@{int(pair.sensors.address[block])}"
     if link.effect.scope == OBJECT:
-        return f"{name}@{sorted({item for item, _ in pair.cells})[block]}"
+        return f"{name}@{pair.object_names[block]}"
     return f"{name}@{block}"
 
 

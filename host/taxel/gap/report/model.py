@@ -59,7 +59,7 @@ def block_names(pair: Pair, scope: str) -> list[int | str]:
     if scope == BOARD:
         return [int(address) for address in pair.sensors.address]
     if scope == OBJECT:
-        return [*sorted({item for item, _ in pair.cells})]
+        return list(pair.object_names)
     return [*range(pair.n)]
 
 

@@ -20,7 +20,7 @@ def page_fields(
 ) -> dict[str, Any]:
     """What the page shows beside the fields of the form."""
     first, second = terms(real, before, layout), terms(real, after, layout)
-    names = sorted({item for item, _ in pair.cells})
+    names = pair.object_names
     of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
     sensor = pair.groups.sensor
 
