@@ -39,6 +39,10 @@ def diagnose(
     without: Annotated[list[str] | None, typer.Option(help="An effect that is not tried; may be repeated.")] = None,
     priors: Annotated[Path | None, typer.Option(help="TOML file of what is known of the effects' parameters.")] = None,
     seed: Annotated[int, typer.Option(help="Of the draws behind the p-values.")] = 0,
+    nested: Annotated[
+        bool,
+        typer.Option("--nested", help="Search again without each session, and judge there what that finds: slower."),
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a report that is there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
@@ -55,7 +59,7 @@ def diagnose(
     _check_folder(out)
     console = Console(stderr=as_json, markup=False)
     with stage_bars(console) as show:
-        diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {})
+        diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {}, nested)
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
     with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -26,12 +26,21 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
         if after["reducible_shrink"] is not None:
             said += f"; {100 * after['reducible_shrink']:.0f} % of what lies above the floor"
         console.print(said, highlight=False, markup=False)
+    if (chosen := after.get("chosen_inside")) is not None:
+        console.print(inside_words(chosen, report["verdict"]["effects"]), highlight=False, markup=False)
     for entry in report["effects"]:
         if entry["in_verdict"]:
             values = ", ".join(_parameter(name, one) for name, one in list(entry["parameters"].items())[:6])
             console.print(f"{entry['name']}: {values}", highlight=False, markup=False)
     for loss in report["losses"]:
         console.print(f"note: {loss}", highlight=False, markup=False)
+
+
+def inside_words(chosen: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
+    """How often a search without a session found what the search in all of them did. chosen: names of each."""
+    names = set(effects) - {"unknown"}
+    same = sum(set(one) == names for one in chosen)
+    return f"a search without each session finds the same effects in {same} of {len(chosen)}"
 
 
 def _with_interval(value: float, interval: list[float] | None, digits: int = 1) -> str:

@@ -94,7 +94,9 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
         for chosen in combinations(names, size):
             squares, shrinks = [], []
             for session, links in enumerate(held.links):
-                chain = Chain.of([link for link in links if link.effect.name in chosen])
+                # What a search without this session found besides goes with the whole set.
+                whole = size == len(names) > 0
+                chain = Chain.of([link for link in links if whole or link.effect.name in chosen])
                 features = chain.features(state)
                 squares.append(real.square(session, features, scale))
                 after = max(inside[session].excess(features), 0.0) + floor[session]

@@ -21,6 +21,7 @@ from taxel.gap.identify import likenesses
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, measure
 from taxel.gap.nameless import nameless
+from taxel.gap.nested import Inside, searched_inside
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
@@ -60,10 +61,12 @@ def diagnose(
     seed: int = 0,
     show: Show = quiet,
     priors: Priors = MappingProxyType({}),
+    nested: bool = False,
 ) -> Diagnosis:
     """Say where the gap between two datasets lies, which effect causes it and how far it shrinks.
 
     without: names of the catalogue that are not tried. seed: of the p-values' draws. priors: what is known of effects.
+    nested: search without each session again, which takes as many times as long, and judge in it what that finds.
     Raises DatasetError and GapInputError of one line.
     """
     began = time.perf_counter()
@@ -71,13 +74,16 @@ def diagnose(
     with threadpool_limits(limits=1):  # small products: threads would only wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
         judge, simulated2 = prepared(pair)
+        inside = Inside(())
+        if nested:
+            inside = searched_inside(judge, forms, lambda number, total: show("searching inside", number, total))
         selection = select(judge, forms, lambda number, total: show("searching", number, total))
         judge = selection.judge
         state, real, layout = judge.state, judge.sessions, judge.layout
         gap = measure(real, state.mean, layout)
         show("searching", MOST_EFFECTS, MOST_EFFECTS)
         show("holding out", 0, 1)
-        held = held_out(judge, selection.chain)
+        held = held_out(judge, selection.chain, inside=inside.chains)
         told = attribute(judge, selection.names, held)
         fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
         likes = likenesses(judge, forms, fitted)
@@ -88,10 +94,13 @@ def diagnose(
         verdict = judge_verdict(gap, selection, names, held, simulated2, unsure, pair.cells, left["bank"])
         believed = selection.only(verdict.effects)
         if believed is not selection:
-            held = held_out(judge, believed.chain)
+            inside = inside.only(selection.names, believed.names)
+            held = held_out(judge, believed.chain, inside=inside.chains)
             told = attribute(judge, believed.names, held)
             left = unexplained(pair, layout, real, believed.features, judge.fold, seed)
         report = report_of(judge, gap, selection, believed, held, told, verdict, left, likes, confounded, forms, seed)
+        if nested:
+            report["after"]["chosen_inside"] = inside.names
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [

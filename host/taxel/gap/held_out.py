@@ -70,8 +70,8 @@ class HeldOut:
         return np.array([of(float(self.before2[k].mean()), float(self.after2[k].mean())) for k in stays])
 
 
-def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOut:
-    """Leave every session out in turn."""
+def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED, inside: Sequence[Chain] = ()) -> HeldOut:
+    """Leave every session out in turn. inside: what was chosen without each, if it was not `chain` for all."""
     real, layout = judge.sessions, judge.layout
     count = real.value.shape[1]
     before = judge.state.mean
@@ -80,6 +80,8 @@ def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED) -> HeldOu
     seconds, promised, links = [], [], []
     start = start_of(judge.state, chain, fixed)
     for session in range(count):
+        if inside:
+            chain, start = inside[session], start_of(judge.state, inside[session], fixed)
         part = real.only(np.arange(count) != session) if count > 1 else real
         own = Judge(judge.state, part, layout)
         fitted = fit(own.problem(), chain, fixed, REFITS, start)

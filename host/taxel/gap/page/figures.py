@@ -66,7 +66,17 @@ def _after_rows(report: Report) -> list[Row]:
         _row(after, "floor", "Floor", _COUNTS, "of the same grasps"),
         (_label("Shrink", f"of the gap{said}"), percent(after.maybe_number("shrink"))),
         (_label("Reducible shrink", none if reducible is None else share), percent(reducible)),
+        *_chosen_rows(report),
     ]
+
+
+def _chosen_rows(report: Report) -> list[Row]:
+    """Where the effects were searched for without each session again."""
+    chosen = report.after.maybe_list("chosen_inside")
+    names = set(report.verdict.texts("effects")) - {"unknown"}
+    same = sum({name.as_text() for name in one.items()} == names for one in chosen)
+    said = "searches without one session, judged in it, find the same effects"
+    return [(_label("Chosen inside", said), f"{same} of {len(chosen)}")] if chosen else []
 
 
 def _added(report: Report) -> str:

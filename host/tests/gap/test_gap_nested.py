@@ -1,0 +1,55 @@
+"""A search without each session: what it finds, what it is judged in, and when it is refused."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taxel.cli.gap_summary import inside_words
+from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.chain import Chain
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.errors import GapInputError
+from taxel.gap.nested import Inside
+from taxel.gap.page import write_page
+
+
+def clipped(force, drop):
+    return np.minimum(drop, 500.0)
+
+
+def test_a_clear_effect_is_found_without_any_session(world, tmp_path):
+    files = world(tmp_path, effect=clipped, sessions=4, most=3.0)
+    without = set(CATALOGUE) - {"saturation", "stiffness", "noise"}  # five searches of the whole would take a while
+    nested, plain = (diagnose(*files, without, nested=anew).report for anew in (True, False))
+    assert nested["verdict"] == plain["verdict"]
+    assert all("saturation" in names for names in nested["after"]["chosen_inside"])
+    assert len(nested["after"]["chosen_inside"]) == 4
+    assert nested["after"]["shrink"] == pytest.approx(plain["after"]["shrink"], abs=0.05)
+    assert nested["waterfall"][-1]["gap"] == pytest.approx(nested["after"]["value"])
+    assert "chosen_inside" not in plain["after"]
+    page = tmp_path / "report.html"
+    write_page(json.loads(json.dumps(nested)), page)
+    assert "Chosen inside" in page.read_text()
+
+
+def test_three_sessions_are_too_few(world, tmp_path):
+    with pytest.raises(GapInputError, match="--nested: expected 4 sessions or more, found 3"):
+        diagnose(*world(tmp_path, effect=clipped, sessions=3, most=3.0), nested=True)
+
+
+def link(name):
+    return SimpleNamespace(effect=SimpleNamespace(name=name))
+
+
+def test_what_the_verdict_does_not_believe_is_not_judged_inside_either():
+    chains = Chain((link("noise"), link("stiffness"))), Chain((link("noise"), link("gain_mismatch")))
+    inside = Inside(chains).only(("noise", "stiffness"), ("stiffness",))
+    assert inside.names == [["stiffness"], ["gain_mismatch"]]
+
+
+def test_words():
+    assert inside_words([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith("in 1 of 2")
