@@ -59,7 +59,7 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, seed: int) -> dict[s
     left = np.array([np.nanmean(np.delete(per_session, s)) for s in range(sessions)]) if sessions > 2 else np.zeros(0)
     return {
         "value": whole,
-        "ci95": jackknife(left, whole).ci95,
+        "ci95": jackknife(left, whole).positive.ci95,
         "floor": float(np.mean([value for row in floor for value in row])) if floor else 0.0,
         "placebo": float(np.mean(placebo)),
     }

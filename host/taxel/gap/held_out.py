@@ -49,7 +49,7 @@ class HeldOut:
     @property
     def value(self) -> Interval:
         """The gap after, counts."""
-        return jackknife(self._left(lambda _, after: float(np.sqrt(after))), self.after)
+        return jackknife(self._left(lambda _, after: float(np.sqrt(after))), self.after).positive
 
     @property
     def left2(self) -> float:

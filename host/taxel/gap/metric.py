@@ -58,6 +58,11 @@ class Interval:
         """For the report."""
         return None if self.low is None or self.high is None else [self.low, self.high]
 
+    @property
+    def positive(self) -> Interval:
+        """Of what cannot be below 0."""
+        return Interval(self.value, None if self.low is None else max(self.low, 0.0), self.high, self.error)
+
     def widened(self, draws: Array) -> Interval:
         """By an independent error that is told by draws f64[d] of the value, on each side by what holds 95 % of them;
         no draws, or no interval: the same.

@@ -13,7 +13,7 @@ from taxel.cloud.treatment import OTHER_SOR, Sor, sor_of
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.chain import Chain
 from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.metric import measure
+from taxel.gap.metric import Interval, measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.select import select
@@ -83,6 +83,11 @@ def test_four_steps_in_the_order_of_the_thesis(judged, told):
     assert real[0] > real[1] >= real[2] == real[3]
     assert sim[0] > sim[1] >= sim[2] < sim[3]
     json.dumps(entries, allow_nan=False)
+
+
+def test_no_distance_is_below_nothing():
+    assert Interval(2.0, -1.0, 5.0, 1.0).positive.ci95 == [0.0, 5.0]
+    assert Interval(2.0, None, None, None).positive.ci95 is None
 
 
 def test_the_force_filter_is_told_in_newtons(told):
