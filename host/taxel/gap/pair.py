@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.boards import BoardLayout, layouts_of
 from taxel.gap.clock import Clock
+from taxel.gap.differences import differences
 from taxel.gap.errors import GapInputError
 from taxel.gap.losses import losses_of, lost_phases, require_answers
 from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
@@ -44,8 +45,8 @@ class Pair:
         taxels, sensors, groups: of the hand; sensors in the order of the real file.
         clock: nodes of time. frame_s: frame period of the slower recording. real, sim: the reduced recordings.
         sensor_model: of the simulator, if its file states one.
-        objects: meshes by name. sensor_poses, object_poses: of the simulation's first grasp of each cell,
-            f64[C, s, 4, 4] and f64[C, 4, 4].
+        objects: the simulator's meshes by name. sensor_poses, object_poses: of the simulation's first grasp of each
+            cell, f64[C, s, 4, 4] and f64[C, 4, 4].
         paths: of both files. digests: their SHA-256.
         losses: what this pair lacks, in words, for the report.
         unrecorded: cells that only the simulator has, sorted.
@@ -111,6 +112,8 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
         poses = first_poses(simulated, cells, columns)
+        believed = first_poses(made, cells, np.arange(len(columns)))
+        otherwise = differences((real.taxels, sim.taxels), (real.objects, sim.objects), (believed, poses), cells)
         first = read_recording(
             real, made, numbers, clock, groups, np.arange(len(columns)), lambda done, _: progress(done, total)
         )
@@ -129,11 +132,11 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             first,
             second,
             sim.sensor_model,
-            dict(real.objects),
+            dict(sim.objects),
             *poses,
             paths,
             (_digest(real.path), _digest(sim.path)),
-            tuple(losses + lost + losses_of(first, second, groups)),
+            tuple(losses + otherwise + lost + losses_of(first, second, groups)),
             unrecorded,
         )
 

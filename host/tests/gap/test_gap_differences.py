@@ -1,0 +1,87 @@
+"""What two files say otherwise of one thing is told among the losses."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.gap.pair import read_pair
+
+
+@pytest.fixture
+def files(world, tmp_path):
+    return world(tmp_path, sessions=3, cells=4)
+
+
+def changed(path, change):
+    with h5py.File(path, "r+") as file:
+        change(file)
+
+
+def said(files):
+    return [loss for loss in read_pair(*files).losses if "differ" in loss or "mesh" in loss or "elsewhere" in loss]
+
+
+def test_like_files_have_nothing_to_tell(files):
+    assert said(files) == []
+
+
+def test_a_mesh_in_millimetres_is_told_and_the_simulators_is_used(files):
+    def smaller(file):
+        file["objects/cube/vertices"][...] *= 0.001
+
+    changed(files[1], smaller)
+    (line,) = said(files)
+    assert line.startswith("object cube: the sides of its two meshes lie ")
+    assert line.endswith("mm apart: the simulator's is used")
+    objects = read_pair(*files).objects
+    assert np.ptp(objects["cube"].vertices) < 0.01 * np.ptp(objects["block"].vertices)
+
+
+def move(file, shift, turn=0.0, world=False):
+    """Objects of the presses of one approach, or all of the hand's world."""
+    cosine, sine = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    to = np.array([[cosine, -sine, 0, shift], [sine, cosine, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    for grasp in file["grasps"].values():
+        if world:
+            grasp["sensor_pose"][...] = to @ grasp["sensor_pose"][...]
+        if world or grasp.attrs["approach"] == "press_1":
+            grasp["object_pose"][...] = to @ grasp["object_pose"][...]
+
+
+def test_an_object_elsewhere_is_told_with_the_approach(files):
+    changed(files[1], lambda file: move(file, 0.0042, 3.0))
+    (line,) = said(files)
+    assert line.startswith(
+        "in 1 of 4 approaches the simulator has the object elsewhere than the hand: 4.2 mm and 3.0 deg"
+    )
+    assert line.endswith("block press_1")
+
+
+def test_another_world_is_none(files):
+    changed(files[1], lambda file: move(file, 0.5, 90.0, world=True))
+    assert said(files) == []
+
+
+def test_a_joint_that_closes_farther_is_none(files):
+    def farther(file):
+        for grasp in file["grasps"].values():
+            pose = grasp["sensor_pose"][...]
+            pose[1, 0, 3] += 0.01
+            grasp["sensor_pose"][...] = pose
+
+    changed(files[1], farther)
+    assert said(files) == []
+
+
+def test_other_normals_and_sizes_are_told(files):
+    def other(file):
+        file["taxels/normal"][0] = [0.0, 1.0, 0.0]
+        file["taxels/size"][...] = 0.004
+
+    changed(files[1], other)
+    assert said(files) == [
+        "normals of taxels differ by up to 90 degrees: those of the hand's file are used",
+        "sizes of taxels differ by up to 1 mm: those of the hand's file are used",
+    ]
