@@ -104,10 +104,7 @@ def fit(
 
 def started(state: State, effect: Effect) -> Link:
     """An effect at the values where its search starts."""
-    values = effect.neutral(state)
-    for row, parameter in enumerate(effect.parameters()):
-        values[row] = parameter.start
-    return Link(effect, values)
+    return Link(effect, effect.starts(state))
 
 
 def _scale(parameter: Parameter, values: Array) -> Array:

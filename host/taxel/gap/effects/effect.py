@@ -127,15 +127,21 @@ class Effect(ABC):
         count = int(self.blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
+    def starts(self, state: State) -> Array:
+        """Values where a search starts, f64[P, G]."""
+        values = self.neutral(state)
+        for row, parameter in enumerate(self.parameters()):
+            values[row] = parameter.start
+        return values
+
     def typical(self, state: State) -> Array:
         """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects; for every
         other block only, so that blocks differ.
         """
-        values = self.neutral(state)
-        neutral = values.copy()
+        values, neutral = self.starts(state), self.neutral(state)
         for row, parameter in enumerate(self.parameters()):
-            step = parameter.start - parameter.neutral
-            values[row] += step if step else min(0.3 * parameter.prior, 0.3 * (parameter.high - parameter.neutral))
+            if (values[row] == parameter.neutral).all():
+                values[row] += min(0.3 * parameter.prior, 0.3 * (parameter.high - parameter.neutral))
         values[:, 1::2] = neutral[:, 1::2]
         return values
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from taxel.gap.effects.effect import Array, Effect, Parameter
 from taxel.gap.state import Signal, State
+
+START: Final = 0.7
+"""Of the largest drop: a search must start where something is cut off, or nothing tells it the way."""
 
 
 class Saturation(Effect):
@@ -18,8 +23,17 @@ class Saturation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Where it ends; the upper bound is out of reach of 16 bit."""
+        """Where it ends; the upper bound is out of reach of 16 bit. Its start is of a hand that nobody has measured."""
         return (Parameter("counts", "counts", 50.0, 1e6, 1e6, 1000.0),)
+
+    def starts(self, state: State) -> Array:
+        """See `Effect`."""
+        values = super().starts(state)
+        if "counts" not in self.priors:
+            (counts,) = self.parameters()
+            largest = float(np.nan_to_num(state.mean[:, : state.layout.bins]).max(initial=0.0))
+            values[:] = np.clip(START * largest, counts.low, counts.high)
+        return values
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
