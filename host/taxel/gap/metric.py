@@ -18,6 +18,9 @@ from taxel.gap.features import Layout, SessionMeans
 
 Array = NDArray[np.float64]
 
+LEAST_MARGIN_COUNTS: Final = 3.0
+"""An excess of fewer counts is no gap, however small the floor is or if nobody knows it: no simulator is nearer."""
+
 MARGIN_FLOORS: Final = 3.0
 """An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
 hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
@@ -129,6 +132,11 @@ def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval
     second = 0.0 if other.high is None else other.high - other.value
     half = float(np.sqrt((first.high - first.value) ** 2 + second**2 + (NORMAL_95 * besides) ** 2))
     return Interval(first.value, first.value - half, first.value + half, None)
+
+
+def margin2(floor2: float) -> float:
+    """Excess, counts^2, up to which there is no gap above a floor of so many."""
+    return max(MARGIN_FLOORS * floor2, LEAST_MARGIN_COUNTS**2)
 
 
 def root(interval: Interval) -> Interval:

@@ -64,7 +64,7 @@ ALONG: Final = 0.2
 def odd_pattern(judge: Judge, link: Link) -> str | None:
     """What is odd about a link's values, as words after its name; None: they are as parts' are, or nobody knows."""
     if _goes_round(link):
-        return "goes to the taxels beside on all sides and not along the lines, which that of electrodes does not"
+        return "goes to the taxels beside on all sides and not along the lines, as pressure in a cover may"
     if link.effect.name not in (GainMismatch.name, Stiffness.name):
         return None
     (parameter, *_) = link.effect.parameters()

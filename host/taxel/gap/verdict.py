@@ -9,13 +9,10 @@ from typing import Any, Final
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.held_out import HeldOut
-from taxel.gap.metric import MARGIN_FLOORS, Gap
+from taxel.gap.metric import Gap, margin2
 from taxel.gap.trial import Selection
 
 UNKNOWN: Final = "unknown"
-
-LEAST_MARGIN_COUNTS: Final = 3.0
-"""A gap of fewer counts is none, however small the floor is or if nobody knows it: no simulator is nearer."""
 
 SURELY_WITHIN: Final = 1.0 / 3.0
 """Of the margin: an excess below it is none, whatever was found; and what all presses but one make together."""
@@ -88,14 +85,17 @@ def judge_verdict(
     well be a cause without a name, and why. cells: object and approach of each press. bank: generic distortions of what
     the found ones leave, as the report's `unexplained` has them.
     """
-    margin = max(MARGIN_FLOORS * (gap.floor**2 + simulated2), LEAST_MARGIN_COUNTS**2)
+    margin = margin2(gap.floor**2 + simulated2)
     # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
     within = gap.most <= margin or (gap.excess.value <= margin and gap.p_value > SIGNIFICANT)
     named = max(selection.explained, held.reducible or 0.0)
     local = selection.is_local
-    if within and not local and (not names or named < NAMED or gap.excess.value <= SURELY_WITHIN * margin):
-        line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}."
-        return Verdict("no_gap", (), line, margin)
+    # Within the margin counts must tell it, too: a score may be of what hardly scatters, and no gap of counts.
+    told = min(named, held.reducible or 0.0) >= NAMED and gap.excess.value > SURELY_WITHIN * margin
+    if within and not local and not (names and told):
+        line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}"
+        found = [_in_words(name) for name in names] if named >= NAMED else []
+        return Verdict("no_gap", (), f"{line}; of that: {'; '.join(found)}." if found else f"{line}.", margin)
     if not names and gap.excess.value <= STRAYS * margin and (one := _hangs_on(gap, margin)) is not None:
         press = f"one press ({' '.join(cells[one])})" if cells else "one press"
         line = f"No gap but in {press}: {gap.gap.value:.1f} counts (floor {gap.floor:.1f}), hardly any in the others."

@@ -10,7 +10,7 @@ from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
 from taxel.gap.effects.noise import Noise
 from taxel.gap.judge import Score
-from taxel.gap.metric import MARGIN_FLOORS
+from taxel.gap.metric import MARGIN_FLOORS, margin2
 from taxel.gap.standing import Standing
 from taxel.gap.trial import Trial
 
@@ -26,6 +26,11 @@ PLAIN_BESIDE: Final = 0.2
 
 PLAIN_FLOORS: Final = 2.0
 """Squared floors that an effect takes from the gap, from which on it is material however large the gap is."""
+
+
+NOISE_MARGIN: Final = 1.0 / 6.0
+"""Of the margin that is no gap yet, that noise must take in counts^2: a simulator that has a little less noise than the
+hand, or none, is seen at once and means nothing, alone as beside other effects."""
 
 
 def much_is_left(standing: Standing) -> bool:
@@ -93,17 +98,23 @@ class Weighed:
         standing, judge = self.standing, self.standing.judge
         if self.trial.name == DROPOUT:
             return True
+        if self.trial.name == Noise.name:
+            return self._taken2 > NOISE_MARGIN * margin2(judge.floor2)
         if self.share > PLAIN_SHARE and (not judge.is_partial or self._is_noticeable()):
             return True
         if standing.chain.links and self._is_plain_beside():
             return True
-        counts2 = min(before - after for before, after in self.excesses)
         # What is noise in the gap is no measure of an effect on drops: it must not hide what else is there.
         noise = Chain(tuple(link for link in standing.chain.links if link.effect.name == Noise.name))
         whole = max(judge.excess(noise.features(judge.state)), judge.floor2)
         enough = min(least * whole, PLAIN_FLOORS * judge.floor2)
         # Beside what does not answer the rest is a gap of its own: what would be none alone is none here.
-        return counts2 > (max(enough, judge.floor2) if judge.is_partial else enough)
+        return self._taken2 > (max(enough, judge.floor2) if judge.is_partial else enough)
+
+    @property
+    def _taken2(self) -> float:
+        """Counts^2 that it takes from the gap, both where it was not fitted and where it was."""
+        return min(before - after for before, after in self.excesses)
 
     def _is_noticeable(self) -> bool:
         gone = self.standing.base.families - self.held.families

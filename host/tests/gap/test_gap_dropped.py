@@ -83,3 +83,15 @@ def test_a_broken_line_is_found_beside_an_effect_that_could_learn_it_by_heart(wo
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2]]
     named = set(report["verdict"]["effects"][1:])
     assert named & {"gain_mismatch", "stiffness"}
+
+
+def cut_line(force, drop):
+    def cut(grid):
+        grid[:, 2] = 0.0
+
+    return on_rows(drop, cut)
+
+
+def test_a_simulator_with_less_noise_is_no_finding_beside_a_broken_line_as_it_is_none_alone(world, tmp_path):
+    report = diagnose(*world(tmp_path, effect=cut_line, cells=6, sessions=4, noise=2.0)).report
+    assert report["verdict"]["effects"] == ["dropout"]

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.gap.metric import Gap, Interval, Terms
-from taxel.gap.verdict import LEAST_MARGIN_COUNTS, judge_verdict
+from taxel.gap.metric import LEAST_MARGIN_COUNTS, Gap, Interval, Terms
+from taxel.gap.verdict import judge_verdict
 
 FLOOR = 2.0
 MARGIN = 3.0 * FLOOR**2
@@ -64,3 +64,12 @@ def test_what_is_surely_of_one_kind_among_what_is_left_has_no_name(bank, status)
     verdict = judge_verdict(gap_of([10.0 * MARGIN] * 10), found, ("stiffness",), held, bank=bank)
     assert verdict.status == status
     assert ("unknown" in verdict.effects) == (status != "explained")
+
+
+@pytest.mark.parametrize(("reducible", "status"), [(0.9, "explained"), (0.1, "no_gap"), (None, "no_gap")])
+def test_within_the_margin_counts_must_tell_an_effect_and_not_its_score_alone(reducible, status):
+    found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
+    held = SimpleNamespace(reducible=reducible, shrink=SimpleNamespace(value=0.3), left2=0.0)
+    verdict = judge_verdict(gap_of([0.08 * MARGIN] * 10), found, ("noise",), held)
+    assert verdict.status == status
+    assert verdict.one_line.endswith("of that: noise (the hand is noisier).") == (status == "no_gap")

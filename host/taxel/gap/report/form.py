@@ -50,6 +50,12 @@ def report_of(
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
     after = believed.features
     found = products(real, before, layout)
+    named = {
+        name: [other for other in others if other not in verdict.effects]
+        for name, others in confounded.items()
+        if name in verdict.effects
+    }
+    named = {name: others for name, others in named.items() if others}
     draws = draws_of(judge, believed.chain, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
@@ -77,7 +83,7 @@ def report_of(
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
-            "confounded_with": dict(confounded),
+            "confounded_with": named,
             "one_line": _one_line(verdict, left["signature"]),
         },
         "effects": in_copies(judge.state, entry, [name for name in catalogue.CATALOGUE if name in tried]),
@@ -91,14 +97,14 @@ def report_of(
             "reducible_shrink": held.reducible,
         },
         "unexplained": dict(left),
-        "classes": classes(confounded),
+        "classes": classes(named),
         "likeness": [one.to_json() for one in likes],
         "search": [_round(one) for one in selection.rounds],
         "waterfall": told.waterfall(),
         "ablation": told.ablation() if len(told.names) > 1 else [],
         **page_fields(pair, layout, real, before, after, verdict),
         "next_presses": next_presses(
-            findings_of(judge, selection, tried, verdict.effects, confounded, held.links), left_out(judge.state)
+            findings_of(judge, selection, tried, verdict.effects, named, held.links), left_out(judge.state)
         ).to_json(),
     }
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.metric import MARGIN_FLOORS, terms
+from taxel.gap.metric import LEAST_MARGIN_COUNTS, MARGIN_FLOORS, terms
 from taxel.gap.pair import Pair
-from taxel.gap.verdict import LEAST_MARGIN_COUNTS, Verdict
+from taxel.gap.verdict import Verdict
 
 Array = NDArray[np.float64]
 
