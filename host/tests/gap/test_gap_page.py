@@ -422,6 +422,17 @@ def test_places_of_next_to_nothing_are_not_listed(small: Report) -> None:
     assert ": 0 %" not in seen.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_taxels_that_do_not_answer_are_numbered_in_whole_numbers(small: Report) -> None:
+    small["verdict"] |= {"status": "explained", "effects": ["dropout"]}
+    for row in small["effects"]:
+        row["in_verdict"] = row["name"] == "dropout"
+        if row["in_verdict"]:
+            row["parameters"] = {"taxels": {"value": [70, 71, 1072], "ci95": None, "unit": "index"}}
+    seen = visible(page_text(small))
+    assert "70, 71 and 1072" in seen
+    assert "70.0" not in seen
+
+
 def test_unknown_cause_names_no_effect(small: Report) -> None:
     small["verdict"] |= {"status": "unknown", "effects": ["unknown"]}
     for row in small["effects"]:

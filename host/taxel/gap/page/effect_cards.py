@@ -20,6 +20,7 @@ from taxel.gap.page.text import (
 )
 
 _COLUMNS = (Column("Parameter"), Column("Value", "n"), Column("95&#160;% interval", "n"))
+_MAX_INDEX = 2**20
 _MANY = 6  # boards from which on a parameter's values are folded away
 
 
@@ -124,6 +125,8 @@ def _item(report: Report, item: Value, unit: str) -> str:
         return f"{escaped(parts[1].as_text().upper())} {parts[2].as_integer(0, 255)} of {board}"
     if isinstance(item.content, str):
         return escaped(item.content)
+    if unit == "index":
+        return str(item.as_integer(0, _MAX_INDEX))
     return report.board(item.as_integer(0, 255)) if unit == "address" else number(item.as_number())
 
 
