@@ -199,7 +199,7 @@ def _said(pair: Pair, layout: Layout, found: Signature, model: Array) -> tuple[s
     if best is None:
         largest = max((one.share for one in found.bank if one.change is None), default=0.0)
         return (
-            f"like none of the bank of distortions, of which the best tells {100 * largest:.0f} % of what is left",
+            f"like none of the bank of distortions for sure: the best may tell {100 * largest:.0f} % of what is left",
             [],
         )
     if best.spot is not None:

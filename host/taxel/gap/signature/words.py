@@ -34,7 +34,7 @@ def shape_words(
     here = _here(pair, scope, places, ", most of it on " if found else ", on ")
     if spot is not None:
         often = "in the one press that reaches there" if spot.alone else "wherever that is pressed"
-        return f"fixed to a place{here}: wrong {often}, right elsewhere"
+        return f"a matter of place{here}: wrong {often}, right elsewhere"
     assert told is not None
     numbers = told.numbers[_group(told, scope, places)]
     match told.shape:
@@ -157,10 +157,10 @@ def _fixed(told: Told, numbers: Array, pair: Pair, scope: str, places: list[int]
         factor, offset = (float(value) for value in numbers)
         parts = [f"{100 * abs(factor):.0f} % {'more' if factor > 0 else 'less'} drop"] if abs(factor) >= 0.005 else []
         parts += [f"{offset:+.0f} counts throughout"] if abs(offset) >= 1.0 else []
-        return f"fixed: {' and '.join(parts) or 'little'}"
+        return f"the same in every press: {' and '.join(parts) or 'next to nothing'}"
     group = {ROW: pair.groups.tx, COLUMN: pair.groups.rx}[told.shape]
     if not places:
-        return "fixed to lines"
+        return "the same in every press, line by line"
     board = pair.groups.sensor[np.flatnonzero(group == places[0])[0]]
     first = int(group[pair.groups.sensor == board].min())
     own, others = float(numbers[places[0] - first]), numbers[:-1].copy()
@@ -172,4 +172,4 @@ def _fixed(told: Told, numbers: Array, pair: Pair, scope: str, places: list[int]
         if abs(others[most]) > 1.0:  # beside a line that hardly drops a share says nothing
             return f"{LINES[scope]}s follow others"
         return f"{LINES[scope]}s take {100 * others[most]:+.0f} % of what others drop"
-    return f"fixed to {LINES[scope]}s: {100 * abs(own):.0f} % {'more' if own > 0 else 'less'} drop"
+    return f"the same in every press, by {LINES[scope]}s: {100 * abs(own):.0f} % {'more' if own > 0 else 'less'} drop"
