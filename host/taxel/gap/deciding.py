@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import HAND, TAXEL, Effect
+from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Effect
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Trial, as_good
 from taxel.gap.weighing import Weighed
@@ -31,6 +31,9 @@ other.
 
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
+
+MANY: Final = 4
+"""Values of a board, as of its place or its wires, from which on all boards together could learn a press by heart."""
 
 
 def asked_of(standing: Standing) -> tuple[float, Array]:
@@ -73,12 +76,13 @@ def _plainest(accepted: list[Round]) -> Round | None:
 
 
 def _is_plainer(one: Effect, other: Effect) -> bool:
-    """Whether an effect needs fewer words than another: one value, not one for each taxel; what presses now, not what
-    pressed before.
+    """Whether an effect needs fewer words than another: one value, not one for each taxel, nor many for each board;
+    what presses now, not what pressed before.
     """
     if one.scope != HAND:
         return False
-    return other.scope == TAXEL or (other.memory and not one.memory)
+    many = other.scope == BOARD and len(other.own_parameters()) >= MANY
+    return other.scope == TAXEL or many or (other.memory and not one.memory)
 
 
 def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_tried: int) -> Round:

@@ -9,6 +9,7 @@ import pytest
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.deciding import _plainest, is_seen_beside
+from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.saturation import Saturation
@@ -33,7 +34,7 @@ def round_of(effect, value: float) -> Round:
 
 
 TAXELS, HAND, BOARDS = GainMismatch("taxel", 0.3), Saturation("clip"), Stiffness("board")
-MEMORY = Hysteresis("sticks")
+MEMORY, WIRES = Hysteresis("sticks"), ElectrodeCrosstalk("network", "board")
 
 
 @pytest.mark.parametrize(
@@ -47,6 +48,9 @@ MEMORY = Hysteresis("sticks")
         ([MEMORY, HAND], [20.0, 50.0], 0),
         ([MEMORY, BOARDS], [20.0, 20.5], 0),
         ([HAND, MEMORY], [20.0, 20.5], 0),
+        ([WIRES, HAND], [20.0, 20.5], 1),  # many values for each board
+        ([WIRES, HAND], [20.0, 50.0], 0),
+        ([BOARDS, HAND], [20.0, 20.5], 0),  # one for each is not many
     ],
 )
 def test_the_plainest_of_those_that_do_as_much_is_taken(effects, values, taken):
