@@ -18,7 +18,7 @@ from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.sticking import Sticking
-from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.errors import GapInputError
 
 DROPOUT = "dropout"
@@ -36,7 +36,7 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         ),
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
-        "stiffness": (Stiffness(HAND), Stiffness(BOARD)),
+        "stiffness": (Stiffness(HAND), Stiffness(BOARD), Sinking(HAND), Sinking(BOARD)),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
         "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
         "saturation": (Saturation("clip"), Saturation("soft")),

@@ -29,6 +29,9 @@ DAMPING: Final = 0.1
 KNOWN_DAMPING: Final = 1e-3
 """The same of a fit that begins near its end."""
 
+SETTLING_DAMPING: Final = 1e-6
+"""Of the last step."""
+
 ITERATIONS: Final = 12
 ENOUGH: Final = 1e-3
 """Relative gain at which the search ends."""
@@ -78,6 +81,7 @@ def fit(
     features = start.features if start else chain.features(problem.state)
     cost, prior = problem.cost(features), _prior_cost(chain, free)
     damping = KNOWN_DAMPING if start else DAMPING
+    better = False
     for number in range(iterations if free else 0):
         if number == 0 or not start:
             columns = start.columns if start else _columns(problem.state, chain, free, features)
@@ -99,6 +103,14 @@ def fit(
         damping = damping if start else max(damping / 10.0, 1e-6)
         if gain < ENOUGH:
             break
+    if better and prior > 0.0:
+        # What presses cannot tell gains less than `ENOUGH` by going back to what is expected of it.
+        gradient = gradient_of(problem, columns, features) + _pull(chain, free)
+        tried = moved(chain, free, steps.step(gradient, SETTLING_DAMPING))
+        new_features = tried.features(problem.state)
+        new_cost = problem.cost(new_features)
+        if new_cost + _prior_cost(tried, free) < cost + prior:
+            chain, features, cost = tried, new_features, new_cost
     return Fit(chain, features, cost)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from taxel.gap.catalogue import CATALOGUE
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.effects.geometry import law_of
+from taxel.gap.effects.layer_law import law_of
 from taxel.gap.judge import Judge
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -12,23 +11,16 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from taxel.gap.boards import PIECES
-from taxel.gap.state import State
+from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_to, pressed_to_each
+from taxel.gap.state import Signal, State
 from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import ObjectMesh
 
 Array = NDArray[np.float64]
 
-NEAR_M: Final = 0.006
-"""A piece that is farther from contact than this stays out of it."""
-
-FAR_M: Final = 1.0
-"""Beyond the deepest press that a simulator has made: no layer is so thick."""
-
-COARSE: Final = 16
-MOST_STEPS: Final = 40
-CLOSE: Final = 1e-11
-"""Relative error of a board's net force."""
+LEVELS: Final = np.array([0.0, 0.2, 0.5, 1.0, 1.25])
+"""Shares of a board's net force in hold at which a press is worked out anew."""
 
 REMEMBERED: Final = 20000
 """Displacements whose forces are kept."""
@@ -113,64 +105,20 @@ def _through_triangles(triangles: Array, points: Array, directions: Array) -> Ar
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
-    """Force over depth of a taxel's layer, as the simulator's own data tell: both f64[k], rising from 0."""
-
-    depth_m: Array
-    force_n: Array
-
-    @cached_property
-    def _longer(self) -> tuple[Array, Array]:
-        """Depth and force with one more point, far along the last tangent."""
-        slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
-        return np.append(self.depth_m, self.depth_m[-1] + FAR_M), np.append(
-            self.force_n, self.force_n[-1] + slope * FAR_M
-        )
-
-    def force(self, depth: Array) -> Array:
-        """Newtons; none where nothing is pressed, beyond the last point along its tangent."""
-        return np.asarray(np.interp(depth, *self._longer))
-
-    def depth(self, force: Array) -> Array:
-        """Metres; the same read the other way."""
-        return np.asarray(np.interp(force, *self._longer[::-1]))
-
-
-def law_of(state: State) -> Law:
-    """The layer's law: medians of force over depth, made rising; a straight line where too few taxels are pressed, or
-    hardly, as by a rigid contact.
-    """
-    force, separation = state.base.force, state.base.separation
-    assert force is not None
-    assert separation is not None
-    pressed = (separation < 0) & (force > 0.02)
-    depth, newtons = -separation[pressed], force[pressed]
-    stated = state.model.contact_stiffness_n_per_m
-    stiffness = stated or (float(np.median(newtons / depth)) if len(depth) else 1000.0)
-    line = Law(np.array([0.0, 1e-3]), np.array([0.0, 1e-3 * stiffness]))
-    if len(depth) < 200:
-        return line
-    edges = np.quantile(depth, np.linspace(0.0, 0.995, 25))
-    middle, level = [0.0], [0.0]
-    for low, high in pairwise(edges.tolist()):
-        own = (depth >= low) & (depth <= high)
-        if own.sum() >= 5 and np.median(depth[own]) > middle[-1] + 1e-6:
-            middle.append(float(np.median(depth[own])))
-            level.append(max(float(np.median(newtons[own])), level[-1] + 1e-4))
-    return Law(np.array(middle), np.array(level)) if len(middle) > 1 else line
-
-
-@dataclass(frozen=True, eq=False)
 class Geometry:
-    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name. rest:
-    pressures f64[m, 9] of each contact's pieces where nothing is displaced.
+    """What displacements need of a state. contacts: of every board that bears in a cell. meshes: by object name.
+    law: of whole taxels. piece_law: of their pieces. depths, rest: depths [m] and pressures, f64[m, 9], of each
+    contact's pieces where nothing is displaced.
     """
 
     contacts: tuple[Contact, ...]
     meshes: dict[str, Mesh]
     law: Law
+    piece_law: Law
+    depths: tuple[Array, ...]
     rest: tuple[Array, ...]
     _known: dict[tuple[int, bytes], Array] = field(default_factory=dict)
+    _rests: dict[int, Array] = field(default_factory=dict)
 
     @cached_property
     def shares(self) -> dict[tuple[int, int], Array]:
@@ -185,7 +133,8 @@ class Geometry:
         return found
 
     def displaced(self, state: State, number: int, motion: Array) -> Array:
-        """Forces on a contact's taxels, f64[m], when the board moves by `motion` f64[4, 4] in the object's view.
+        """What the forces on a contact's taxels gain, f64[L, m], at each of `LEVELS`, when the board moves by `motion`
+        f64[4, 4] in the object's view.
 
         The board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
         effects beside: what it has asked before is remembered.
@@ -196,11 +145,54 @@ class Geometry:
             contact = self.contacts[number]
             mesh = self.meshes[state.pair.cells[contact.cell][0]]
             depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
-            known = pressed_to(self.law, depth, float(contact.force.sum())).mean(axis=1)
-            if len(self._known) >= REMEMBERED:
-                self._known.clear()
-            self._known[key] = known
+            known = self._remember(key, self._at_levels(number, depth) - self._at_rest(number))
         return known
+
+    def sunk(self, number: int, scale: float) -> Array:
+        """What the forces on a contact's taxels gain, f64[L, m], at each of `LEVELS`, where every piece bears `scale`
+        times as much at the same depth: a softer layer is pressed deeper until the net force is what it was, and more
+        of it bears.
+        """
+        key = (number, np.float64(scale).tobytes())
+        known = self._known.get(key)
+        if known is None:
+            sunk = self._at_levels(number, self.depths[number], scale)
+            known = self._remember(key, sunk - self._at_rest(number))
+        return known
+
+    def _at_rest(self, number: int) -> Array:
+        known = self._rests.get(number)
+        if known is None:
+            known = self._rests[number] = self._at_levels(number, self.depths[number])
+        return known
+
+    def _at_levels(self, number: int, depth: Array, scale: float = 1.0) -> Array:
+        nets = LEVELS[1:] * float(self.contacts[number].force.sum()) / scale
+        pressed = scale * pressed_to_each(self.piece_law, depth, nets).mean(axis=2)
+        return np.concatenate([np.zeros((1, len(depth))), pressed])
+
+    def _remember(self, key: tuple[int, bytes], force: Array) -> Array:
+        if len(self._known) >= REMEMBERED:
+            self._known.clear()
+        self._known[key] = force
+        return force
+
+
+def with_change(state: State, signal: Signal, change: Array) -> Signal:
+    """A signal whose forces are changed by f64[C, L, n] newtons where a board's net force is one of `LEVELS`, f64[L],
+    of what it is in hold; between them by what lies between.
+    """
+    assert signal.force is not None
+    hold, board = state.clock.phase == Phase.HOLD, state.pair.groups.sums[2]
+    net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
+    level = np.minimum(net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9), LEVELS[-1])
+    right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
+    share = (level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1])
+    sensor, moved = state.pair.groups.sensor, signal.force.copy()
+    for one in range(len(LEVELS)):
+        weight = np.where(right == one, share, 0.0) + np.where(right == one + 1, 1.0 - share, 0.0)
+        moved += weight[:, :, sensor] * change[state.cell, None, one]
+    return signal.with_force(np.maximum(moved, 0.0))
 
 
 def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:
@@ -210,41 +202,6 @@ def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array
     shape = points.shape[:2]
     apart = mesh.separation(points.reshape(-1, 3), normals.reshape(-1, 3)).reshape(shape)
     return np.asarray(np.where(np.isfinite(apart), -apart, -1.0))
-
-
-def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
-    """Pressures f64[m, 9] of pieces pressed in by `depth` f64[m, 9], as the force of a taxel that is pressed so all
-    over, when the board approaches until they bear the net force.
-    """
-    low, high = -float(depth.max()), -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
-    near, wanted = depth[depth + high > 0.0], net_force * depth.shape[1]
-
-    def beyond(shift: float | Array) -> Array:
-        return np.asarray(law.force(near + shift).sum(axis=-1) - wanted)
-
-    # The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
-    # which stays (the Illinois rule).
-    coarse = np.linspace(low, high, COARSE)
-    known = beyond(coarse[:, None])
-    first = int(np.argmax(known > 0.0))
-    if not first:
-        return np.asarray(law.force(depth + high))
-    low, high, below, above = (float(one) for one in (*coarse[first - 1 : first + 1], *known[first - 1 : first + 1]))
-    stays = 0
-    for _ in range(MOST_STEPS):
-        middle = high - above * (high - low) / (above - below)
-        value = float(beyond(middle))
-        if abs(value) <= CLOSE * wanted:
-            break
-        if value < 0:
-            low, below = middle, value
-            above *= 0.5 if stays > 0 else 1.0
-            stays = 1
-        else:
-            high, above = middle, value
-            below *= 0.5 if stays < 0 else 1.0
-            stays = -1
-    return np.asarray(law.force(depth + middle))
 
 
 @lru_cache(maxsize=8)
@@ -265,10 +222,9 @@ def geometry_of(state: State) -> Geometry:
             pose = np.linalg.inv(pair.object_poses[cell]) @ pair.sensor_poses[cell, board]
             normals = np.repeat(pair.taxels.normal[taxels][:, None], PIECES**2, axis=1)
             contacts.append(Contact(cell, board, taxels, force[taxels], layout.pieces, normals, pose))
+    depths = tuple(piece_depth(meshes[pair.cells[one.cell][0]], one.object_from_board, one) for one in contacts)
+    piece_law = law_of_pieces(law, [(depth, one.force) for depth, one in zip(depths, contacts, strict=True)])
     rest = tuple(
-        pressed_to(
-            law, piece_depth(meshes[pair.cells[one.cell][0]], one.object_from_board, one), float(one.force.sum())
-        )
-        for one in contacts
+        pressed_to(piece_law, depth, float(one.force.sum())) for depth, one in zip(depths, contacts, strict=True)
     )
-    return Geometry(tuple(contacts), meshes, law, rest)
+    return Geometry(tuple(contacts), meshes, law, piece_law, depths, rest)

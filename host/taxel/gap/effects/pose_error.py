@@ -7,10 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
-from taxel.gap.effects.geometry import geometry_of
+from taxel.gap.effects.geometry import LEVELS, geometry_of, with_change
 from taxel.gap.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
-from taxel.recording.grasp_format import Phase
 
 PRIOR_MM, PRIOR_DEG = 3.0, 4.0
 """How far off things are mounted, about; it settles what a press cannot tell, such as a slide along a face."""
@@ -40,30 +39,21 @@ class PoseError(Effect):
         """See `Effect`."""
         if not values.any() or signal.force is None:
             return signal
-        change = self._change(state, values)
-        hold = state.clock.phase == Phase.HOLD
-        # Each taxel changes as its board's net force does: nothing before contact, all of it in hold.
-        board = state.pair.groups.sums[2]
-        net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
-        share = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
-        return signal.with_force(
-            np.maximum(signal.force + share[:, :, state.pair.groups.sensor] * change[state.cell][:, None], 0.0)
-        )
+        return with_change(state, signal, self._change(state, values))
 
     def _change(self, state: State, values: Array) -> Array:
-        """What the displacement adds to the force in hold, newtons, f64[C, n]."""
+        """What the displacement adds to the force at each of `LEVELS`, newtons, f64[C, L, n]."""
         geometry = geometry_of(state)
         blocks = self.blocks(state)
         motions = self._motions(values)
-        change = np.zeros((len(state.pair.cells), state.pair.n))
+        change = np.zeros((len(state.pair.cells), len(LEVELS), state.pair.n))
         for number, contact in enumerate(geometry.contacts):
             block = blocks[contact.cell, contact.taxels[0]]
             if values[:, block].any():
                 motion = motions[block]
                 if self.scope != OBJECT:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
-                rest = geometry.rest[number].mean(axis=1)
-                change[contact.cell, contact.taxels] = geometry.displaced(state, number, motion) - rest
+                change[contact.cell][:, contact.taxels] = geometry.displaced(state, number, motion)
         return change
 
     def _motions(self, values: Array) -> Array:
@@ -71,5 +61,16 @@ class PoseError(Effect):
         frames.
         """
         steps = from_rotation_vector(np.radians(values[3:].T))
-        steps[:, :3, 3] = 1e-3 * values[:3].T
+        steps[:, :3, 3] = 1e-3 * self.told(values)[:3].T
         return inverse(steps) if self.scope == OBJECT else steps
+
+    def told(self, values: Array) -> Array:
+        """Values as people are told them: the translation of the origin, in the frame before the turn.
+
+        A bracket's is fitted in the frame after it, in which no press tells a translation along a flat board's normal,
+        since the approach is solved anew: there it stays where the prior has it, instead of a little anywhere.
+        """
+        if self.scope == OBJECT:
+            return values
+        turn = from_rotation_vector(np.radians(values[3:].T))[:, :3, :3]
+        return np.concatenate([np.einsum("gij,jg->ig", turn, values[:3]), values[3:]])

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
+from taxel.gap.effects.geometry import LEVELS, geometry_of, with_change
 from taxel.gap.state import Signal, State
 
 TAXEL_PRIOR = 0.35
@@ -35,3 +36,24 @@ class Stiffness(Effect):
             return signal
         (scale,) = self.spread_out(state, values)
         return replace(signal, law_scale=signal.law_scale * scale)
+
+
+class Sinking(Stiffness):
+    """The same, and boards are pressed anew: into a softer layer an object sinks deeper at the same net force, so that
+    more taxels bear.
+    """
+
+    order = 12  # before what spreads the force, as a displacement is
+    variant = "sinking"
+
+    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+        """See `Effect`."""
+        if (values == 1.0).all() or signal.force is None or signal.drop is not None:
+            return signal
+        geometry, blocks = geometry_of(state), self.blocks(state)
+        change = np.zeros((len(state.pair.cells), len(LEVELS), state.pair.n))
+        for number, contact in enumerate(geometry.contacts):
+            scale = float(values[0, blocks[contact.cell, contact.taxels[0]]])
+            if scale != 1.0:
+                change[contact.cell][:, contact.taxels] = geometry.sunk(number, scale)
+        return super().apply(state, with_change(state, signal, change), values)

@@ -15,6 +15,7 @@ from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
+from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.sticking import Sticking, as_late
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
@@ -127,6 +128,8 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     """Values and units by label: the effect's own parameters, and what is worked out from them."""
     if link.effect.name == "noise":
         return _noises(pair, link)
+    if isinstance(link.effect, PoseError):
+        link = Link(link.effect, link.effect.told(link.values))
     values: dict[str, tuple[float, str]] = _gains(pair, link) if link.effect.name == "gain_mismatch" else {}
     for row, parameter in enumerate(link.effect.parameters()):
         shown = _shown(pair, link, row)
@@ -137,7 +140,7 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     if isinstance(link.effect, Sticking):
         fraction, seconds = as_late(link.values, pair.frame_s, float(pair.clock.since_start[-1]))
         values |= {"fraction": (fraction, "1"), "seconds": (seconds, "s")}
-    if link.effect.name == "pose_error":
+    if isinstance(link.effect, PoseError):
         values |= _displacement(link)
     return values
 

@@ -1,0 +1,119 @@
+"""Presses that are worked out anew: by the layer's law, at the net force that the simulator has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.effects.effect import BOARD
+from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, with_change
+from taxel.gap.effects.layer_law import Law, law_of_pieces, pressed_to, pressed_to_each
+from taxel.gap.effects.pose_error import PoseError
+from taxel.gap.effects.stiffness import Sinking, Stiffness
+from taxel.gap.features import Layout
+from taxel.gap.pair import read_pair
+from taxel.gap.state import state_of
+
+HARDENING = Law(np.array([0.0, 5e-4, 1e-3, 1.5e-3]), np.array([0.0, 0.2, 1.0, 3.0]))
+
+
+def ball(height_m: float = 0.0, pitch_m: float = 5e-3) -> np.ndarray:
+    """How deep a ball of 15 mm presses the nine pieces of 7 x 7 taxels, f64[49, 9]."""
+    taxel = pitch_m * (np.arange(7) - 3.0)
+    piece = pitch_m * np.array([-1.0, 0.0, 1.0]) / 3.0
+    along = (taxel[:, None] + piece).ravel()
+    x, y = np.meshgrid(along, along, indexing="ij")
+    depth = np.sqrt(np.maximum(0.015**2 - x**2 - y**2, 0.0)) - 0.015 + height_m
+    return depth.reshape(7, 3, 7, 3).transpose(0, 2, 1, 3).reshape(49, 9)
+
+
+def geometry(net_n: float = 12.0) -> Geometry:
+    """One board that a ball presses."""
+    depth = ball()
+    pressure = pressed_to(HARDENING, depth, net_n)
+    nowhere = np.zeros((49, 9, 3))
+    contact = Contact(0, 0, np.arange(49), pressure.mean(axis=1), nowhere, nowhere, np.eye(4))
+    return Geometry((contact,), {}, HARDENING, HARDENING, (depth,), (pressure,))
+
+
+def test_a_board_approaches_until_it_bears_each_net_force():
+    depth, nets = ball(), np.array([0.3, 2.0, 9.0, 40.0])
+    pressed = pressed_to_each(HARDENING, depth, nets)
+    np.testing.assert_allclose(pressed.mean(axis=2).sum(axis=1), nets, rtol=1e-9)
+    for net, own in zip(nets.tolist(), pressed, strict=True):
+        np.testing.assert_allclose(pressed_to(HARDENING, depth, net), own, rtol=1e-12)
+    assert ((pressed[1:] > 0.0).sum(axis=(1, 2)) >= (pressed[:-1] > 0.0).sum(axis=(1, 2))).all()
+
+
+def test_the_law_of_pieces_is_what_makes_the_taxels_forces():
+    """Told a straight line at first, it finds how the layer hardens."""
+    rng = np.random.default_rng(3)
+    depths = [ball() + rng.uniform(-3e-3, 3e-3) for _ in range(6)]
+    nets = range(3, 21, 3)
+    forces = [pressed_to(HARDENING, depth, net).mean(axis=1) for depth, net in zip(depths, nets, strict=True)]
+    line = Law(np.array([0.0, 1e-3]), np.array([0.0, 1.0]))
+    presses = list(zip(depths, forces, strict=True))
+    found = law_of_pieces(line, presses)
+
+    def error(law: Law) -> float:
+        return max(float(np.abs(pressed_to(law, d, f.sum()).mean(axis=1) - f).max()) for d, f in presses)
+
+    assert error(found) < 0.2 * error(line)
+    assert law_of_pieces(HARDENING, presses) is HARDENING  # nothing does better
+    assert law_of_pieces(line, []) is line
+
+
+def test_into_a_softer_layer_a_ball_sinks_deeper_at_the_same_net_force():
+    pressed = geometry()
+    rest = pressed.rest[0].mean(axis=1)
+    softer, harder = (pressed.sunk(0, scale) for scale in (0.5, 2.0))
+    assert softer.shape == (len(LEVELS), 49)
+    np.testing.assert_allclose(softer.sum(axis=1), 0.0, atol=1e-8)
+    np.testing.assert_allclose(harder.sum(axis=1), 0.0, atol=1e-8)
+    hold = int(np.flatnonzero(LEVELS == 1.0)[0])
+    middle = 24
+    assert softer[hold, middle] < 0.0 < harder[hold, middle]
+    assert (rest + softer[hold] > 1e-9).sum() > (rest > 1e-9).sum() >= (rest + harder[hold] > 1e-9).sum()
+
+
+@pytest.fixture(scope="module")
+def state(world, tmp_path_factory):
+    pair = read_pair(*world(tmp_path_factory.mktemp("pressed")))
+    layout = Layout.of(pair.clock)
+    return state_of(pair, layout, np.zeros((len(pair.cells), layout.count, pair.n)))
+
+
+def test_changes_follow_the_net_force_from_level_to_level(state):
+    change = np.zeros((len(state.pair.cells), len(LEVELS), state.pair.n))
+    change += (0.01 * LEVELS**2)[:, None]
+    moved = with_change(state, state.base, change)
+    hold = state.base.force.sum(axis=2).mean(axis=0) > 0.99 * state.base.force.sum(axis=2).mean(axis=0).max()
+    pressed = state.base.force[:, hold].mean(axis=1) > 0.1
+    gained = (moved.force - state.base.force)[:, hold].mean(axis=1)
+    np.testing.assert_allclose(gained[pressed], 0.01, rtol=0.02)
+    nothing = state.base.force.sum(axis=2) == 0.0
+    np.testing.assert_array_equal(moved.force[nothing], 0.0)
+
+
+def test_a_flat_press_is_shared_the_same_whatever_the_layer(state):
+    """The cube's face lies on all taxels alike: both forms of a softer layer are one there."""
+    half = np.array([[0.6]])
+    plain, sinking = (form.apply(state, state.base, half) for form in (Stiffness(), Sinking()))
+    assert plain.law_scale == pytest.approx(0.6)
+    assert sinking.law_scale == pytest.approx(0.6)
+    np.testing.assert_allclose(sinking.force, plain.force, atol=1e-9)
+
+
+def test_no_press_tells_how_far_a_flat_bracket_stands_along_its_normal(state):
+    """Turned or not: its approach is solved anew. People are told the translation before the turn."""
+    form = PoseError(BOARD)
+    turned = np.array([[1.13, 0.37], [0.29, 1.21], [0.0, 0.0], [2.0, 0.7], [-3.0, 1.1], [1.3, 0.4]])
+    raised = turned.copy()
+    raised[2] = 2.0
+    one, other = (form.apply(state, state.base, values).force for values in (turned, raised))
+    np.testing.assert_allclose(other, one, atol=1e-6)
+    assert np.abs(one - state.base.force).max() > 0.01
+    told = form.told(raised)
+    np.testing.assert_array_equal(told[3:], raised[3:])
+    np.testing.assert_allclose(np.linalg.norm(told[:3], axis=0), np.linalg.norm(raised[:3], axis=0))
+    assert np.abs(told[:3] - raised[:3]).max() > 0.1
