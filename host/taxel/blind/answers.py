@@ -84,7 +84,8 @@ class Compared:
 class Answer:
     """One world, scored. gap, floor: counts. shrink: (predicted, measured) or None.
 
-    found_places: None where nothing is to be found by place. without, shuffled, decoy: what is said with the effect
+    found_places: None where nothing is to be found by place. idle: causes of a pair or triple that no press could show,
+    as a line that breaks where nothing bears. without, shuffled, decoy: what is said with the effect
     deleted, with the simulations exchanged, and with another effect deleted; None where that was not asked. seeds: with
     other analysis seeds. error: why there is no report. blindfold: what hid the truth.
     """
@@ -98,6 +99,7 @@ class Answer:
     simpler: Mapping[str, str] = field(default_factory=dict)
     parameters: tuple[Compared, ...] = ()
     found_places: bool | None = None
+    idle: tuple[str, ...] = ()
     without: Named | None = None
     shuffled: Named | None = None
     decoy: Named | None = None
@@ -139,6 +141,7 @@ def _answer(world: World, folder: Path, reference: dict[str, dict[str, float]]) 
         world,
         _named(report),
         found_places=_places_found(world, report.get("effects", []), folder),
+        idle=_idle(world, folder),
         without=_named_in(folder / "without.json"),
         shuffled=_named_in(folder / "shuffled.json"),
         decoy=_named_in(folder / "decoy.json"),
@@ -213,7 +216,7 @@ def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path)
     if world.hidden.kind != "single" or world.hidden.causes[0].form not in ("silent from", "line open"):
         return None
     (cause,) = world.hidden.causes
-    places = [place for place in cause.places if _loaded(place, folder / "sim.h5")]
+    places = _loaded(cause.places, folder / "sim.h5")
     if not places:
         return None
     acts = next((one["where"] for one in effects if one["name"] == "dropout"), None) or {"sensors": [], "lines": []}
@@ -224,14 +227,25 @@ def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path)
     )
 
 
-def _loaded(place: Place, sim: Path) -> bool:
+def _idle(world: World, folder: Path) -> tuple[str, ...]:
+    """Causes of several whose lines or taxels all bear nothing."""
+    if world.hidden.kind != "several":
+        return ()
+    local = [cause for cause in world.hidden.causes if cause.places and all(place.axis for place in cause.places)]
+    return tuple(cause.name for cause in local if not _loaded(cause.places, folder / "sim.h5"))
+
+
+def _loaded(places: Sequence[Place], sim: Path) -> list[Place]:
+    """Those on which the simulator expects a press."""
     with GraspDataset(sim) as data:
-        table = data.taxels
-        own = table.sensor == place.address
-        if place.axis:
-            own &= (table.tx if place.axis == "tx" else table.rx) == place.index
-        most = 0.0
+        table, most = data.taxels, np.zeros(len(data.taxels.sensor))
         for grasp in data:
-            counts = grasp.raw_counts[:, own].astype(np.float64)
-            most = max(most, float((counts[:10].mean(axis=0) - counts).max(initial=0.0)))
-    return most > LOADED_COUNTS
+            counts = grasp.raw_counts.astype(np.float64)
+            most = np.maximum(most, (counts[:10].mean(axis=0) - counts).max(axis=0))
+    own = {
+        "": lambda place: table.sensor == place.address,
+        "tx": lambda place: (table.sensor == place.address) & (table.tx == place.index),
+        "rx": lambda place: (table.sensor == place.address) & (table.rx == place.index),
+        "taxel": lambda place: np.arange(len(most)) == place.index,
+    }
+    return [place for place in places if most[own[place.axis](place)].max(initial=0.0) > LOADED_COUNTS]

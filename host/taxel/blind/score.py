@@ -145,11 +145,13 @@ def _by(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
 
 def _micro_f1(answers: Sequence[Answer]) -> dict[str, Any]:
     """Of names: what was named and is there, against what was named and what is there. A cause that the report calls
-    indistinguishable from one that it names counts as named, as with single effects.
+    indistinguishable from one that it names counts as named, as with single effects. One that no press could show is
+    neither asked for nor wrong.
     """
     hits = named = there = 0
     for one in answers:
-        said, truth = set(one.named.effects) - {UNKNOWN}, set(one.world.hidden.names)
+        said = set(one.named.effects) - {UNKNOWN, *one.idle}
+        truth = set(one.world.hidden.names) - set(one.idle)
         hits, named, there = hits + one.named.hits(truth), named + len(said), there + len(truth)
     precision, recall = hits / max(named, 1), hits / max(there, 1)
     f1 = 2 * precision * recall / max(precision + recall, 1e-12)

@@ -147,6 +147,15 @@ def test_f1_of_pairs_is_of_all_names_together():
     assert found["f1"] == pytest.approx(2 * 0.75 * 0.6 / 1.35)
 
 
+def test_what_no_press_could_show_is_neither_asked_for_nor_wrong():
+    pair = world(0, "several", "dropout", "latency")
+    asked = rig(answer(pair, "latency"))["several_f1"]
+    assert (asked["precision"], asked["recall"]) == (1.0, 0.5)
+    for said in (("latency",), ("latency", "dropout")):
+        idle = rig(answer(pair, *said, idle=("dropout",)))["several_f1"]
+        assert (idle["precision"], idle["recall"]) == (1.0, 1.0)
+
+
 def test_the_confusion_is_of_what_was_named_first():
     found = rig(
         single("noise", "noise"),
