@@ -1,4 +1,6 @@
-"""Where a displaced object or bracket presses: rays along the taxels' normals onto the objects' meshes."""
+"""Presses that are worked out anew: where an object or a bracket is displaced, or the layer is softer. Depths come from
+rays along the taxels' normals onto the objects' meshes, forces from the layer's law at the net force of each board.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from taxel.gap.boards import PIECES
 from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_to, pressed_to_each
+from taxel.gap.effects.ray_mesh import Mesh
 from taxel.gap.state import Signal, State
-from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_format import Phase
-from taxel.recording.grasp_tables import ObjectMesh
 
 Array = NDArray[np.float64]
 
@@ -24,15 +24,6 @@ LEVELS: Final = np.array([0.0, 0.2, 0.5, 1.0, 1.25])
 
 REMEMBERED: Final = 20000
 """Displacements whose forces are kept."""
-
-LEAST_DETERMINANT: Final = 1e-15
-"""Square metres; a triangle that a ray sees smaller is met edge-on."""
-
-MOST_AT_ONCE: Final = 200_000
-"""Rays times triangles: what stays in a core's cache."""
-
-CONVEX: Final = 0.999
-"""Share of its hull that a solid fills if it counts as convex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,55 +44,6 @@ class Contact:
     def board_from_object(self) -> Array:
         """The other way."""
         return np.asarray(np.linalg.inv(self.object_from_board))
-
-
-class Mesh:
-    """An object's mesh as something that a ray can meet."""
-
-    def __init__(self, mesh: ObjectMesh) -> None:
-        self._triangles = mesh.vertices[mesh.faces]
-        self._shape = _convex(mesh)
-
-    def separation(self, points: Array, directions: Array) -> Array:
-        """Signed distance along each ray f64[m, 3] to where it enters, f64[m]; inf where it misses."""
-        if self._shape is not None:
-            return self._shape.ray_separation(points, directions)
-        return _through_triangles(self._triangles, points, directions)
-
-
-def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0
-    try:
-        if volume < CONVEX * ConvexHull(mesh.vertices).volume:
-            return None
-        return ConvexPolytope.from_mesh(mesh.vertices)
-    except (QhullError, ShapeError):
-        return None
-
-
-def _through_triangles(triangles: Array, points: Array, directions: Array) -> Array:
-    """Moller and Trumbore 1997, their triple products written so that what hangs on rays and on triangles are factors
-    of matrices; the entry that lies nearest to the point counts.
-    """
-    corner = triangles[:, 0]
-    first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
-    normal, about_second, about_first = np.cross(first, second), np.cross(second, corner), np.cross(corner, first)
-    level = np.einsum("ti,ti->t", corner, normal)
-    nearest = np.full(len(points), np.inf)
-    for rows in np.array_split(np.arange(len(points)), -(-len(points) * len(triangles) // MOST_AT_ONCE) or 1):
-        ray, moment = directions[rows], np.cross(points[rows], directions[rows])
-        determinant = -(ray @ normal.T)
-        u = moment @ second.T - ray @ about_second.T
-        v = -(moment @ first.T) - ray @ about_first.T
-        # A positive determinant: the ray comes from outside.
-        hit = (determinant > LEAST_DETERMINANT) & (u >= 0) & (v >= 0) & (u + v <= determinant)
-        ray_at, triangle = np.nonzero(hit)
-        at = (points[rows][ray_at] * normal[triangle]).sum(axis=1) - level[triangle]
-        at /= determinant[ray_at, triangle]
-        order = np.argsort(np.abs(at), kind="stable")[::-1]
-        nearest[rows[ray_at[order]]] = at[order]  # the last one stays: the nearest
-    return nearest
 
 
 @dataclass(frozen=True, eq=False)
