@@ -6,9 +6,12 @@ from collections.abc import Callable
 from typing import Final
 
 from taxel.gap.align import shift_beside
-from taxel.gap.chain import Chain
+from taxel.gap.catalogue import DROPOUT
+from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies
 from taxel.gap.deciding import NEXT_SHARE
+from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
@@ -42,7 +45,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         rounds.append(this)
         if not this.accepted or this.best is None:
             break
-        standing = standing.after(_pruned(standing, this.best))
+        standing = _looked_again(judge, standing.after(_pruned(standing, this.best)), this.best.name)
         if sum(name not in FIXED for name in standing.chain.names) == 1:
             standing = _realigned(standing, forms)
     other = _better_set(standing, forms)
@@ -51,7 +54,7 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         rounds.append(Round(standing.base, (other,), other, gain, p_value, True))
         standing = standing.after(other)
     before = judge.state.mean
-    judge = judge if standing.judge.state is judge.state else Judge(standing.judge.state, judge.sessions, judge.layout)
+    judge = _whole(judge, standing)
     return Selection(
         judge,
         before,
@@ -64,6 +67,29 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         judge.score(standing.features),
         standing.parts,
     )
+
+
+def _looked_again(judge: Judge, standing: Standing, name: str) -> Standing:
+    """With what does not answer looked for once more, beside the effect `name` that was found last: of a bracket that
+    stands elsewhere the rim is not pressed, and looks dead to who expects the press where it was.
+    """
+    old = next((link.effect for link in standing.chain.links if isinstance(link.effect, Dropout)), None)
+    others = standing.chain.without(DROPOUT)
+    if old is None or not others.links:
+        return standing
+    judge = _whole(judge, standing)
+    new = find_dropped(judge.state, judge.sessions, others.features(judge.state))
+    if not (old.dropped.dead & ~new.dead).any():
+        return standing
+    if new.evident:  # else a next round says whether the rest is worth naming
+        effect = Dropout(new)
+        name, others = DROPOUT, others.with_link(Link(effect, effect.found_values(judge.state)))
+    return Standing.of(judge).after(cross_validated(judge, tried(judge, name, others)))
+
+
+def _whole(judge: Judge, standing: Standing) -> Judge:
+    """A judge of all features, also of those that do not answer, with the frames aligned as they are."""
+    return judge if standing.judge.state is judge.state else Judge(standing.judge.state, judge.sessions, judge.layout)
 
 
 def _realigned(standing: Standing, forms: Forms) -> Standing:

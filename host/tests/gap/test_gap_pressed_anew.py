@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.effects.effect import BOARD
-from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, with_change
+from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, unchanged, with_change
 from taxel.gap.effects.layer_law import Law, law_of_pieces, pressed_to, pressed_to_each
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.stiffness import Sinking, Stiffness
@@ -65,15 +65,14 @@ def test_the_law_of_pieces_is_what_makes_the_taxels_forces():
 
 def test_into_a_softer_layer_a_ball_sinks_deeper_at_the_same_net_force():
     pressed = geometry()
-    rest = pressed.rest[0].mean(axis=1)
-    softer, harder = (pressed.sunk(0, scale) for scale in (0.5, 2.0))
-    assert softer.shape == (len(LEVELS), 49)
-    np.testing.assert_allclose(softer.sum(axis=1), 0.0, atol=1e-8)
-    np.testing.assert_allclose(harder.sum(axis=1), 0.0, atol=1e-8)
-    hold = int(np.flatnonzero(LEVELS == 1.0)[0])
-    middle = 24
-    assert softer[hold, middle] < 0.0 < harder[hold, middle]
-    assert (rest + softer[hold] > 1e-9).sum() > (rest > 1e-9).sum() >= (rest + harder[hold] > 1e-9).sum()
+    rest = np.asarray(pressed_to_each(HARDENING, pressed.depths[0], 12.0 * LEVELS)).mean(axis=2)
+    soft, hard = (kept * rest + gained for kept, gained in (pressed.sunk(0, scale) for scale in (0.5, 2.0)))
+    assert soft.shape == (len(LEVELS), 49)
+    for now in (soft, hard):
+        np.testing.assert_allclose(now.sum(axis=1), 12.0 * LEVELS, rtol=1e-8)
+    hold, middle = int(np.flatnonzero(LEVELS == 1.0)[0]), 24
+    assert soft[hold, middle] < rest[hold, middle] < hard[hold, middle]
+    assert (soft[hold] > 1e-9).sum() > (rest[hold] > 1e-9).sum() >= (hard[hold] > 1e-9).sum()
 
 
 @pytest.fixture(scope="module")
@@ -84,8 +83,9 @@ def state(world, tmp_path_factory):
 
 
 def test_changes_follow_the_net_force_from_level_to_level(state):
-    change = np.zeros((len(state.pair.cells), len(LEVELS), state.pair.n))
-    change += (0.01 * LEVELS**2)[:, None]
+    change = unchanged(state)
+    np.testing.assert_allclose(with_change(state, state.base, change).force, state.base.force, rtol=1e-12)
+    change[:, 1] += (0.01 * LEVELS**2)[:, None]
     moved = with_change(state, state.base, change)
     hold = state.base.force.sum(axis=2).mean(axis=0) > 0.99 * state.base.force.sum(axis=2).mean(axis=0).max()
     pressed = state.base.force[:, hold].mean(axis=1) > 0.1
@@ -93,6 +93,15 @@ def test_changes_follow_the_net_force_from_level_to_level(state):
     np.testing.assert_allclose(gained[pressed], 0.01, rtol=0.02)
     nothing = state.base.force.sum(axis=2) == 0.0
     np.testing.assert_array_equal(moved.force[nothing], 0.0)
+
+
+def test_what_is_pressed_no_longer_shows_nothing(state):
+    """However far the simulator's own force is from what geometry says of it."""
+    change = unchanged(state)
+    change[:, 0, :, :10] = 0.0
+    moved = with_change(state, state.base, change)
+    np.testing.assert_array_equal(moved.force[:, :, :10], 0.0)
+    np.testing.assert_allclose(moved.force[:, :, 10:], state.base.force[:, :, 10:], rtol=1e-12)
 
 
 def test_a_flat_press_is_shared_the_same_whatever_the_layer(state):

@@ -19,7 +19,7 @@ from taxel.recording.grasp_format import Phase
 
 Array = NDArray[np.float64]
 
-LEVELS: Final = np.array([0.0, 0.2, 0.5, 1.0, 1.25])
+LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
 """Shares of a board's net force in hold at which a press is worked out anew."""
 
 REMEMBERED: Final = 20000
@@ -75,8 +75,8 @@ class Geometry:
         return found
 
     def displaced(self, state: State, number: int, motion: Array) -> Array:
-        """What the forces on a contact's taxels gain, f64[L, m], at each of `LEVELS`, when the board moves by `motion`
-        f64[4, 4] in the object's view.
+        """What becomes of the forces on a contact's taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
+        when the board moves by `motion` f64[4, 4] in the object's view.
 
         The board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
         effects beside: what it has asked before is remembered.
@@ -87,19 +87,18 @@ class Geometry:
             contact = self.contacts[number]
             mesh = self.meshes[state.pair.cells[contact.cell][0]]
             depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
-            known = self._remember(key, self._at_levels(number, depth) - self._at_rest(number))
+            known = self._remember(key, _changed(self._at_rest(number), self._at_levels(number, depth)))
         return known
 
     def sunk(self, number: int, scale: float) -> Array:
-        """What the forces on a contact's taxels gain, f64[L, m], at each of `LEVELS`, where every piece bears `scale`
-        times as much at the same depth: a softer layer is pressed deeper until the net force is what it was, and more
-        of it bears.
+        """The same where every piece bears `scale` times as much at the same depth: a softer layer is pressed deeper
+        until the net force is what it was, and more of it bears.
         """
         key = (number, np.float64(scale).tobytes())
         known = self._known.get(key)
         if known is None:
             sunk = self._at_levels(number, self.depths[number], scale)
-            known = self._remember(key, sunk - self._at_rest(number))
+            known = self._remember(key, _changed(self._at_rest(number), sunk))
         return known
 
     def _at_rest(self, number: int) -> Array:
@@ -109,9 +108,8 @@ class Geometry:
         return known
 
     def _at_levels(self, number: int, depth: Array, scale: float = 1.0) -> Array:
-        nets = LEVELS[1:] * float(self.contacts[number].force.sum()) / scale
-        pressed = scale * pressed_to_each(self.piece_law, depth, nets).mean(axis=2)
-        return np.concatenate([np.zeros((1, len(depth))), pressed])
+        nets = LEVELS * float(self.contacts[number].force.sum()) / scale
+        return np.asarray(scale * pressed_to_each(self.piece_law, depth, nets).mean(axis=2))
 
     def _remember(self, key: tuple[int, bytes], force: Array) -> Array:
         if len(self._known) >= REMEMBERED:
@@ -120,21 +118,41 @@ class Geometry:
         return force
 
 
+def _changed(rest: Array, now: Array) -> Array:
+    """Of forces at rest and now, each f64[L, m]: the share that is kept, and what is gained, f64[2, L, m]."""
+    kept = np.divide(now, rest, out=np.ones_like(rest), where=rest > now)
+    return np.stack([kept, np.maximum(now - rest, 0.0)])
+
+
+def unchanged(state: State) -> Array:
+    """For `with_change`."""
+    change = np.zeros((len(state.pair.cells), 2, len(LEVELS), state.pair.n))
+    change[:, 0] = 1.0
+    return change
+
+
 def with_change(state: State, signal: Signal, change: Array) -> Signal:
-    """A signal whose forces are changed by f64[C, L, n] newtons where a board's net force is one of `LEVELS`, f64[L],
-    of what it is in hold; between them by what lies between.
+    """A signal whose forces are changed by f64[C, 2, L, n], the share that is kept and newtons that are gained, where a
+    board's net force is one of `LEVELS`, f64[L], of what it is in hold; between them by what lies between.
+
+    By what geometry says is lost a force falls in proportion, for the simulator's own force is never quite what
+    geometry says: what is no longer pressed shows nothing.
     """
     assert signal.force is not None
     hold, board = state.clock.phase == Phase.HOLD, state.pair.groups.sums[2]
     net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
-    level = np.minimum(net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9), LEVELS[-1])
+    level = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
     right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
-    share = (level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1])
-    sensor, moved = state.pair.groups.sensor, signal.force.copy()
+    share = np.clip((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]), 0.0, 1.0)
+    sensor = state.pair.groups.sensor
+    kept, gained = np.zeros_like(signal.force), np.zeros_like(signal.force)
     for one in range(len(LEVELS)):
-        weight = np.where(right == one, share, 0.0) + np.where(right == one + 1, 1.0 - share, 0.0)
-        moved += weight[:, :, sensor] * change[state.cell, None, one]
-    return signal.with_force(np.maximum(moved, 0.0))
+        weight = (np.where(right == one, share, 0.0) + np.where(right == one + 1, 1.0 - share, 0.0))[:, :, sensor]
+        kept += weight * change[state.cell, 0, one][:, None]
+        gained += weight * change[state.cell, 1, one][:, None]
+    # Below the least level a press gains in proportion.
+    gained *= np.minimum(level / LEVELS[0], 1.0)[:, :, sensor]
+    return signal.with_force(kept * signal.force + gained)
 
 
 def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
-from taxel.gap.effects.geometry import LEVELS, geometry_of, with_change
+from taxel.gap.effects.geometry import geometry_of, unchanged, with_change
 from taxel.gap.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
 
@@ -42,18 +42,18 @@ class PoseError(Effect):
         return with_change(state, signal, self._change(state, values))
 
     def _change(self, state: State, values: Array) -> Array:
-        """What the displacement adds to the force at each of `LEVELS`, newtons, f64[C, L, n]."""
+        """What the displacement does to the forces, f64[C, 2, L, n] as `with_change` takes it."""
         geometry = geometry_of(state)
         blocks = self.blocks(state)
         motions = self._motions(values)
-        change = np.zeros((len(state.pair.cells), len(LEVELS), state.pair.n))
+        change = unchanged(state)
         for number, contact in enumerate(geometry.contacts):
             block = blocks[contact.cell, contact.taxels[0]]
             if values[:, block].any():
                 motion = motions[block]
                 if self.scope != OBJECT:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
-                change[contact.cell][:, contact.taxels] = geometry.displaced(state, number, motion)
+                change[contact.cell][..., contact.taxels] = geometry.displaced(state, number, motion)
         return change
 
     def _motions(self, values: Array) -> Array:

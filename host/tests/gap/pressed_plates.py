@@ -1,0 +1,199 @@
+"""Flat plates that convex objects press, by a contact law of their own: what a layer that is softer, or a plate that is
+not where the model has it, does to forces, where nothing of the diagnosis has made them.
+
+A taxel is 5 x 5 springs that bear in proportion to their depth; a plate moves along its normal until they bear the net
+force. Counts are those of the sensor model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from taxel.recording import GraspDatasetWriter, GraspRecord, ObjectMesh, SensorModel, SensorTable, TaxelTable
+
+BOARDS, ROWS, COLUMNS, PITCH_M = 3, 7, 6, 5e-3
+CROSSINGS = ROWS * COLUMNS
+RATE = 20.0
+PHASE = np.repeat([0, 1, 2, 3, 4], [110, 14, 16, 12, 20]).astype(np.uint8)
+TIME = np.arange(len(PHASE)) / RATE
+STIFFNESS_N_PER_M = 1800.0
+MODEL = SensorModel(32_000.0, 2600.0, 1.4, 4.0, contact_stiffness_n_per_m=STIFFNESS_N_PER_M, layer="uncoupled")
+NEAR = 5
+"""Springs of a taxel, along each axis."""
+
+LEVELS = np.linspace(0.0, 1.2, 9)
+"""Shares of a press at which its forces are worked out; between them they are linear."""
+
+
+def solid(points: np.ndarray) -> ObjectMesh:
+    """The hull of points, its faces outwards."""
+    faces = ConvexHull(points).simplices.astype(np.int32)
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inwards = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - points.mean(axis=0)) < 0
+    faces[inwards] = faces[inwards][:, ::-1]
+    return ObjectMesh(points, faces)
+
+
+def ball(radius: float) -> ObjectMesh:
+    """Of some 160 corners."""
+    number = np.arange(160) + 0.5
+    height, turn = 1.0 - number / 80.0, np.pi * (1.0 + 5.0**0.5) * number
+    wide = np.sqrt(1.0 - height**2)
+    return solid(radius * np.column_stack([wide * np.cos(turn), wide * np.sin(turn), height]))
+
+
+def brick(*size: float) -> ObjectMesh:
+    """Edges in metres."""
+    corners = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), axis=-1).reshape(-1, 3)
+    return solid(corners * size)
+
+
+OBJECTS = {"ball": ball(0.018), "brick": brick(0.03, 0.022, 0.03)}
+
+
+@dataclass(frozen=True)
+class Plates:
+    """scale: stiffness of the hand's layer over the model's. moved: of each plate of the hand, f64[3, 6], metres and
+    radians (rotation vector), in its own frame.
+    """
+
+    seed: int
+    scale: float = 1.0
+    moved: tuple[tuple[float, ...], ...] = ((0.0,) * 6,) * BOARDS
+    ways: int = 4
+    sessions: int = 4
+    repeats: int = 2
+
+    def write(self, folder: Path) -> tuple[str, str]:
+        """Both files."""
+        paths = tuple(str(folder / f"{source}.h5") for source in ("real", "sim"))
+        for path, source in zip(paths, ("real", "sim"), strict=True):
+            self._write(path, source)
+        return paths[0], paths[1]
+
+    def _write(self, path: str, source: str) -> None:
+        crossing = np.tile(np.arange(CROSSINGS), BOARDS)
+        table = TaxelTable(
+            np.repeat(np.arange(0x20, 0x20 + BOARDS), CROSSINGS).astype(np.uint8),
+            (crossing // COLUMNS).astype(np.uint8),
+            (crossing % COLUMNS).astype(np.uint8),
+            np.tile(centres(), (BOARDS, 1)),
+            np.tile([0.0, 0.0, 1.0], (len(crossing), 1)),
+            np.full(len(crossing), 0.003),
+        )
+        sensors = SensorTable(
+            np.arange(0x20, 0x20 + BOARDS).astype(np.uint8), ("a", "b", "c"), ("plate",) * BOARDS, np.full(BOARDS, RATE)
+        )
+        with GraspDatasetWriter.create(
+            path,
+            source=source,
+            hand="three plates",
+            taxels=table,
+            sensors=sensors,
+            objects=OBJECTS,
+            generator="a test",
+            sensor_model=MODEL if source == "sim" else None,
+        ) as out:
+            for number, record in enumerate(self._grasps(source == "real")):
+                out.add(record, f"{number:04d}")
+
+    def _grasps(self, real: bool):
+        plan = np.random.default_rng(self.seed)
+        cells = []
+        for name in OBJECTS:
+            for way in range(self.ways):
+                turn = Rotation.from_rotvec(plan.normal(0.0, [0.15, 0.15, 1.5], (BOARDS, 3))).as_matrix()
+                place = np.column_stack([plan.uniform(-0.008, 0.008, (BOARDS, 2)), np.full(BOARDS, 0.02)])
+                cells.append((name, f"way_{way}", frames(turn, place), plan.uniform(3.0, 14.0, BOARDS)))
+        rng = np.random.default_rng([self.seed, real])
+        fixed = np.array(self.moved) if real else np.zeros((BOARDS, 6))
+        for session in range(self.sessions if real else 1):
+            mounting = rng.normal(0.0, [2e-4, 2e-4, 0.0, 2e-3, 2e-3, 2e-3], (BOARDS, 6)) * real
+            for name, way, believed, net in cells:
+                for repeat in range(self.repeats):
+                    slip = rng.normal(0.0, [1e-4, 1e-4, 0.0, 1e-3, 1e-3, 1e-3], (BOARDS, 6)) * real
+                    # A plate that moves sees the object move the other way.
+                    object_at = np.linalg.inv(motion(fixed)) @ motion(mounting + slip) @ believed
+                    hard = float(np.exp(rng.normal(0.0, 0.02 * real)))
+                    force, separation = self._pressed(name, object_at, net, self.scale if real else 1.0, hard)
+                    half = MODEL.half_force_n * (self.scale if real else 1.0)
+                    drop = MODEL.full_scale_drop_counts * force / (force + half)
+                    raw = 32_000.0 - drop + rng.normal(0.0, 5.0, drop.shape)
+                    yield GraspRecord(
+                        object=name,
+                        approach=way,
+                        iteration=repeat,
+                        session=session,
+                        timestamp=TIME + 100.0 * session,
+                        phase=PHASE,
+                        raw_counts=np.clip(np.rint(raw), 0, 65_535).astype(np.uint16),
+                        valid=np.ones((len(TIME), BOARDS), bool),
+                        sensor_pose=np.linalg.inv(believed),
+                        object_pose=np.eye(4),
+                        contact_force=None if real else force,
+                        separation=None if real else separation,
+                    )
+
+    def _pressed(self, name: str, object_at: np.ndarray, net: np.ndarray, scale: float, hard: float):
+        """Newtons and metres over time, f64[T, n] each."""
+        closing = np.clip((TIME - 5.5) / 0.6, 0.0, 1.0) - np.clip((TIME - 7.0) / 0.5, 0.0, 1.0)
+        level = np.clip(hard * np.clip(closing, 0.0, 1.0), 0.0, LEVELS[-1])
+        force, separation = [], []
+        for board in range(BOARDS):
+            above = heights(OBJECTS[name], object_at[board])
+            rows = [pressed(above, share * net[board], scale * STIFFNESS_N_PER_M) for share in LEVELS]
+            own = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
+            for known, values in zip((force, separation), own, strict=True):
+                known.append(np.stack([np.interp(level, LEVELS, values[:, k]) for k in range(CROSSINGS)], axis=1))
+        return np.concatenate(force, axis=1), np.concatenate(separation, axis=1)
+
+
+def centres() -> np.ndarray:
+    """Of a plate's taxels, f64[42, 3]."""
+    number = np.arange(CROSSINGS)
+    x, y = number // COLUMNS - (ROWS - 1) / 2, number % COLUMNS - (COLUMNS - 1) / 2
+    return PITCH_M * np.column_stack([x, y, np.zeros(CROSSINGS)])
+
+
+def frames(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Poses f64[m, 4, 4]."""
+    out = np.tile(np.eye(4), (len(turn), 1, 1))
+    out[:, :3, :3], out[:, :3, 3] = turn, place
+    return out
+
+
+def motion(step: np.ndarray) -> np.ndarray:
+    """Of steps f64[m, 6]: translation, rotation vector."""
+    return frames(Rotation.from_rotvec(step[:, 3:]).as_matrix(), step[:, :3])
+
+
+def heights(mesh: ObjectMesh, object_at: np.ndarray) -> np.ndarray:
+    """How far the object is above each spring, f64[42, 25], metres; 1 where it is not."""
+    within = PITCH_M * ((np.arange(NEAR) + 0.5) / NEAR - 0.5)
+    x, y = np.meshgrid(within, within)
+    springs = (centres()[:, None, :2] + np.stack([x.ravel(), y.ravel()], axis=1)).reshape(-1, 2)
+    planes = ConvexHull(mesh.vertices @ object_at[:3, :3].T + object_at[:3, 3]).equations
+    level, slope = springs @ planes[:, :2].T + planes[:, 3], planes[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = -level / slope
+    low = np.where(slope < 0, at, -np.inf).max(axis=1)
+    high = np.where(slope > 0, at, np.inf).min(axis=1)
+    return np.where(low < high, low, 1.0).reshape(CROSSINGS, -1)
+
+
+def pressed(above: np.ndarray, net: float, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Forces f64[42] at a net force, and how far each taxel's middle is from contact."""
+    lowest = float(above.min())
+    low, high = lowest, lowest + 0.02
+    if net <= 0.0:
+        return np.zeros(CROSSINGS), np.minimum(above.mean(axis=1) - lowest + 0.003, 0.05)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        bears = stiffness * np.maximum(middle - above, 0.0).mean(axis=1).sum()
+        low, high = (middle, high) if bears < net else (low, middle)
+    return stiffness * np.maximum(high - above, 0.0).mean(axis=1), np.minimum(above.mean(axis=1) - high, 0.05)
