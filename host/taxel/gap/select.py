@@ -13,6 +13,7 @@ from taxel.gap.deciding import NEXT_SHARE
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.latency import is_delay
+from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.rounds import FIXED, Forms, cross_validated, is_idle, next_round, tried
@@ -70,18 +71,18 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
 
 
 def _looked_again(judge: Judge, standing: Standing, name: str) -> Standing:
-    """With what does not answer looked for once more, beside the effect `name` that was found last: of a bracket that
-    stands elsewhere the rim is not pressed, and looks dead to who expects the press where it was.
+    """With what does not answer looked for once more where the effect `name`, found last, is a displacement: of a
+    bracket that stands elsewhere the rim is not pressed, and looks dead to who expects the press where it was.
     """
     old = next((link.effect for link in standing.chain.links if isinstance(link.effect, Dropout)), None)
     others = standing.chain.without(DROPOUT)
-    if old is None or not others.links:
+    if old is None or name != PoseError.name:
         return standing
     judge = _whole(judge, standing)
     new = find_dropped(judge.state, judge.sessions, others.features(judge.state))
     if not (old.dropped.dead & ~new.dead).any():
         return standing
-    if new.evident:  # else a next round says whether the rest is worth naming
+    if new.evident or new.lines or new.shorts or new.missing.any():  # a next round weighs whether taxels alone are
         effect = Dropout(new)
         name, others = DROPOUT, others.with_link(Link(effect, effect.found_values(judge.state)))
     return Standing.of(judge).after(cross_validated(judge, tried(judge, name, others)))
