@@ -87,7 +87,7 @@ class Answer:
     found_places: None where nothing is to be found by place. idle: causes of a pair or triple that no press could show,
     as a line that breaks where nothing bears. without, shuffled, decoy: what is said with the effect
     deleted, with the simulations exchanged, and with another effect deleted; None where that was not asked. seeds: with
-    other analysis seeds. error: why there is no report. blindfold: what hid the truth.
+    other analysis seeds. error: why there is no report. blindfold: what hid the truth. diagnosis: its version.
     """
 
     world: World
@@ -106,6 +106,7 @@ class Answer:
     seeds: tuple[Named, ...] = ()
     error: str = ""
     blindfold: str = ""
+    diagnosis: str = ""
 
     @property
     def ratio(self) -> float:
@@ -147,6 +148,7 @@ def _answer(world: World, folder: Path, reference: dict[str, dict[str, float]]) 
         decoy=_named_in(folder / "decoy.json"),
         seeds=tuple(_named(json.loads(path.read_text())) for path in sorted(folder.glob("seed*.json"))),
         error=str(report.get("error", "")),
+        diagnosis=str(report.get("diagnosis", "")),
     )
     if answer.error:
         return answer

@@ -12,6 +12,7 @@ from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from taxel.blind.answers import answers
+from taxel.blind.records import RECORDS, read_records, together, write_records
 from taxel.blind.run import opened, run_worlds, seal
 from taxel.blind.score import score
 from taxel.blind.sheet import sheet
@@ -26,6 +27,9 @@ def blind(
     jobs: Annotated[int | None, typer.Option(help="Worlds at a time; default: one a core.")] = None,
     minutes: Annotated[float | None, typer.Option(help="Begin no world after that; score what is there.")] = None,
     page: Annotated[Path | None, typer.Option(help="Write the score sheet here too (Markdown).")] = None,
+    also: Annotated[
+        list[Path] | None, typer.Option(help="answers.jsonl.gz of a further run, scored with this one; several times.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the score as JSON.")] = False,
 ) -> None:
     """Seal worlds with hidden causes, diagnose them in another process, open the seals and score.
@@ -40,6 +44,7 @@ def blind(
         raise TaxelError(f"--jobs: expected 1 or more, found {jobs}")
     if minutes is not None and not minutes >= 0:
         raise TaxelError(f"--minutes: expected 0 or more, found {minutes:g}")
+    others = [(str(path), read_records(path)) for path in also or ()]
     console = Console(stderr=as_json, markup=False)
     drawn = seal(out, worlds, full_hand, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
@@ -54,10 +59,16 @@ def blind(
         task = progress.add_task("worlds", total=len(drawn))
         seconds = None if minutes is None else 60.0 * minutes
         run_worlds(out, drawn, jobs, lambda done, total: progress.update(task, completed=done, total=total), seconds)
-    found = score(answers(out, opened(out)))
+    own = answers(out, opened(out))
+    write_records(out / RECORDS, own)
+    for where, more in others:
+        own = together(own, more, where)
+    found = score(own)
     (out / "score.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     whole = f" --full-hand {full_hand}" if full_hand else ""
-    text = sheet(found, f"Made by `taxel gap blind --worlds {worlds}{whole}`; {found['worlds']} worlds gave a report.")
+    runs = f", {len(others) + 1} runs" if others else ""
+    made = f"Made by `taxel gap blind --worlds {worlds}{whole}`{runs}; {found['worlds']} worlds gave a report."
+    text = sheet(found, made)
     for path in (out / "score.md", *([page] if page else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)

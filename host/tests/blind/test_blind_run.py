@@ -14,6 +14,8 @@ import pytest
 from host.tests.command_line import exit_status
 from taxel.blind import drawing, run
 from taxel.blind.lane import Lane
+from taxel.blind.records import RECORDS, read_records
+from taxel.blind.version import diagnosis_version
 from taxel.gap.catalogue import CATALOGUE
 
 SEED = 4400
@@ -113,7 +115,8 @@ def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):
 
 
 def test_published_folders_hold_nothing_of_the_truth(check):
-    assert {path.name for path in check.iterdir()} == {"commitments.json", "sealed", "worlds", "score.json", "score.md"}
+    scored = {"score.json", "score.md", "answers.jsonl.gz"}
+    assert {path.name for path in check.iterdir()} == {"commitments.json", "sealed", "worlds", *scored}
     assert {path.name for path in (check / "sealed").iterdir()} == {"keys.json", "reference0000.json"}
 
 
@@ -146,6 +149,14 @@ def test_a_check_that_is_done_is_only_scored_again(check, monkeypatch, capsys):
     monkeypatch.setattr(run, "Lane", None)
     assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
     assert json.loads(capsys.readouterr().out) == read(check / "score.json")
+
+
+def test_the_answers_are_kept_and_are_no_further_run(check, capsys):
+    path = check / RECORDS
+    assert [one.world.number for one in read_records(path)] == [0, 1]
+    assert {one.diagnosis for one in read_records(path)} == {diagnosis_version()}
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--also", path) == 1
+    assert "expected answers of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_world_that_was_cut_is_made_anew_to_the_same_bytes_and_the_same_answer(check, cut):
