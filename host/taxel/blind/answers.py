@@ -8,17 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from taxel.blind.asked import CLEAR, form_of
 from taxel.blind.drawing import World
-from taxel.blind.hidden import UNKNOWN, Place
+from taxel.blind.hidden import UNKNOWN
+from taxel.blind.loaded import loaded
 from taxel.blind.run import WORLDS
 from taxel.gap.effects.sticking import WORKED_OUT, Sticking
-from taxel.recording.grasp_dataset import GraspDataset
-
-LOADED_COUNTS: Final = 150.0
-"""A taxel on which the simulator expects as much was pressed."""
 
 LEAST_TRUE: Final = 1e-6
 """A parameter below it is nothing that a relative error could be told of."""
@@ -85,9 +80,9 @@ class Answer:
     """One world, scored. gap, floor: counts. shrink: (predicted, measured) or None.
 
     found_places: None where nothing is to be found by place. idle: causes of a pair or triple that no press could show,
-    as a line that breaks where nothing bears. without, shuffled, decoy: what is said with the effect
-    deleted, with the simulations exchanged, and with another effect deleted; None where that was not asked. seeds: with
-    other analysis seeds. error: why there is no report. blindfold: what hid the truth. diagnosis: its version.
+    as a line that breaks where nothing bears. without, shuffled, decoy: what is said with the effect deleted, with the
+    simulations exchanged, and with another effect deleted; None where that was not asked. seeds: with other analysis
+    seeds. error: why there is no report. blindfold: what hid the truth. diagnosis: its version.
     """
 
     world: World
@@ -218,7 +213,7 @@ def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path)
     if world.hidden.kind != "single" or world.hidden.causes[0].form not in ("silent from", "line open"):
         return None
     (cause,) = world.hidden.causes
-    places = _loaded(cause.places, folder / "sim.h5")
+    places = loaded(cause.places, folder / "sim.h5")
     if not places:
         return None
     acts = next((one["where"] for one in effects if one["name"] == "dropout"), None) or {"sensors": [], "lines": []}
@@ -234,20 +229,4 @@ def _idle(world: World, folder: Path) -> tuple[str, ...]:
     if world.hidden.kind != "several":
         return ()
     local = [cause for cause in world.hidden.causes if cause.places and all(place.axis for place in cause.places)]
-    return tuple(cause.name for cause in local if not _loaded(cause.places, folder / "sim.h5"))
-
-
-def _loaded(places: Sequence[Place], sim: Path) -> list[Place]:
-    """Those on which the simulator expects a press."""
-    with GraspDataset(sim) as data:
-        table, most = data.taxels, np.zeros(len(data.taxels.sensor))
-        for grasp in data:
-            counts = grasp.raw_counts.astype(np.float64)
-            most = np.maximum(most, (counts[:10].mean(axis=0) - counts).max(axis=0))
-    own = {
-        "": lambda place: table.sensor == place.address,
-        "tx": lambda place: (table.sensor == place.address) & (table.tx == place.index),
-        "rx": lambda place: (table.sensor == place.address) & (table.rx == place.index),
-        "taxel": lambda place: np.arange(len(most)) == place.index,
-    }
-    return [place for place in places if most[own[place.axis](place)].max(initial=0.0) > LOADED_COUNTS]
+    return tuple(cause.name for cause in local if not loaded(cause.places, folder / "sim.h5"))

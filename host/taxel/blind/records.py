@@ -45,13 +45,23 @@ def together(own: Sequence[Answer], others: Sequence[Answer], where: str) -> lis
     """Answers of two runs. where: the other's, for the message. Raises BlindRunError if they are of two diagnoses, or
     of the same worlds.
     """
-    versions = {one.diagnosis for one in (*own, *others) if not one.error}
-    if len(versions) > 1:
-        remedy = "score them apart: figures are of one diagnosis"
-        raise BlindRunError(where, "answers of the same diagnosis", f"of {len(versions)}", remedy)
+    require_diagnosis(versions(own), others, where)
     if {one.world.salt for one in own} & {one.world.salt for one in others}:
         raise BlindRunError(where, "answers of another run", "the same worlds", "give each run once")
     return [*own, *others]
+
+
+def versions(answers: Iterable[Answer]) -> set[str]:
+    """Of the diagnoses that answered."""
+    return {one.diagnosis for one in answers if not one.error}
+
+
+def require_diagnosis(known: set[str], others: Sequence[Answer], where: str) -> None:
+    """Raises BlindRunError unless all are of one diagnosis."""
+    found = sorted(known | versions(others))
+    if len(found) > 1:
+        remedy = "score them apart: figures are of one diagnosis"
+        raise BlindRunError(where, "answers of the same diagnosis", f"of {', '.join(found)}", remedy)
 
 
 def _shorter(value: Any) -> Any:

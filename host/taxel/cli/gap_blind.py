@@ -12,10 +12,11 @@ from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from taxel.blind.answers import answers
-from taxel.blind.records import RECORDS, read_records, together, write_records
+from taxel.blind.records import RECORDS, read_records, require_diagnosis, together, versions, write_records
 from taxel.blind.run import opened, run_worlds, seal
 from taxel.blind.score import score
 from taxel.blind.sheet import sheet
+from taxel.blind.version import diagnosis_version
 from taxel.errors import TaxelError
 
 
@@ -45,6 +46,8 @@ def blind(
     if minutes is not None and not minutes >= 0:
         raise TaxelError(f"--minutes: expected 0 or more, found {minutes:g}")
     others = [(str(path), read_records(path)) for path in also or ()]
+    for where, more in others if minutes != 0 else ():  # before hours of work, not after
+        require_diagnosis({diagnosis_version()}, more, where)
     console = Console(stderr=as_json, markup=False)
     drawn = seal(out, worlds, full_hand, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
@@ -67,7 +70,9 @@ def blind(
     (out / "score.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     whole = f" --full-hand {full_hand}" if full_hand else ""
     runs = f", {len(others) + 1} runs" if others else ""
+    by = " and ".join(sorted(versions(own))) or "none"
     made = f"Made by `taxel gap blind --worlds {worlds}{whole}`{runs}; {found['worlds']} worlds gave a report."
+    made += f" Version of the diagnosis, by its sources: {by}."
     text = sheet(found, made)
     for path in (out / "score.md", *([page] if page else [])):
         path.parent.mkdir(parents=True, exist_ok=True)

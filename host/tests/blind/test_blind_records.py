@@ -55,7 +55,7 @@ def test_two_runs_of_one_diagnosis_are_one_score():
 
 def test_answers_of_another_diagnosis_are_refused():
     other = [replace(one, diagnosis="cd") for one in answers(SEED + 1)]
-    message = "b: expected answers of the same diagnosis, found of 2; score them apart"
+    message = "b: expected answers of the same diagnosis, found of ab, cd; score them apart"
     with pytest.raises(BlindRunError, match=message):
         together(answers(), other, "b")
 

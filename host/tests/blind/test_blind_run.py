@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,7 +15,7 @@ import pytest
 from host.tests.command_line import exit_status
 from taxel.blind import drawing, run
 from taxel.blind.lane import Lane
-from taxel.blind.records import RECORDS, read_records
+from taxel.blind.records import RECORDS, read_records, write_records
 from taxel.blind.version import diagnosis_version
 from taxel.gap.catalogue import CATALOGUE
 
@@ -141,7 +142,8 @@ def test_the_score_and_its_sheet_are_written(check):
     assert found["rig4"]["single_first"]["right"] == 1
     assert found["rig4"]["unknown_withheld"]["of"] == 1
     text = (check / "score.md").read_text()
-    assert "Made by `taxel gap blind --worlds 2`; 2 worlds gave a report." in text
+    made = "Made by `taxel gap blind --worlds 2`; 2 worlds gave a report. Version of the diagnosis, by its sources: "
+    assert f"{made}{diagnosis_version()}." in text
     assert (check.parent / "page" / "score.md").read_text() == text
 
 
@@ -157,6 +159,14 @@ def test_the_answers_are_kept_and_are_no_further_run(check, capsys):
     assert {one.diagnosis for one in read_records(path)} == {diagnosis_version()}
     assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--also", path) == 1
     assert "expected answers of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
+
+
+def test_answers_of_another_diagnosis_are_refused_before_a_world_is_made(check, tmp_path, capsys):
+    other = tmp_path / RECORDS
+    write_records(other, [replace(one, diagnosis="cd") for one in read_records(check / RECORDS)])
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--also", other) == 1
+    assert "expected answers of the same diagnosis" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_world_that_was_cut_is_made_anew_to_the_same_bytes_and_the_same_answer(check, cut):
