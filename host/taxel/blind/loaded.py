@@ -30,7 +30,7 @@ def loaded(places: Sequence[Place], sim: Path) -> list[Place]:
 def _at(place: Place, table: TaxelTable) -> NDArray[np.bool_]:
     """Its taxels, bool[n]."""
     if place.axis == "taxel":
-        return np.arange(len(table.sensor)) == place.index
+        return np.asarray(np.arange(len(table.sensor)) == place.index)
     own = table.sensor == place.address
     line = (table.tx if place.axis == "tx" else table.rx) == place.index
     return np.asarray(own & line if place.axis else own)
