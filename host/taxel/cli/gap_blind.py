@@ -69,7 +69,7 @@ def blind(
     found = score(own)
     (out / "score.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     whole = f" --full-hand {full_hand}" if full_hand else ""
-    runs = f", {len(others) + 1} runs" if others else ""
+    runs = f", with {sum(len(more) for _, more in others)} worlds of --also" if others else ""
     by = " and ".join(sorted(versions(own))) or "none"
     made = f"Made by `taxel gap blind --worlds {worlds}{whole}`{runs}; {found['worlds']} worlds gave a report."
     made += f" Version of the diagnosis, by its sources: {by}."
