@@ -54,8 +54,6 @@ class Chain:
 
     def features(self, state: State) -> Array:
         """The simulator's features with these effects, f64[C, F, n]."""
-        if not any(link.effect.memory for link in self.links):
-            state = state.coarse
         features = state.predicted(_signal_of(state, self.links))
         for link in self.links:
             features = link.effect.features(state, features, link.values)

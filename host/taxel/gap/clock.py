@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -15,10 +16,26 @@ BINS: Final = {Phase.CLOSING: 4, Phase.HOLD: 1, Phase.RELEASE: 3, Phase.RECOVERY
 """Feature bins of each phase: "a few"."""
 
 NODES: Final = {Phase.CLOSING: 12, Phase.HOLD: 6, Phase.RELEASE: 9, Phase.RECOVERY: 6}
-"""Most nodes of each phase: fine enough for an effect with a memory of some tenths of a second."""
+"""Most nodes of each phase: fine enough for an effect with a memory of some tenths of a second, and for what
+ends or begins sharply. All effects have the same ones: on means of bins a sharp end fits worse, and whatever would have
+brought nodes along would have been named for that."""
 
 FRAMES_PER_NODE: Final = 1.5
 """So that hardly a node is without a frame of a board that sends at the recorded rate."""
+
+
+ALL_ALIKE: Final = 1.15
+"""Longest over shortest duration of a phase, up to which all presses are looked at as long as the shortest lasts."""
+
+MOST_DURATION: Final = 1.5
+"""Median durations, beyond which nobody looks: one press that lasts longer would make the bins too wide for the others.
+"""
+
+
+def usual_duration(lasts: NDArray[np.float64]) -> float:
+    """Seconds of a phase that are looked at. lasts: of each cell, f64[C]."""
+    most = min(float(lasts.max()), MOST_DURATION * float(np.median(lasts)))
+    return float(lasts.min()) if most < ALL_ALIKE * lasts.min() else most
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +54,7 @@ class Clock:
 
     @classmethod
     def of(cls, durations: dict[Phase, float], rate_hz: float) -> Clock:
-        """durations: seconds of each phase that both datasets have throughout. rate_hz: of the slower one."""
+        """durations: seconds of each phase that are looked at. rate_hz: of the slower one."""
         phases: list[int] = []
         begins: list[float] = []
         ends: list[float] = []
@@ -56,6 +73,15 @@ class Clock:
             begins += edges[:-1].tolist()
             ends += edges[1:].tolist()
         return cls(np.array(phases, np.uint8), np.array(begins), np.array(ends), tuple(bins))
+
+    def beyond(self, lasts: Mapping[Phase, NDArray[np.float64]]) -> NDArray[np.bool_]:
+        """Nodes of bins to whose end a cell's grasps do not last, bool[C, K]. lasts: seconds of each phase that all
+        grasps of a cell have, f64[C].
+        """
+        result = np.zeros((len(next(iter(lasts.values()))), self.nodes), bool)
+        for phase, own in self.bins:
+            result[:, own] = (self.end[own.stop - 1] > lasts[phase] + 1e-9)[:, None]
+        return result
 
     @property
     def nodes(self) -> int:

@@ -48,7 +48,6 @@ def in_copies(state: State, work: Callable[[Item], Result], items: Iterable[Item
     every = list(items)
     if state.drop.size < WORTH or not 1 < len(every) <= MOST_ITEMS or _Busy.shared:
         return [work(item) for item in every]
-    _ = state.coarse.drop  # worked out once, not in each copy
     _Busy.shared = True
     try:
         done = _shared(work, every) if hasattr(os, "fork") else None

@@ -32,6 +32,9 @@ other.
 SIMPLER: Final = 0.01
 """Share of the whole score by which a form with values for each board or taxel must be better than one for the hand."""
 
+MANY_MISSING: Final = 0.05
+"""Share of a board's frames, beyond the simulator's, that nobody calls chance."""
+
 MANY: Final = 4
 """Values of a board, as of its place or its wires, from which on all boards together could learn a press by heart."""
 
@@ -93,7 +96,7 @@ def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_t
     p_value = min(1.0, p_value * names_tried)
     level = PLAIN_LEVEL if weighed.does_most else LEVEL
     shared = weighed.held.share_of(standing.start, standing.base, noticeable) > least
-    large = p_value < level and (shared or weighed.takes_most)
+    large = (p_value < level and (shared or weighed.takes_most)) or is_counted(trial)
     return Round(standing.base, every, trial, gain, p_value, large and weighed.is_material(least))
 
 
@@ -115,6 +118,12 @@ def is_evident(trial: Trial) -> bool:
     """
     effect = trial.link.effect
     return isinstance(effect, Dropout) and effect.dropped.evident
+
+
+def is_counted(trial: Trial) -> bool:
+    """Whether it says of frames that they did not arrive, and they are many: those are counted, not inferred."""
+    effect = trial.link.effect
+    return isinstance(effect, Dropout) and float(effect.dropped.missing.max(initial=0.0)) > MANY_MISSING
 
 
 def is_seen_beside(standing: Standing, trial: Trial) -> bool:

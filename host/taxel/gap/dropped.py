@@ -30,6 +30,10 @@ FAINT_COUNTS: Final = 40.0
 DEAD: Final = 0.2
 """Share of the expected drop below which a taxel does not answer."""
 
+LOUD: Final = 0.35
+"""Share of its expected drops, RMS, from which on a taxel answers, if not as expected: what wraps round, or is pressed
+elsewhere, is not dead."""
+
 MISSING: Final = 0.02
 """Share of missing frames beyond the simulator's that is no accident."""
 
@@ -93,6 +97,9 @@ def _answers(state: State, real: SessionMeans, features: Array) -> tuple[Array, 
     squares = np.where(np.isfinite(ratio), (ratio - mean) ** 2, 0.0).sum(axis=0)
     error = np.where(count > 1, np.sqrt(squares / np.maximum(count * (count - 1), 1)), ONE_SESSION)
     silent = (mean < DEAD) & (np.nan_to_num(mean + SURELY * error, nan=np.inf) < SURE)
+    shown = np.nan_to_num(known_mean(real.value[:, :, : state.layout.bins], 1))
+    there = known.any(axis=1) * weight
+    silent &= np.einsum("cfn,cfn->n", there, shown**2) < LOUD**2 * np.einsum("cfn,cfn->n", there, expected**2)
     return mean, silent, np.asarray(expected.max(axis=1))
 
 

@@ -173,6 +173,13 @@ class SessionMeans:
         there, told = (float(np.sum(np.where(one, scale, 0.0))) for one in (self.known.any(axis=1), known))
         return float(np.sum(scale * residual**2)) * (there / told if told > 0 else 0.0)
 
+    def known_beside(self, other: SessionMeans) -> SessionMeans:
+        """What some session of another recording knows as well: a board that only one side touches has no onset there
+        that could be compared.
+        """
+        there = np.any(other.known, axis=1, keepdims=True)
+        return SessionMeans(np.where(there, self.value, np.nan), self.count, self.spread)
+
     def where(self, part: NDArray[np.bool_]) -> SessionMeans:
         """Only some taxels of some cells, bool[C, n]; the others are unknown."""
         return SessionMeans(np.where(part[:, None, None], self.value, np.nan), self.count, self.spread)

@@ -36,6 +36,9 @@ NOISE_SHARE: Final = 0.05
 TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8.0, "wander": 2.0}
 """And its absolute error."""
 
+NOISE: Final = 1
+"""Place of the noise among the families."""
+
 LEAST_FAMILY: Final = 1e-3
 """Share of the score below which a family of features says nothing."""
 
@@ -176,8 +179,15 @@ class Judge:
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
+        return self._in_counts(features).value
+
+    def noisier(self, features: Array) -> float:
+        """The same of the noise alone."""
+        return float(self._in_counts(features).families[NOISE])
+
+    def _in_counts(self, features: Array) -> Score:
         scale = self.layout.scale(features.shape[0], features.shape[2])
-        return self.score(features, self._counting(np.broadcast_to(scale, features.shape))).value
+        return self.score(features, self._counting(np.broadcast_to(scale, features.shape)))
 
     def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = ITERATIONS) -> Fit:
         """Fitted to all cells."""

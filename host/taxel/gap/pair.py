@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import BoardLayout, layouts_of
-from taxel.gap.clock import Clock
+from taxel.gap.clock import Clock, usual_duration
 from taxel.gap.differences import differences
 from taxel.gap.errors import GapInputError
 from taxel.gap.losses import losses_of, lost_phases, require_answers
@@ -107,7 +108,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
-        clock, rate, lost = _clock(((real, made), (sim, simulated)))
+        clock, rate, lost, lasts = _clock(((real, made), (sim, simulated)), cells)
         groups = grouped(real.taxels, real.sensors)
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
@@ -120,6 +121,9 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         second = read_recording(
             sim, simulated, numbers, clock, groups, columns, lambda done, _: progress(count + done, total)
         )
+        unknown = clock.beyond(lasts)
+        for one in (first, second):
+            one.nodes[unknown[one.cell]] = np.nan
         paths = (str(real_path), str(sim_path))
         require_answers(paths, first, second, real.sensors)
         return Pair(
@@ -198,8 +202,12 @@ def _common_cells(
     return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
 
 
-def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock, float, list[str]]:
-    """Nodes of what all grasps have, the rate of the slowest, and which phases are lost because some have none."""
+def _clock(
+    sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], cells: Sequence[Key]
+) -> tuple[Clock, float, list[str], dict[Phase, NDArray[np.float64]]]:
+    """Nodes of time, the rate of the slowest, which phases are lost because some grasps have none, and how many seconds
+    of each phase all grasps of a cell have, f64[C].
+    """
     durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
     rate = np.inf
     for side, (data, grasps) in enumerate(sides):
@@ -215,11 +223,20 @@ def _clock(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]]) -> tuple[Clock
             if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
                 raise GapInputError(where, "time that passes in hold", "none", "correct the file")
-    usable = {wanted: min(min(own) for own in lasts) for wanted, lasts in durations.items()}
-    usable = {wanted: lasts for wanted, lasts in usable.items() if lasts > 0}
+    number = {key: index for index, key in enumerate(cells)}
+    cell = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
+    lasts = {wanted: _least(len(cells), cell, [*chain.from_iterable(both)]) for wanted, both in durations.items()}
+    usable = {wanted: usual_duration(own) for wanted, own in lasts.items() if own.min() > 0}
     rate = rate if np.isfinite(rate) else 1.0
     names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
-    return Clock.of(usable, rate), rate, lost_phases(names, durations)
+    return Clock.of(usable, rate), rate, lost_phases(names, durations), lasts
+
+
+def _least(cells: int, cell: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
+    """The shortest of each cell's, f64[C]."""
+    found = np.full(cells, np.inf)
+    np.minimum.at(found, np.asarray(cell, np.intp), seconds)
+    return found
 
 
 def _frame_s(grasp: Grasp, path: str) -> float:

@@ -32,6 +32,7 @@ def prepared(pair: Pair) -> Prepared:
     layout = Layout.of(pair.clock)
     real = means_of(pair, pair.real, layout)
     simulated = means_of(pair, pair.sim, layout)
+    real = real.known_beside(simulated)
     state = simulated_state(pair, simulated, layout)
     sessions = simulated.value.shape[1]
     scatter2 = total(terms(simulated, state.mean, layout).floor2) if sessions > 2 else 0.0

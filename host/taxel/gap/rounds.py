@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies
-from taxel.gap.deciding import asked_of, decided, is_evident, is_seen_beside
+from taxel.gap.deciding import asked_of, decided, is_counted, is_evident, is_seen_beside
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.dropout import Dropout
@@ -21,7 +21,7 @@ from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
 from taxel.gap.standing import Standing
 from taxel.gap.trial import ALIKE, Round, Trial
-from taxel.gap.weighing import MOST_OF_LEFT, Weighed, much_is_left
+from taxel.gap.weighing import MOST_OF_LEFT, Weighed, may_be_material, much_is_left
 
 Array = NDArray[np.float64]
 
@@ -54,15 +54,20 @@ def next_round(standing: Standing, forms: Forms) -> Round:
 def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     """fixed: effects that keep their values while the short list is made."""
     judge = standing.judge
-    # The longest first: nobody waits for it at the end.
-    jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
-    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1], fixed), jobs)
-    trials = [trial for trial in trials if not is_idle(judge, trial)]
-    trials.sort(key=lambda trial: trial.inside.value)
+    trials = glanced(standing, forms, fixed)
     chosen = _short_list(standing, trials)
     held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
     held = [trial for trial in held if not is_idle(judge, trial)]
     return decided(standing, held, [trial for trial in trials if trial not in chosen])
+
+
+def glanced(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> list[Trial]:
+    """Every effect that was not found yet, after a few iterations, best first. fixed: those that keep their values."""
+    judge = standing.judge
+    # The longest first: nobody waits for it at the end.
+    jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
+    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1], fixed), jobs)
+    return sorted((one for one in trials if not is_idle(judge, one)), key=lambda trial: trial.inside.value)
 
 
 def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
@@ -72,10 +77,12 @@ def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
     for trial in trials:
         share = trial.inside.share_of(standing.start, standing.base, noticeable)
         much = share > 0.5 * least or trial.inside.gone_of(standing.fitted) > MOST_OF_LEFT
-        if much or is_seen_beside(standing, trial):
+        if much or is_counted(trial) or is_seen_beside(standing, trial):
             best.setdefault((trial.name, trial.link.effect.scope), trial)
     first = next(iter(best.values()), None)
     worthy = [trial for trial in best.values() if not _is_hopeless(trial, first or trial, standing.base)]
+    if len(worthy) > SHORTLIST:  # no place for what would be refused however well it did
+        worthy.sort(key=lambda trial: not may_be_material(standing, trial, 0.5 * least))
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     return worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
 

@@ -13,7 +13,9 @@ from taxel.gap.deciding import NEXT_SHARE
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.latency import is_delay
+from taxel.gap.effects.noise import Noise
 from taxel.gap.effects.pose_error import PoseError
+from taxel.gap.exchange import exchanged
 from taxel.gap.fit import started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.rounds import FIXED, Forms, cross_validated, is_idle, next_round, tried
@@ -49,6 +51,10 @@ def select(judge: Judge, forms: Forms, progress: Callable[[int, int], None] = la
         standing = _looked_again(judge, standing.after(_pruned(standing, this.best)), this.best.name)
         if sum(name not in FIXED for name in standing.chain.names) == 1:
             standing = _realigned(standing, forms)
+    swapped = exchanged(standing, rounds, forms)
+    if swapped is not None and swapped.best is not None:
+        rounds.append(swapped)
+        standing = standing.after(swapped.best)
     other = _better_set(standing, forms)
     if other is not None and other.held is not None:
         gain, p_value = other.held.better_than(standing.base)
@@ -128,11 +134,12 @@ def _better_set(standing: Standing, forms: Forms) -> Trial | None:
     worth the fit; None otherwise.
     """
     judge, chain, base = standing.judge, standing.chain, standing.base
-    fixed = [link for link in chain.links if link.effect.name in FIXED]
-    names = frozenset(chain.names) - set(FIXED)
+    kept = (*FIXED, Noise.name)  # noise is orthogonal to the others: beside it each set would do as well
+    fixed = [link for link in chain.links if link.effect.name in kept]
+    names = frozenset(chain.names) - set(kept)
     if not names or base.families[0] < SCREENED_SHARE * standing.start.families[0]:
         return None
-    sets = screened(judge, {name: own for name, own in forms.items() if name not in FIXED})
+    sets = screened(judge, {name: own for name, own in forms.items() if name not in kept})
     own = min((one.left for one in sets if one.names == names), default=1.0)
     for one in [one for one in sets if one.names != names and one.left < SCREENED_BETTER * own][:SCREENED_MOST]:
         links = [*fixed, *(started(judge.state, form) for form in one.forms)]

@@ -18,7 +18,7 @@ from taxel.recording.grasp_sensor_model import SensorModel
 
 Array = NDArray[np.float64]
 
-MOST_VALUES: Final = 1_200_000
+MOST_VALUES: Final = 800_000
 """Numbers in one array: a few repeats of each cell of a small hand, two of a large one."""
 
 MOST_REPEATS: Final = 4
@@ -95,13 +95,6 @@ class State:
     def untouched(self) -> NDArray[np.bool_]:
         """bool[C, n], see `untouched_cells`: there the wander tells what is left after release."""
         return untouched_cells(self.pair)
-
-    @cached_property
-    def coarse(self) -> State:
-        """The same with one node a bin: enough for effects without memory, and quicker."""
-        bins = self.clock.to_bins
-        signal = self.base.mapped(lambda values: np.asarray(np.matmul(bins, values)))
-        return State(self.pair, self.layout, self.clock.of_bins, self.cell, signal, self.mean, self.shift_s)
 
     def shifted(self, seconds: float) -> State:
         """The same with everything that the simulator did so much later."""

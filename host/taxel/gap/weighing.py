@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -31,6 +31,11 @@ PLAIN_FLOORS: Final = 2.0
 NOISE_MARGIN: Final = 1.0 / 6.0
 """Of the margin that is no gap yet, that noise must take in counts^2: a simulator that has a little less noise than the
 hand, or none, is seen at once and means nothing, alone as beside other effects."""
+
+NOISY_COUNTS: Final = 20.0
+"""Noise, counts of standard deviation, that is told however much presses scatter: as much as nobody can tell from a
+touch.
+"""
 
 
 def much_is_left(standing: Standing) -> bool:
@@ -99,7 +104,7 @@ class Weighed:
         if self.trial.name == DROPOUT:
             return True
         if self.trial.name == Noise.name:
-            return self._taken2 > NOISE_MARGIN * margin2(judge.floor2)
+            return self._taken2 > NOISE_MARGIN * margin2(judge.floor2) or self._is_noisy()
         if self.share > PLAIN_SHARE and (not judge.is_partial or self._is_noticeable()):
             return True
         if standing.chain.links and self._is_plain_beside():
@@ -116,6 +121,11 @@ class Weighed:
         """Counts^2 that it takes from the gap, both where it was not fitted and where it was."""
         return min(before - after for before, after in self.excesses)
 
+    def _is_noisy(self) -> bool:
+        judge, layout = self.standing.judge, self.standing.judge.layout
+        taken2 = judge.noisier(self.standing.features) - judge.noisier(self.trial.features)
+        return taken2 > float(layout.weight[layout.noise].sum()) * NOISY_COUNTS**2
+
     def _is_noticeable(self) -> bool:
         gone = self.standing.base.families - self.held.families
         return bool((gone > self.standing.judge.noticeable).any())
@@ -124,3 +134,10 @@ class Weighed:
         """Whether it does much of what the earlier ones have left, both where it was fitted and where not."""
         inside = self.trial.inside.gone_of(self.standing.fitted)
         return inside > MOST_OF_LEFT and self.share > PLAIN_BESIDE
+
+
+def may_be_material(standing: Standing, trial: Trial, least: float) -> bool:
+    """Whether a trial that was not cross-validated is material where it was fitted."""
+    where_fitted = replace(standing, base=standing.fitted, held=standing.features)
+    as_if_held = replace(trial, held=trial.inside, held_features=trial.features)
+    return Weighed(where_fitted, as_if_held).is_material(least)

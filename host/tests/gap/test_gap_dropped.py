@@ -95,3 +95,27 @@ def cut_line(force, drop):
 def test_a_simulator_with_less_noise_is_no_finding_beside_a_broken_line_as_it_is_none_alone(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=cut_line, cells=6, sessions=4, noise=2.0)).report
     assert report["verdict"]["effects"] == ["dropout"]
+
+
+def test_what_wraps_round_is_not_dead(written):
+    def wraps(force, drop):
+        return np.where(drop > 400.0, drop - 1600.0, drop)
+
+    judge = prepared(read_pair(*written(effect=wraps, sessions=4))).judge
+    assert not find_dropped(judge.state, judge.sessions, judge.state.mean).dead.any()
+
+
+def test_frames_that_did_not_arrive_are_told_however_few_sessions_show_it(world, tmp_path):
+    class Fails:
+        presses = 0
+
+        def __call__(self, raw, valid, rng):
+            self.presses += 1
+            if self.presses % 4 == 0:
+                valid = valid.copy()
+                valid[130:, 0] = False
+            return raw, valid
+
+    report = diagnose(*world(tmp_path, sessions=3, repeats=1, session_scatter=0.1, after=Fails())).report
+    assert report["verdict"]["effects"] == ["dropout"]
+    assert dropout_of(report)["parameters"]["sensors"]["value"] == [BOARD]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap.effects import geometry as geometry_module
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, unchanged, with_change
 from taxel.gap.effects.layer_law import Law, law_of_pieces, pressed_to, pressed_to_each
@@ -126,3 +127,12 @@ def test_no_press_tells_how_far_a_flat_bracket_stands_along_its_normal(state):
     np.testing.assert_array_equal(told[3:], raised[3:])
     np.testing.assert_allclose(np.linalg.norm(told[:3], axis=0), np.linalg.norm(raised[:3], axis=0))
     assert np.abs(told[:3] - raised[:3]).max() > 0.1
+
+
+def test_what_was_worked_out_is_kept_up_to_so_many_bytes(monkeypatch):
+    own = geometry()
+    size = own.sunk(0, 1.5).nbytes
+    monkeypatch.setattr(geometry_module, "REMEMBERED", 3 * size)
+    for scale in np.linspace(0.5, 2.0, 12):
+        own.sunk(0, scale)
+        assert sum(one.nbytes for one in own._known.values()) <= 3 * size

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
 """Shares of a board's net force in hold at which a press is worked out anew."""
 
-REMEMBERED: Final = 20000
-"""Displacements whose forces are kept."""
+REMEMBERED: Final = 100_000_000
+"""Bytes of forces of displacements that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Geometry:
         return np.asarray(scale * pressed_to_each(self.piece_law, depth, nets).mean(axis=2))
 
     def _remember(self, key: tuple[int, bytes], force: Array) -> Array:
-        if len(self._known) >= REMEMBERED:
+        if (len(self._known) + 1) * force.nbytes > REMEMBERED:  # boards are about as large as each other
             self._known.clear()
         self._known[key] = force
         return force

@@ -1,0 +1,75 @@
+"""Causes beside each other: none hides another, none is named for what another's model does not do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from taxel.gap.chain import Chain, Link
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.hysteresis import Hysteresis
+from taxel.gap.effects.proximity import Proximity
+from taxel.gap.effects.saturation import Saturation
+from taxel.gap.features import known_mean
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import means_of, prepared
+
+ROWS, COLUMNS = 6, 5
+
+
+def film(drop):
+    boards = drop.reshape(len(drop), 2, ROWS, COLUMNS)
+    return gaussian_filter(boards, (0, 0, 0.8, 0.8), mode="constant").reshape(drop.shape)
+
+
+def film_that_ends(force, drop):
+    return np.minimum(film(drop), 400.0)
+
+
+def slow_noise(counts):
+    """Noise of so many counts that hardly changes from frame to frame."""
+
+    def after(raw, valid, rng):
+        noise = rng.normal(0.0, 1.0, raw.shape)
+        for frame in range(1, len(noise)):
+            noise[frame] = 0.9 * noise[frame - 1] + np.sqrt(1.0 - 0.9**2) * noise[frame]
+        return raw + counts * noise, valid
+
+    return after
+
+
+@pytest.mark.parametrize("scatter", [0.03, 0.3])
+def test_strong_noise_hides_neither_of_two_causes_and_is_told_itself(world, tmp_path, scatter):
+    paths = world(tmp_path, effect=film_that_ends, after=slow_noise(80.0), repeat_scatter=scatter, cells=10)
+    verdict = diagnose(*paths).report["verdict"]
+    assert set(verdict["effects"]) - {"unknown"} == {"contact_propagation", "saturation", "noise"}
+
+
+@pytest.mark.parametrize("effect", [Saturation("clip"), Proximity("linear")], ids=lambda one: one.name)
+def test_an_effect_that_does_nothing_changes_nothing_beside_a_sharp_one(written, effect):
+    state = prepared(read_pair(*written())).judge.state
+    sharp, idle = Link(effect, effect.typical(state)), Hysteresis("drop")
+    alone, beside = Chain.of([sharp]), Chain.of([sharp, Link(idle, idle.neutral(state))])
+    np.testing.assert_array_equal(alone.features(state), beside.features(state))
+
+
+def test_a_cause_that_begins_or_ends_sharply_brings_no_memory_along(world, tmp_path):
+    def clipped(force, drop):
+        return np.minimum(drop, 300.0)
+
+    verdict = diagnose(*world(tmp_path, effect=clipped)).report["verdict"]
+    assert verdict["effects"] == ["saturation"]
+
+
+def test_an_onset_that_one_side_lacks_is_not_compared(written):
+    pair = read_pair(*written(most=0.2))
+    layout = prepared(pair).judge.layout
+    real, simulated = (means_of(pair, one, layout) for one in (pair.real, pair.sim))
+    lacks = ~np.isfinite(known_mean(simulated.value, 1)[:, layout.onset])
+    assert lacks.any()
+    simulated.value[:, :, layout.onset] = np.nan
+    judged = real.known_beside(simulated)
+    assert not judged.known[:, :, layout.onset].any()
+    others = np.arange(layout.count) != layout.onset
+    np.testing.assert_array_equal(judged.value[:, :, others], real.value[:, :, others])

@@ -1,0 +1,80 @@
+"""Times at which two files are looked at, where presses do not last equally long."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from taxel.gap.clock import Clock, usual_duration
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.pair import read_pair
+from taxel.recording.grasp_format import Phase
+
+LATE = "press_2"
+
+
+@pytest.mark.parametrize(
+    ("lasts", "looked_at"),
+    [
+        ([1.0, 1.05, 1.1], 1.0),  # a frame more or less
+        ([0.7, 1.0, 1.3], 1.3),
+        ([0.9, 1.0, 1.0, 8.0], 1.5),  # one press that lasts must not widen the bins of all others
+    ],
+)
+def test_a_phase_is_looked_at_as_long_as_most_presses_last(lasts, looked_at):
+    assert usual_duration(np.array(lasts)) == pytest.approx(looked_at)
+
+
+def test_what_comes_after_a_press_has_ended_is_unknown():
+    clock = Clock.of({Phase.CLOSING: 1.2, Phase.HOLD: 1.0}, 20.0)
+    beyond = clock.beyond({Phase.CLOSING: np.array([1.2, 0.7]), Phase.HOLD: np.array([1.0, 1.0])})
+    assert not beyond[0].any()
+    closing = clock.phase == Phase.CLOSING
+    assert (beyond[1, closing] == (clock.begin[closing] > 0.55)).all()
+    assert not beyond[1, ~closing].any()
+
+
+@pytest.fixture
+def uneven(world, tmp_path):
+    """Two files in which one press closes in half the time."""
+
+    def make(**changes):
+        paths = world(tmp_path, **changes)
+        for path in paths:
+            with h5py.File(path, "r+") as file:
+                for grasp in file["grasps"].values():
+                    if grasp.attrs["approach"] == LATE:
+                        phase = grasp["phase"][:]
+                        phase[120:130] = Phase.HOLD
+                        grasp["phase"][...] = phase
+        return paths
+
+    return make
+
+
+def test_presses_that_close_faster_are_compared_as_long_as_they_close(uneven):
+    pair = read_pair(*uneven())
+    closing = pair.clock.phase == Phase.CLOSING
+    assert pair.clock.end[closing].max() == pytest.approx(1.0, abs=0.06)
+    faster = [name for _, name in pair.cells].index(LATE)
+    for one in (pair.real, pair.sim):
+        known = np.isfinite(one.nodes[:, closing]).all(axis=2)
+        assert known[one.cell != faster].all()
+        assert known[one.cell == faster].any(axis=1).all()
+        assert not known[one.cell == faster].all(axis=1).any()
+
+
+def test_a_board_that_is_late_is_found_though_presses_close_at_their_own_speed(uneven):
+    def late(force, drop):
+        moved = drop.copy()
+        moved[4:, 30:] = drop[:-4, 30:]
+        return moved
+
+    verdict = diagnose(*uneven(effect=late)).report["verdict"]
+    assert verdict["effects"][0] == "latency"
+    assert verdict["status"] == "explained"
+
+
+def test_presses_that_close_at_their_own_speed_are_no_gap(uneven):
+    assert diagnose(*uneven()).report["verdict"]["status"] == "no_gap"
