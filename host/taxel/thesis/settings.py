@@ -20,7 +20,7 @@ PRISM_PRESS_M: Final = 0.0003
 
 EFFECTS: Final = (
     "noise pink counts=50",
-    "noise pink counts=112 board=0x2d",
+    "noise pink counts=116 board=0x2d",
     "noise line axis=1 counts=4",
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
