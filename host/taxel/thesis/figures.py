@@ -23,6 +23,7 @@ COLOURS: Final = {REAL: "#d9772b", SIM: "#b3313e", FILTERED: "#c9a227", CLEANED:
 EDGE, PALE, INK = "#9aa1ad", 0.35, "#1b1d22"
 VIEW: Final = (18.0, -60.0)
 STEP_COLOURS: Final = ("#c9a227", "#3d8f5f", "#1f5fa8")
+STEP_INKS: Final = (INK, "white", "white")
 SHORT: Final = ("raw", "force\nfilter", "and SOR", "and contact\npropagation")
 
 FIGURES: Final = {
@@ -226,12 +227,13 @@ def _shares(results: Sequence[ObjectResult]) -> Any:
         ours = contributions({stage: one.to_sim[stage].mean_m for stage in STAGES})
         for offset, (values, alpha, who) in enumerate(((ours, 1.0, "ours"), (contributions(printed), PALE, "thesis"))):
             y, left = 3 * place + offset, 0.0
-            for value, colour, word in zip(values, STEP_COLOURS, STAGES[1:], strict=True):
+            for value, colour, on_it, word in zip(values, STEP_COLOURS, STEP_INKS, STAGES[1:], strict=True):
                 shown = max(value, 0.0)
                 label = word.replace("+ ", " + ") if place == 0 and offset == 0 else None
                 axis.barh(y, shown, left=left, color=colour, alpha=alpha, label=label)
                 if shown > 4.0:
-                    axis.text(left + 0.5 * shown, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=INK)
+                    ink = on_it if alpha == 1.0 else INK
+                    axis.text(left + 0.5 * shown, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
                 left += shown
             labels.append(f"{one.thesis}, {who}")
             at.append(y)
