@@ -21,7 +21,7 @@ from taxel.gap.fit import ITERATIONS, started
 from taxel.gap.judge import Judge, Score
 from taxel.gap.standing import Standing
 from taxel.gap.trial import ALIKE, Round, Trial
-from taxel.gap.weighing import MOST_OF_LEFT, Weighed, may_be_material, much_is_left
+from taxel.gap.weighing import MOST_OF_LEFT, Weighed, is_noise_told, much_is_left
 
 Array = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
             best.setdefault((trial.name, trial.link.effect.scope), trial)
     first = next(iter(best.values()), None)
     worthy = [trial for trial in best.values() if not _is_hopeless(trial, first or trial, standing.base)]
-    if len(worthy) > SHORTLIST:  # no place for what would be refused however well it did
-        worthy.sort(key=lambda trial: not may_be_material(standing, trial, 0.5 * least))
+    # No place for noise that would be refused: it is the clearest of all.
+    worthy.sort(key=lambda trial: trial.name == Noise.name and not is_noise_told(standing, trial))
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     return worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
 

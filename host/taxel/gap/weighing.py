@@ -136,8 +136,8 @@ class Weighed:
         return inside > MOST_OF_LEFT and self.share > PLAIN_BESIDE
 
 
-def may_be_material(standing: Standing, trial: Trial, least: float) -> bool:
-    """Whether a trial that was not cross-validated is material where it was fitted."""
+def is_noise_told(standing: Standing, trial: Trial) -> bool:
+    """Whether noise that was not cross-validated is material where it was fitted."""
     where_fitted = replace(standing, base=standing.fitted, held=standing.features)
     as_if_held = replace(trial, held=trial.inside, held_features=trial.features)
-    return Weighed(where_fitted, as_if_held).is_material(least)
+    return Weighed(where_fitted, as_if_held).is_material(0.0)
