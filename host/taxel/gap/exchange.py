@@ -1,7 +1,7 @@
 """Another effect in the place of an earlier one, once what came after it is known.
 
-A search that adds one effect after another begins with the one that does most alone, and that may be a stranger which
-resembles the sum of two. The last effect was found beside all others; each of the others was not.
+The last effect was found beside all others; each of the others was not. `screen.py` asks by derivatives whether quite
+another set would do; here the rivals that an effect had when it was found are fitted beside what came later.
 """
 
 from __future__ import annotations

@@ -181,8 +181,8 @@ class Judge:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
         return self._in_counts(features).value
 
-    def noisier(self, features: Array) -> float:
-        """The same of the noise alone."""
+    def noise_excess(self, features: Array) -> float:
+        """That of the noise alone."""
         return float(self._in_counts(features).families[NOISE])
 
     def _in_counts(self, features: Array) -> Score:

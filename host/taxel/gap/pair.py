@@ -122,8 +122,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             sim, simulated, numbers, clock, groups, columns, lambda done, _: progress(count + done, total)
         )
         unknown = clock.beyond(lasts)
-        for one in (first, second):
-            one.nodes[unknown[one.cell]] = np.nan
+        first, second = first.without_nodes(unknown), second.without_nodes(unknown)
         paths = (str(real_path), str(sim_path))
         require_answers(paths, first, second, real.sensors)
         return Pair(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -63,6 +63,10 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.cell)
+
+    def without_nodes(self, unknown: NDArray[np.bool_]) -> Recording:
+        """With the drops of some nodes of each cell unknown, bool[C, K]."""
+        return replace(self, nodes=np.where(unknown[self.cell][:, :, None], np.float32(np.nan), self.nodes))
 
 
 @dataclass(frozen=True, eq=False)

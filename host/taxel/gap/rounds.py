@@ -72,7 +72,7 @@ def glanced(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> list[Tr
 
 def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
     """Those that are worth a cross-validation. trials: the best one where it was fitted first."""
-    least, noticeable = asked_of(standing)
+    judge, (least, noticeable) = standing.judge, asked_of(standing)
     best: dict[tuple[str, str], Trial] = {}
     for trial in trials:
         share = trial.inside.share_of(standing.start, standing.base, noticeable)
@@ -82,7 +82,9 @@ def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
     first = next(iter(best.values()), None)
     worthy = [trial for trial in best.values() if not _is_hopeless(trial, first or trial, standing.base)]
     # No place for noise that would be refused: it is the clearest of all.
-    worthy.sort(key=lambda trial: trial.name == Noise.name and not is_noise_told(standing, trial))
+    worthy.sort(
+        key=lambda trial: trial.name == Noise.name and not is_noise_told(judge, standing.features, trial.features)
+    )
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     return worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
 

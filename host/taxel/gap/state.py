@@ -19,7 +19,7 @@ from taxel.recording.grasp_sensor_model import SensorModel
 Array = NDArray[np.float64]
 
 MOST_VALUES: Final = 800_000
-"""Numbers in one array: a few repeats of each cell of a small hand, two of a large one."""
+"""Numbers in one array: a few repeats of each cell of a small hand, one or two of a large one."""
 
 MOST_REPEATS: Final = 4
 

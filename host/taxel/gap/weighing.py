@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
 from taxel.gap.effects.noise import Noise
-from taxel.gap.judge import Score
+from taxel.gap.judge import Judge, Score
 from taxel.gap.metric import MARGIN_FLOORS, margin2
 from taxel.gap.standing import Standing
 from taxel.gap.trial import Trial
+
+Array = NDArray[np.float64]
 
 MOST_OF_LEFT: Final = 0.55
 """Share of what the effects before have left, from which on a further one counts however small it is beside them."""
@@ -82,10 +87,14 @@ class Weighed:
         """Counts^2 before and after, both where it was not fitted and where it was: a model with a value for each taxel
         may leave much of the first to another, and nothing of the second.
         """
-        assert self.trial.held_features is not None
         judge = self.standing.judge
-        pairs = ((self.standing.held, self.trial.held_features), (self.standing.features, self.trial.features))
-        return tuple((judge.excess(before), judge.excess(after)) for before, after in pairs)
+        return tuple((judge.excess(before), judge.excess(after)) for before, after in self._pairs)
+
+    @property
+    def _pairs(self) -> tuple[tuple[Array, Array], ...]:
+        """Features before and after, where it was not fitted and where it was."""
+        assert self.trial.held_features is not None
+        return (self.standing.held, self.trial.held_features), (self.standing.features, self.trial.features)
 
     @cached_property
     def takes_most(self) -> bool:
@@ -104,7 +113,7 @@ class Weighed:
         if self.trial.name == DROPOUT:
             return True
         if self.trial.name == Noise.name:
-            return self._taken2 > NOISE_MARGIN * margin2(judge.floor2) or self._is_noisy()
+            return all(is_noise_told(judge, *pair) for pair in self._pairs)
         if self.share > PLAIN_SHARE and (not judge.is_partial or self._is_noticeable()):
             return True
         if standing.chain.links and self._is_plain_beside():
@@ -121,11 +130,6 @@ class Weighed:
         """Counts^2 that it takes from the gap, both where it was not fitted and where it was."""
         return min(before - after for before, after in self.excesses)
 
-    def _is_noisy(self) -> bool:
-        judge, layout = self.standing.judge, self.standing.judge.layout
-        taken2 = judge.noisier(self.standing.features) - judge.noisier(self.trial.features)
-        return taken2 > float(layout.weight[layout.noise].sum()) * NOISY_COUNTS**2
-
     def _is_noticeable(self) -> bool:
         gone = self.standing.base.families - self.held.families
         return bool((gone > self.standing.judge.noticeable).any())
@@ -136,8 +140,9 @@ class Weighed:
         return inside > MOST_OF_LEFT and self.share > PLAIN_BESIDE
 
 
-def is_noise_told(standing: Standing, trial: Trial) -> bool:
-    """Whether noise that was not cross-validated is material where it was fitted."""
-    where_fitted = replace(standing, base=standing.fitted, held=standing.features)
-    as_if_held = replace(trial, held=trial.inside, held_features=trial.features)
-    return Weighed(where_fitted, as_if_held).is_material(0.0)
+def is_noise_told(judge: Judge, before: Array, after: Array) -> bool:
+    """Whether noise that makes features f64[C, F, n] of others takes enough of the gap to be told."""
+    if judge.excess(before) - judge.excess(after) > NOISE_MARGIN * margin2(judge.floor2):
+        return True
+    noisy = float(judge.layout.weight[judge.layout.noise].sum()) * NOISY_COUNTS**2
+    return judge.noise_excess(before) - judge.noise_excess(after) > noisy
