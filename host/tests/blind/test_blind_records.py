@@ -66,7 +66,9 @@ def test_the_same_run_is_refused():
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"no gzip", b"\x1f\x8b\x08\x00", gzip.compress(b"{}\n"), gzip.compress(b"x" * 99)[:-20]]
+    "content",
+    [b"", b"no gzip", b"\x1f\x8b\x08\x00", gzip.compress(b"{}\n", mtime=0), gzip.compress(b"x" * 99, mtime=0)[:-20]],
+    ids=["empty", "text", "magic", "other records", "cut short"],
 )
 def test_what_is_no_file_of_answers_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "answers.jsonl.gz"

@@ -57,14 +57,6 @@ def test_an_effect_that_does_nothing_changes_nothing_beside_a_sharp_one(written,
     np.testing.assert_array_equal(alone.features(state), beside.features(state))
 
 
-def test_a_cause_that_begins_or_ends_sharply_brings_no_memory_along(world, tmp_path):
-    def clipped(force, drop):
-        return np.minimum(drop, 300.0)
-
-    verdict = diagnose(*world(tmp_path, effect=clipped)).report["verdict"]
-    assert verdict["effects"] == ["saturation"]
-
-
 def test_an_onset_that_the_simulator_lacks_is_not_compared(written):
     pair = read_pair(*written(effect=three_times, most=0.03))
     judge = prepared(pair).judge
