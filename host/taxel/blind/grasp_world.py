@@ -30,7 +30,8 @@ SHOWN: Final = (
     "proximity wedge",
 )
 """Causes that act on the whole hand, and so much that thirty grasps show them: where objects stand scatters more from
-grasp to grasp than in presses. Coupling by resistance made 18 counts where the floor is 11: no gap, if the right name."""
+grasp to grasp than in presses. Coupling by resistance made 18 counts where the floor is 11: the right name, but no gap.
+"""
 
 STRENGTH: Final = (0.9, 1.0)
 """Of presses 1 is six floors above the floor."""
