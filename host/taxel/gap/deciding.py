@@ -92,7 +92,7 @@ def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_t
     """The round if this trial were its best. every: best form of each effect."""
     weighed = Weighed(standing, trial)
     least, noticeable = asked_of(standing)
-    gain, p_value = weighed.held.better_than(standing.base)
+    gain, p_value = weighed.better()
     p_value = min(1.0, p_value * names_tried)
     level = PLAIN_LEVEL if weighed.does_most else LEVEL
     shared = weighed.held.share_of(standing.start, standing.base, noticeable) > least

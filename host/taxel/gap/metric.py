@@ -7,7 +7,7 @@ D_s D_t over s != t: what two sessions have in common is no scatter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -24,9 +24,6 @@ LEAST_MARGIN_COUNTS: Final = 3.0
 MARGIN_FLOORS: Final = 3.0
 """An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
 hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
-
-NORMAL_95: Final = 1.96
-"""Standard deviations of a normal distribution that hold 95 %, on either side."""
 
 SIDES: Final = (0.025, 0.975)
 """Quantiles between which 95 % lie."""
@@ -49,12 +46,15 @@ class Terms:
 
 @dataclass(frozen=True)
 class Interval:
-    """A value and what is known of it: 95 % interval (None below 3 sessions) and standard error."""
+    """A value and what is known of it: 95 % interval (None below 3 sessions), standard error and its degrees of
+    freedom.
+    """
 
     value: float
     low: float | None
     high: float | None
     error: float | None
+    freedom: float = np.inf
 
     @property
     def ci95(self) -> list[float] | None:
@@ -64,7 +64,7 @@ class Interval:
     @property
     def positive(self) -> Interval:
         """Of what cannot be below 0."""
-        return Interval(self.value, None if self.low is None else max(self.low, 0.0), self.high, self.error)
+        return replace(self, low=None if self.low is None else max(self.low, 0.0))
 
     def widened(self, draws: Array) -> Interval:
         """By an independent error that is told by draws f64[d] of the value, on each side by what holds 95 % of them;
@@ -120,18 +120,22 @@ def jackknife(values: Array, whole: float) -> Interval:
         return Interval(whole, None, None, None)
     error = float(jackknife_error(values))
     half = float(student.ppf(0.975, count - 1)) * error
-    return Interval(whole, whole - half, whole + half, error)
+    return Interval(whole, whole - half, whole + half, error, count - 1)
 
 
 def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval:
-    """The interval of a value whose error has independent parts; no interval where the first is not known. besides:
-    standard error of a third.
+    """The interval of a value whose error has independent parts, with the degrees of freedom of their sum (Welch 1947);
+    no interval where the first is not known. besides: standard error of a third, known for sure.
     """
-    if first.high is None:
+    if first.error is None:
         return first
-    second = 0.0 if other.high is None else other.high - other.value
-    half = float(np.sqrt((first.high - first.value) ** 2 + second**2 + (NORMAL_95 * besides) ** 2))
-    return Interval(first.value, first.value - half, first.value + half, None)
+    errors2 = np.array([first.error, other.error or 0.0, besides]) ** 2
+    total2 = float(errors2.sum())
+    if total2 == 0.0:
+        return Interval(first.value, first.value, first.value, 0.0)
+    freedom = total2**2 / float(np.sum(errors2**2 / np.array([first.freedom, other.freedom, np.inf])) or 1e-300)
+    half = float(student.ppf(0.975, freedom) * np.sqrt(total2))
+    return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), freedom)
 
 
 def margin2(floor2: float) -> float:

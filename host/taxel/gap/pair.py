@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 
@@ -14,25 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import BoardLayout, layouts_of
-from taxel.gap.clock import Clock, usual_duration
+from taxel.gap.clock import Clock
 from taxel.gap.differences import differences
 from taxel.gap.errors import GapInputError
-from taxel.gap.losses import losses_of, lost_phases, require_answers
-from taxel.gap.reading import Groups, Progress, Recording, read_recording, require_hold
+from taxel.gap.losses import losses_of, require_answers
+from taxel.gap.reading import Groups, Progress, Recording, read_recording
+from taxel.gap.timing import timing_of
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import REAL, SIM, Phase
+from taxel.recording.grasp_format import REAL, SIM
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 PLACE_TOLERANCE_M = 1e-5
-SHARED_PHASES = (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
-
-LEAST_TIMES = 0.25
-"""Share of frames with a time of their own, below which nobody knows when anything happened."""
-
-FEW_FRAMES = 20
-"""Fewer say nothing of a clock."""
 
 Key = tuple[str, str]
 
@@ -108,7 +101,8 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
-        clock, rate, lost, lasts = _clock(((real, made), (sim, simulated)), cells)
+        timing = timing_of(((real, made), (sim, simulated)), cells)
+        clock = timing.clock
         groups = grouped(real.taxels, real.sensors)
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
@@ -121,7 +115,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
         second = read_recording(
             sim, simulated, numbers, clock, groups, columns, lambda done, _: progress(count + done, total)
         )
-        unknown = clock.beyond(lasts)
+        unknown = clock.beyond(timing.lasts)
         first, second = first.without_nodes(unknown), second.without_nodes(unknown)
         paths = (str(real_path), str(sim_path))
         require_answers(paths, first, second, real.sensors)
@@ -131,7 +125,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             real.sensors,
             groups,
             clock,
-            1.0 / rate,
+            timing.frame_s,
             first,
             second,
             sim.sensor_model,
@@ -139,7 +133,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             *poses,
             paths,
             (_digest(real.path), _digest(sim.path)),
-            tuple(losses + otherwise + lost + losses_of(first, second, groups)),
+            tuple(losses + otherwise + timing.lost + losses_of(first, second, groups)),
             unrecorded,
         )
 
@@ -199,52 +193,6 @@ def _common_cells(
             losses.append(f"{data.path}: {len(left)} approaches without a {other} were left out ({names})")
     made, simulated = ([one for one in grasps if (one.object, one.approach) in set(common)] for grasps in every)
     return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
-
-
-def _clock(
-    sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], cells: Sequence[Key]
-) -> tuple[Clock, float, list[str], dict[Phase, NDArray[np.float64]]]:
-    """Nodes of time, the rate of the slowest, which phases are lost because some grasps have none, and how many seconds
-    of each phase all grasps of a cell have, f64[C].
-    """
-    durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
-    rate = np.inf
-    for side, (data, grasps) in enumerate(sides):
-        for grasp in grasps:
-            require_hold(grasp, str(data.path))
-            time, phase = grasp.timestamp, grasp.phase
-            step = _frame_s(grasp, str(data.path))
-            if step > 0:
-                rate = min(rate, 1.0 / step)
-            for wanted in SHARED_PHASES:
-                own = time[phase == wanted]
-                durations[wanted][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
-            if durations[Phase.HOLD][side][-1] <= 0:
-                where = f"{data.path}: /grasps/{grasp.id}/timestamp"
-                raise GapInputError(where, "time that passes in hold", "none", "correct the file")
-    number = {key: index for index, key in enumerate(cells)}
-    cell = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
-    lasts = {wanted: _least(len(cells), cell, [*chain.from_iterable(both)]) for wanted, both in durations.items()}
-    usable = {wanted: usual_duration(own) for wanted, own in lasts.items() if own.min() > 0}
-    rate = rate if np.isfinite(rate) else 1.0
-    names = [(str(data.path), [grasp.id for grasp in grasps]) for data, grasps in sides]
-    return Clock.of(usable, rate), rate, lost_phases(names, durations), lasts
-
-
-def _least(cells: int, cell: Sequence[int], seconds: Sequence[float]) -> NDArray[np.float64]:
-    """The shortest of each cell's, f64[C]."""
-    found = np.full(cells, np.inf)
-    np.minimum.at(found, np.asarray(cell, np.intp), seconds)
-    return found
-
-
-def _frame_s(grasp: Grasp, path: str) -> float:
-    """Median frame period, seconds. Raises GapInputError where most frames share their time with others."""
-    steps = np.diff(grasp.timestamp)
-    if len(steps) >= FEW_FRAMES and np.count_nonzero(steps) < LEAST_TIMES * len(steps):
-        where, found = f"{path}: /grasps/{grasp.id}/timestamp", f"{np.count_nonzero(steps) + 1} for {len(steps) + 1}"
-        raise GapInputError(where, "a time for each frame", found, "record with a finer clock")
-    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:

@@ -21,6 +21,7 @@ from taxel.gap.judge import REFITS, Judge
 from taxel.gap.rounds import FIXED, Forms, cross_validated, is_idle, next_round, tried
 from taxel.gap.screen import screened
 from taxel.gap.standing import Standing
+from taxel.gap.told import told_of
 from taxel.gap.trial import LEVEL, Round, Selection, Trial
 from taxel.gap.weighing import MOST_OF_LEFT
 
@@ -154,12 +155,14 @@ def _better_set(standing: Standing, forms: Forms) -> Trial | None:
 def _pruned(standing: Standing, found: Trial) -> Trial:
     """Without the earlier effects that are not needed beside the last one: that did its work before it was there."""
     judge = standing.judge
-    for name in [name for name in found.chain.names if name not in (found.name, *FIXED)]:
-        without = cross_validated(judge, tried(judge, found.name, found.chain.without(name)))
-        assert without.held is not None
-        assert found.held is not None
-        _, p_value = found.held.better_than(without.held)
-        small = found.held.share_of(standing.start, without.held) < NEXT_SHARE
-        if p_value > LEVEL or (small and found.held.gone_of(without.held) <= MOST_OF_LEFT):
+    for link in [link for link in found.chain.links if link.effect.name not in (found.name, *FIXED)]:
+        without = cross_validated(judge, tried(judge, found.name, found.chain.without(link.effect.name)))
+        assert without.held_features is not None
+        assert found.held_features is not None
+        told = told_of(link.effect, judge).judge
+        start, less, more = map(told.score, (judge.state.mean, without.held_features, found.held_features))
+        _, p_value = more.better_than(less)
+        small = more.share_of(start, less) < NEXT_SHARE
+        if p_value > LEVEL or (small and more.gone_of(less) <= MOST_OF_LEFT):
             found = without
     return found

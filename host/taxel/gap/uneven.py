@@ -21,6 +21,7 @@ from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.judge import Judge
+from taxel.gap.told import amplitude_information
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,10 @@ def _goes_round(link: Link) -> bool:
 
 
 def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -> str | None:
-    told = np.bincount(judge.state.pair.groups.sensor, _information(judge), len(logs)) * TELLING**2 > 1.0
+    told = (
+        np.bincount(judge.state.pair.groups.sensor, amplitude_information(judge).sum(axis=0), len(logs)) * TELLING**2
+        > 1.0
+    )
     if (at_limit & told).any():
         return "is at the limit of what parts can be"
     if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and ttest_1samp(logs[told], 0.0).pvalue < LEVEL:
@@ -96,16 +100,8 @@ def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -
     return None
 
 
-def _information(judge: Judge) -> Array:
-    """On the log gain of each taxel, f64[n]; on a stiffness, which drops follow the less the harder a press, at most
-    as much.
-    """
-    bins = judge.layout.bins
-    return np.asarray((judge.weight[:, :bins] * judge.state.mean[:, :bins] ** 2).sum(axis=(0, 1)))
-
-
 def _pattern_of_taxels(judge: Judge, logs: Array, prior: float) -> str | None:
-    known = _information(judge) * prior**2 > 1.0
+    known = amplitude_information(judge).sum(axis=0) * prior**2 > 1.0
     boards = [one.taxels[known[one.taxels]] for one in judge.state.pair.boards]
     boards = [own for own in boards if len(own) >= LEAST_TAXELS]
     if len(boards) >= 3 and _stands_alone([float(np.var(logs[own], ddof=1)) for own in boards], [*map(len, boards)]):

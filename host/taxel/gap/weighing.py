@@ -15,6 +15,7 @@ from taxel.gap.effects.noise import Noise
 from taxel.gap.judge import Judge, Score
 from taxel.gap.metric import MARGIN_FLOORS, margin2
 from taxel.gap.standing import Standing
+from taxel.gap.told import told_of
 from taxel.gap.trial import Trial
 
 Array = NDArray[np.float64]
@@ -61,15 +62,36 @@ class Weighed:
         assert self.trial.held is not None
         return self.trial.held
 
+    @cached_property
+    def _judge(self) -> Judge:
+        """Of what can speak of the effect where it is left out."""
+        return told_of(self.trial.link.effect, self.standing.judge).judge
+
+    @cached_property
+    def _told(self) -> tuple[Score, Score, Score]:
+        """Its scores of the start, before and after, on cells that were left out."""
+        if self._judge is self.standing.judge:
+            return self.standing.start, self.standing.base, self.held
+        assert self.trial.held_features is not None
+        start, before, after = self._judge.state.mean, self.standing.held, self.trial.held_features
+        return self._judge.score(start), self._judge.score(before), self._judge.score(after)
+
+    def better(self) -> tuple[float, float]:
+        """By how much the score is lower where it was not fitted, and the p-value of that being chance."""
+        _, before, after = self._told
+        return after.better_than(before)
+
     @property
     def share(self) -> float:
         """Of the whole score that is gone where it was not fitted."""
-        return (self.standing.base.value - self.held.value) / self.standing.start.value
+        start, before, after = self._told
+        return (before.value - after.value) / start.value
 
     @property
     def gone(self) -> float:
         """Share of what was left that is gone where it was not fitted."""
-        return self.held.gone_of(self.standing.base)
+        _, before, after = self._told
+        return after.gone_of(before)
 
     @property
     def does_most(self) -> bool:
@@ -78,8 +100,9 @@ class Weighed:
         """
         if self.gone > MOST_OF_LEFT:
             return True
-        base, imperfect = self.standing.base.value, self.standing.judge.imperfect
-        more = base > imperfect and base - self.held.value > MOST_OF_LEFT * (base - imperfect)
+        _, before, after = self._told
+        above = before.value - self._judge.imperfect
+        more = above > 0.0 and before.value - after.value > MOST_OF_LEFT * above
         return more and much_is_left(self.standing)
 
     @cached_property

@@ -1,0 +1,47 @@
+"""Intervals hold the truth as often as they say, however their errors are made up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.metric import Interval, jackknife, together
+
+TRIALS = 4000
+
+
+def estimated(rng, parts, error):
+    """The jackknife of a mean of so many parts, whose standard error is `error`, about a true 0."""
+    values = rng.normal(0.0, error * np.sqrt(parts), parts)
+    left = (values.sum() - values) / (parts - 1)
+    return jackknife(left, float(values.mean()))
+
+
+@pytest.mark.parametrize(
+    ("sessions", "presses", "besides"),
+    [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.3, 1.0), (1.0, 1.0, 3.0)],
+)
+def test_an_interval_of_several_errors_holds_the_truth_as_often_as_it_says(sessions, presses, besides):
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(TRIALS):
+        first, other = estimated(rng, 4, sessions), estimated(rng, 16, presses)
+        value = first.value + other.value + rng.normal(0.0, besides)
+        moved = Interval(value, value, value, first.error, first.freedom)
+        found = together(moved, other, besides)
+        inside += found.low <= 0.0 <= found.high
+    assert 0.935 < inside / TRIALS < 0.975
+
+
+def test_parts_that_say_nothing_change_nothing():
+    alone = estimated(np.random.default_rng(1), 4, 1.0)
+    assert together(alone, Interval(0.0, None, None, None)).ci95 == pytest.approx(alone.ci95)
+
+
+def test_below_three_sessions_there_is_no_interval():
+    assert together(Interval(1.0, None, None, None), Interval(1.0, 0.0, 2.0, 0.5)).ci95 is None
+
+
+def test_what_never_differs_has_an_interval_of_no_width():
+    never = Interval(2.0, 2.0, 2.0, 0.0, 3)
+    assert together(never, never).ci95 == [2.0, 2.0]

@@ -1,0 +1,86 @@
+"""A value for each taxel: only a taxel's other presses can say on left-out cells whether it is real."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.gap.diagnosis import diagnose
+from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.dropout import Dropout
+from taxel.gap.effects.effect import BOARD
+from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
+from taxel.gap.told import amplitude_information, told_elsewhere, told_of
+
+N = 60
+
+
+def etched(seed, std=0.2):
+    """A gain of each taxel, the same in every press."""
+    gains = np.exp(np.random.default_rng(seed).normal(0.0, std, N))
+
+    def effect(force, drop):
+        return drop * gains
+
+    return effect
+
+
+def anew(force, drop):
+    """A gain of each taxel that is another in every press."""
+    pressed = np.flatnonzero(force.max(axis=0) > 0)
+    rng = np.random.default_rng(pressed)
+    return drop * np.exp(rng.normal(0.0, 0.25, N))
+
+
+@pytest.fixture(scope="module")
+def judge(written):
+    return prepared(read_pair(*written(cells=6))).judge
+
+
+def test_a_taxel_that_is_pressed_once_is_told_by_no_other_press(judge):
+    told = told_elsewhere(judge, 0.3)
+    known = amplitude_information(judge)
+    once = (known > 0.01 * known.max(axis=0)).sum(axis=0) == 1
+    strongest = known.argmax(axis=0)
+    assert once.any()
+    assert not told[strongest[once], np.flatnonzero(once)].any()
+    assert told.any()
+
+
+def test_what_is_expected_to_scatter_less_is_told_by_fewer_presses(judge):
+    wide, narrow = told_elsewhere(judge, 0.3), told_elsewhere(judge, 0.01)
+    assert not (narrow & ~wide).any()
+    assert narrow.sum() < wide.sum()
+
+
+@pytest.mark.parametrize("effect", [GainMismatch(BOARD, 0.5), Dropout], ids=["boards", "dropout"])
+def test_what_has_no_value_for_each_taxel_is_judged_on_everything(judge, effect):
+    if effect is Dropout:
+        effect = Dropout(find_dropped(judge.state, judge.sessions, judge.state.mean))
+    found = told_of(effect, judge)
+    assert found.judge is judge
+    assert found.share == 1.0
+
+
+def test_a_share_of_the_taxels_speaks_for_a_gain_of_each(judge):
+    found = told_of(GainMismatch(), judge)
+    assert found.judge.is_partial
+    assert 0.0 < found.share < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_gains_of_taxels_are_named_though_half_of_them_are_pressed_once(world, tmp_path, seed):
+    verdict = diagnose(*world(tmp_path, effect=etched(seed), cells=8, seed=seed)).report["verdict"]
+    assert verdict["effects"][:1] == ["gain_mismatch"]
+
+
+def test_gains_that_are_others_in_every_press_are_no_gains(world, tmp_path):
+    verdict = diagnose(*world(tmp_path, effect=anew, cells=8)).report["verdict"]
+    assert verdict["effects"] == ["unknown"]
+
+
+def test_gains_that_one_press_alone_tells_are_never_sure(world, tmp_path):
+    verdict = diagnose(*world(tmp_path, effect=etched(2), cells=4, seed=2)).report["verdict"]
+    assert "unknown" in verdict["effects"]
