@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from taxel.blind.asked import CLEAR, form_of
 from taxel.blind.drawing import World
-from taxel.blind.hidden import UNKNOWN
-from taxel.blind.loaded import loaded
+from taxel.blind.hidden import UNKNOWN, Place
+from taxel.blind.loaded import loaded, taxels_that_show
 from taxel.blind.run import WORLDS
 from taxel.gap.effects.sticking import WORKED_OUT, Sticking
 
@@ -209,19 +209,26 @@ def _greatest(truth: Mapping[str, float], name: str) -> float:
 
 
 def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path) -> bool | None:
-    """Whether the silent board or open line is named by its place; None if none of it was loaded."""
+    """Whether the silent board or open line is named by its place; None if none of it was loaded. Of a line that one
+    taxel alone could show, that taxel is the place: it might as well be dead.
+    """
     if world.hidden.kind != "single" or world.hidden.causes[0].form not in ("silent from", "line open"):
         return None
     (cause,) = world.hidden.causes
     places = loaded(cause.places, folder / "sim.h5")
     if not places:
         return None
-    acts = next((one["where"] for one in effects if one["name"] == "dropout"), None) or {"sensors": [], "lines": []}
+    nowhere: dict[str, Any] = {"sensors": [], "lines": [], "taxels": []}
+    acts = next((one["where"] for one in effects if one["name"] == "dropout"), None) or nowhere
     lines = [tuple(line) for line in acts["lines"]]
-    return all(
-        (place.address in acts["sensors"]) if not place.axis else ((place.address, place.axis, place.index) in lines)
-        for place in places
-    )
+
+    def is_found(place: Place) -> bool:
+        if not place.axis:
+            return place.address in acts["sensors"]
+        shown = taxels_that_show(place, folder / "sim.h5")
+        return (place.address, place.axis, place.index) in lines or (len(shown) == 1 and shown[0] in acts["taxels"])
+
+    return all(is_found(place) for place in places)
 
 
 def _idle(world: World, folder: Path) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def decided(standing: Standing, held: Sequence[Trial], others: Sequence[Trial]) 
 
 def _plainest(accepted: list[Round]) -> Round | None:
     """The best of them, or a plainer one that is as good: for the whole hand where the best has a value for each taxel,
-    without a memory where the best remembers.
+    a few dead taxels likewise, without a memory where the best remembers.
     """
     first = next(iter(accepted), None)
     if first is None or first.best is None or is_evident(first.best):
@@ -79,9 +79,11 @@ def _plainest(accepted: list[Round]) -> Round | None:
 
 
 def _is_plainer(one: Effect, other: Effect) -> bool:
-    """Whether an effect needs fewer words than another: one value, not one for each taxel, nor many for each board;
-    what presses now, not what pressed before.
+    """Whether an effect needs fewer words than another: one value, or the names of some dead taxels, not a value for
+    each taxel, nor many for each board; what presses now, not what pressed before.
     """
+    if one.name == DROPOUT:
+        return other.scope == TAXEL
     if one.scope != HAND:
         return False
     many = other.scope == BOARD and len(other.own_parameters()) >= MANY

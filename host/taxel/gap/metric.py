@@ -66,15 +66,14 @@ class Interval:
         """Of what cannot be below 0."""
         return replace(self, low=None if self.low is None else max(self.low, 0.0))
 
-    def widened(self, draws: Array) -> Interval:
-        """By an independent error that is told by draws f64[d] of the value, on each side by what holds 95 % of them;
-        no draws, or no interval: the same.
+    def at_least(self, draws: Array) -> Interval:
+        """On each side as wide as what holds 95 % of draws f64[d] of the value: what scatters is in them as well, so
+        that they are no further error. No draws, or no interval: the same.
         """
         if self.low is None or self.high is None or not len(draws):
             return self
         below, above = np.abs(np.quantile(draws, SIDES) - self.value)
-        low = self.value - float(np.hypot(self.value - self.low, below))
-        return Interval(self.value, low, self.value + float(np.hypot(self.high - self.value, above)), None)
+        return replace(self, low=min(self.low, self.value - below), high=max(self.high, self.value + above))
 
 
 def terms(real: SessionMeans, model: Array, layout: Layout) -> Terms:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.blind.answers import answers
+from taxel.blind.answers import _places_found, answers
 from taxel.blind.drawing import World
 from taxel.blind.hidden import Cause, Hidden, Place
 from taxel.blind.run import WORLDS
@@ -93,3 +93,16 @@ def test_of_single_causes_places_are_asked_for_by_themselves(folder):
     (answer,) = answers(folder, [World(0, "rig4", 1, Hidden("single", causes, ()), "00")])
     assert answer.idle == ()
     assert answer.found_places is None
+
+
+@pytest.mark.parametrize(("lines", "taxels", "found"), [
+    ([[0x50, "rx", 1]], [], True),
+    ([], [PRESSED], True),  # no other taxel of the line bears: nothing tells a broken line from this one dead
+    ([], [1], False),
+    ([[0x50, "rx", 0]], [], False),
+])  # fmt: skip
+def test_of_a_line_that_one_taxel_shows_that_taxel_is_the_place(folder, lines, taxels, found):
+    causes = (Cause("dropout", "line open", (), (Place(0x50, "rx", 1),)),)
+    world = World(0, "rig4", 1, Hidden("single", causes, ()), "00")
+    effects = [{"name": "dropout", "where": {"sensors": [], "lines": lines, "taxels": taxels}}]
+    assert _places_found(world, effects, folder / WORLDS / "0000") is found

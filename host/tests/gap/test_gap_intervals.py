@@ -45,3 +45,13 @@ def test_below_three_sessions_there_is_no_interval():
 def test_what_never_differs_has_an_interval_of_no_width():
     never = Interval(2.0, 2.0, 2.0, 0.0, 3)
     assert together(never, never).ci95 == [2.0, 2.0]
+
+
+def test_what_presses_leave_open_widens_an_interval_to_what_may_be_and_no_further():
+    interval = Interval(1.0, 0.5, 1.5, 0.25)
+    draws = np.linspace(0.2, 1.2, 101)
+    wider = interval.at_least(draws)
+    assert wider.low == pytest.approx(np.quantile(draws, 0.025))
+    assert wider.high == 1.5
+    assert interval.at_least(np.linspace(0.9, 1.1, 101)).ci95 == interval.ci95
+    assert interval.at_least(np.zeros(0)) == interval

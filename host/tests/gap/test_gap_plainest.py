@@ -9,6 +9,7 @@ import pytest
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.deciding import _plainest, is_seen_beside
+from taxel.gap.effects.dropout import Dropout, Dropped
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
@@ -35,6 +36,8 @@ def round_of(effect, value: float) -> Round:
 
 TAXELS, HAND, BOARDS = GainMismatch("taxel", 0.3), Saturation("clip"), Stiffness("board")
 MEMORY, WIRES = Hysteresis("sticks"), ElectrodeCrosstalk("network", "board")
+ONE = np.arange(4) == 1
+DEAD = Dropout(Dropped(ONE, (), np.zeros(1), ONE, np.zeros(4, bool)))
 
 
 @pytest.mark.parametrize(
@@ -51,6 +54,10 @@ MEMORY, WIRES = Hysteresis("sticks"), ElectrodeCrosstalk("network", "board")
         ([WIRES, HAND], [20.0, 20.5], 1),  # many values for each board
         ([WIRES, HAND], [20.0, 50.0], 0),
         ([BOARDS, HAND], [20.0, 20.5], 0),  # one for each is not many
+        ([TAXELS, DEAD], [20.0, 20.5], 1),  # some that are dead, not a value for each
+        ([TAXELS, DEAD], [20.0, 50.0], 0),
+        ([DEAD, TAXELS], [20.0, 20.5], 0),
+        ([BOARDS, DEAD], [20.0, 20.5], 0),
     ],
 )
 def test_the_plainest_of_those_that_do_as_much_is_taken(effects, values, taken):

@@ -103,10 +103,10 @@ def parameters_of(
 ) -> dict[str, Any]:
     """Values, intervals and units; per board "name@address".
 
-    inside: fits without each session; parts: without each part of presses and taxels; draws: as it may be as well. Four
-    variances add: sessions tell what scatters, presses how far the model of the effect is right (both jackknife), draws
-    what these presses leave open, and nothing here tells by how much the simulator is wrong in all of them alike:
-    `COMMON_SHARE`.
+    inside: fits without each session; parts: without each part of presses and taxels; draws: as it may be as well.
+    Three variances add: sessions tell what scatters, presses how far the model of the effect is right (both jackknife),
+    and nothing here tells by how much the simulator is wrong in all of them alike: `COMMON_SHARE`. Where presses leave
+    more open than that, as draws tell, the interval is as wide as they are.
     """
     if isinstance(link.effect, Dropout):
         return _dropped(pair, link.effect)
@@ -119,7 +119,7 @@ def parameters_of(
             jackknife(np.array([one[label][0] for one in known if label in one]), value) for known in (left, without)
         )
         interval = together(sessions, presses, COMMON_SHARE * abs(value) + own)
-        interval = interval.widened(np.array([one[label][0] for one in drawn if label in one]))
+        interval = interval.at_least(np.array([one[label][0] for one in drawn if label in one]))
         entries[label] = {"value": value, "ci95": interval.ci95, "unit": unit}
     return entries
 
