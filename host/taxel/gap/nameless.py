@@ -19,7 +19,7 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.equations import Column
 from taxel.gap.identify import is_alike, linear_left
 from taxel.gap.judge import Judge
-from taxel.gap.told import MOST_TOLD, told_of
+from taxel.gap.told import ENOUGH_TOLD, told_of
 from taxel.gap.uneven import odd_pattern
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str
         "press a force ladder"
     )
     once = "is learned of most taxels from one press alone: press them in other ways too"
-    untold = {link.effect.name: once for link in chain.links if told_of(link.effect, judge).share < MOST_TOLD}
+    untold = {link.effect.name: once for link in chain.links if told_of(link.effect, judge).share < ENOUGH_TOLD}
     return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {why}" for name, why in (untold | odd).items()}}
 
 

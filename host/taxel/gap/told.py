@@ -18,12 +18,12 @@ from taxel.gap.judge import Judge
 Array = NDArray[np.float64]
 
 TOLD: Final = 4.0
-"""Times the information of that expectation, from which on presses tell a value."""
+"""Information of presses over that of the prior, from which on they tell a value."""
 
 LEAST_TOLD: Final = 0.05
 """Share of the score that must lie where values are told, for that part to speak of the effect."""
 
-MOST_TOLD: Final = 0.25
+ENOUGH_TOLD: Final = 0.25
 """And for it to speak for the rest: below it most taxels were pressed in one way alone, where any change of amplitude
 is a gain.
 """

@@ -89,10 +89,8 @@ def _goes_round(link: Link) -> bool:
 
 
 def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -> str | None:
-    told = (
-        np.bincount(judge.state.pair.groups.sensor, amplitude_information(judge).sum(axis=0), len(logs)) * TELLING**2
-        > 1.0
-    )
+    information = amplitude_information(judge).sum(axis=0)
+    told = np.bincount(judge.state.pair.groups.sensor, information, len(logs)) * TELLING**2 > 1.0
     if (at_limit & told).any():
         return "is at the limit of what parts can be"
     if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and ttest_1samp(logs[told], 0.0).pvalue < LEVEL:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap.chain import Chain
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.gain_mismatch import GainMismatch
+from taxel.gap.fit import started
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
+from taxel.gap.rounds import cross_validated, tried
+from taxel.gap.standing import Standing
 from taxel.gap.told import amplitude_information, told_elsewhere, told_of
+from taxel.gap.weighing import Weighed
 
 N = 60
 
@@ -25,6 +30,9 @@ def etched(seed, std=0.2):
         return drop * gains
 
     return effect
+
+
+FIXED = etched(1)
 
 
 def anew(force, drop):
@@ -68,6 +76,17 @@ def test_a_share_of_the_taxels_speaks_for_a_gain_of_each(judge):
     found = told_of(GainMismatch(), judge)
     assert found.judge.is_partial
     assert 0.0 < found.share < 1.0
+
+
+def test_presses_that_cannot_speak_of_a_gain_do_not_count_against_it(written):
+    """Of all features it takes little where it was left out, of those that other presses tell nearly everything."""
+    standing = Standing.of(prepared(read_pair(*written(effect=FIXED, cells=4))).judge)
+    link = started(standing.judge.state, GainMismatch())
+    trial = cross_validated(standing.judge, tried(standing.judge, GainMismatch.name, Chain((link,))))
+    weighed = Weighed(standing, trial)
+    assert trial.held.gone_of(standing.base) < 0.6
+    assert weighed.gone > 0.85
+    assert weighed.does_most
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
