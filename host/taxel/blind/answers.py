@@ -219,7 +219,8 @@ def _places_found(world: World, effects: Sequence[dict[str, Any]], folder: Path)
     if not places:
         return None
     nowhere: dict[str, Any] = {"sensors": [], "lines": [], "taxels": []}
-    acts = next((one["where"] for one in effects if one["name"] == "dropout"), None) or nowhere
+    named = (one["where"] for one in effects if one["name"] == "dropout" and one["in_verdict"])
+    acts = next(named, nowhere)  # what was tried and not believed is not found
     lines = [tuple(line) for line in acts["lines"]]
 
     def is_found(place: Place) -> bool:

@@ -59,7 +59,7 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
     for title, key, demand, bound, more in ASKED:
         own = part[key]
         held = own["share"] is not None and (own["share"] >= bound if more else own["share"] <= bound)
-        lines.append(_row(title, demand, _percent(own["share"]), own["of"], held, _interval(own)))
+        lines.append(_row(title, demand, _percent(own["share"], 1), own["of"], held, _interval(own)))
     several, each = part["several_f1"], part["parameters"]["each"].values()
     f1 = several["f1"]
     found = f"{f1:.2f}" if several["worlds"] else ""
@@ -67,7 +67,7 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
     error, of = part["parameters"]["asked"], sum(own["of"] for own in each if own["asked"])
     if error is not None:
         title = "parameters in counts, s, mm, deg, log_std: median relative error"
-        lines.append(_row(title, "at most 10 %", _percent(error), of, error <= 0.1))
+        lines.append(_row(title, "at most 10 %", _percent(error, 1), of, error <= 0.1))
     points, of = part["shrink"]["mean_points"], part["shrink"]["of"]
     if points is not None:
         title = "predicted against measured shrink, mean difference"
@@ -75,7 +75,7 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
     cover = part["coverage"]
     held = cover["share"] is not None and 0.9 <= cover["share"] <= 0.99
     title = "coverage of 95 % intervals"
-    lines.append(_row(title, "90 to 99 %", _percent(cover["share"]), cover["of"], held, _interval(cover)))
+    lines.append(_row(title, "90 to 99 %", _percent(cover["share"], 1), cover["of"], held, _interval(cover)))
     return lines + _told(part)
 
 
@@ -114,8 +114,8 @@ def _parameters(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.0f} %"
+def _percent(share: float | None, decimals: int = 0) -> str:
+    return "" if share is None else f"{100 * share:.{decimals}f} %"
 
 
 def _interval(own: Mapping[str, Any]) -> str:

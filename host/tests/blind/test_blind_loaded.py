@@ -104,5 +104,7 @@ def test_of_single_causes_places_are_asked_for_by_themselves(folder):
 def test_of_a_line_that_one_taxel_shows_that_taxel_is_the_place(folder, lines, taxels, found):
     causes = (Cause("dropout", "line open", (), (Place(0x50, "rx", 1),)),)
     world = World(0, "rig4", 1, Hidden("single", causes, ()), "00")
-    effects = [{"name": "dropout", "where": {"sensors": [], "lines": lines, "taxels": taxels}}]
-    assert _places_found(world, effects, folder / WORLDS / "0000") is found
+    where = {"sensors": [], "lines": lines, "taxels": taxels}
+    for believed in (True, False):
+        effects = [{"name": "dropout", "in_verdict": believed, "where": where}]
+        assert _places_found(world, effects, folder / WORLDS / "0000") is (found and believed)

@@ -242,9 +242,9 @@ def test_the_sheet_marks_what_holds_and_what_is_missed():
     text = sheet(full_score(), "Made by `taxel gap blind --worlds 6`.")
     rows = {line.split(" | ")[0].removeprefix("| "): line for line in text.splitlines() if line.startswith("| ")}
     assert rows["single effect named first"] == (
-        "| single effect named first | at least 95 % | 33 % | 3 | 6 to 79 % | **missed** |"
+        "| single effect named first | at least 95 % | 33.3 % | 3 | 6 to 79 % | **missed** |"
     )
-    assert rows["false alarms on worlds without effect"].endswith("| 0 % | 1 | 0 to 79 % | holds |")
+    assert rows["false alarms on worlds without effect"].endswith("| 0.0 % | 1 | 0 to 79 % | holds |")
     assert rows["the same: confidently misnamed"].endswith("**missed** |")
     assert rows["pairs and triples, micro-F1"].endswith("| 1.00 | 1 |  | holds |")
     assert rows["predicted against measured shrink, mean difference"].endswith("| 10.0 | 1 |  | **missed** |")
