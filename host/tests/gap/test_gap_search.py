@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from taxel.gap.catalogue import CATALOGUE, chosen
 from taxel.gap.chain import Chain
 from taxel.gap.confounding import confounded_with
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.effect import OBJECT
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.fit import started
 from taxel.gap.identify import likenesses
@@ -88,6 +91,19 @@ def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):
     report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=swapped)).report
     assert report["verdict"]["status"] in ("unknown", "partly_explained")
     assert "unknown" in report["verdict"]["effects"]
+
+
+def test_what_one_press_alone_could_tell_is_told_by_the_other_half_of_it(world, tmp_path):
+    """Each object is pressed in one cell: nothing else tells a value of that object, and what nothing tells is 1."""
+
+    class Expected(Stiffness):
+        def own_parameters(self):
+            return (replace(super().own_parameters()[0], prior=0.1),)
+
+    judge = prepared(read_pair(*world(tmp_path, cells=2, effect=harder))).judge
+    chain = Chain((started(judge.state, Expected(OBJECT)),))
+    trial = cross_validated(judge, tried(judge, Expected.name, chain))
+    assert trial.held.value < 0.1 * judge.score(judge.state.mean).value
 
 
 def test_frames_are_aligned_again_when_an_effect_is_known(judge):

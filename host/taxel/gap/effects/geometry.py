@@ -139,20 +139,32 @@ def with_change(state: State, signal: Signal, change: Array) -> Signal:
     geometry says: what is no longer pressed shows nothing.
     """
     assert signal.force is not None
+    lies, gains = _between_levels(state, signal)
+    force = signal.force.copy()
+    for board, layout in enumerate(state.pair.boards):
+        kept, gained = change[:, 0][..., layout.taxels], change[:, 1][..., layout.taxels]
+        where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.cell]
+        cell, pressed = state.cell[where], force[where][..., layout.taxels]
+        now = pressed * (lies[where, :, board] @ kept[cell]) + gains[where, :, board] @ gained[cell]
+        force[np.ix_(where, range(force.shape[1]), layout.taxels)] = now
+    return signal.with_force(force)
+
+
+@lru_cache(maxsize=4)
+def _between_levels(state: State, signal: Signal) -> tuple[Array, Array]:
+    """How much each of `LEVELS` counts for a board at a node: of what is kept, and of what is gained, f64[Q, K, s, L]
+    each. A fit changes one signal again and again: worked out once for it.
+    """
+    assert signal.force is not None
     hold, board = state.clock.phase == Phase.HOLD, state.pair.groups.sums[2]
     net = (board @ signal.force.reshape(-1, state.pair.n).T).T.reshape(*signal.force.shape[:2], -1)
     level = net / np.maximum(net[:, hold].mean(axis=1, keepdims=True), 1e-9)
     right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
-    share = np.clip((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]), 0.0, 1.0)
-    sensor = state.pair.groups.sensor
-    kept, gained = np.zeros_like(signal.force), np.zeros_like(signal.force)
-    for one in range(len(LEVELS)):
-        weight = (np.where(right == one, share, 0.0) + np.where(right == one + 1, 1.0 - share, 0.0))[:, :, sensor]
-        kept += weight * change[state.cell, 0, one][:, None]
-        gained += weight * change[state.cell, 1, one][:, None]
+    share = np.clip((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]), 0.0, 1.0)[..., None]
+    number = np.arange(len(LEVELS))
+    lies = np.where(right[..., None] == number, share, 0.0) + np.where(right[..., None] == number + 1, 1.0 - share, 0.0)
     # Below the least level a press gains in proportion.
-    gained *= np.minimum(level / LEVELS[0], 1.0)[:, :, sensor]
-    return signal.with_force(kept * signal.force + gained)
+    return lies, lies * np.minimum(level / LEVELS[0], 1.0)[..., None]
 
 
 def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:
