@@ -146,7 +146,7 @@ def with_change(state: State, signal: Signal, change: Array) -> Signal:
         where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.cell]
         cell, pressed = state.cell[where], force[where][..., layout.taxels]
         now = pressed * (lies[where, :, board] @ kept[cell]) + gains[where, :, board] @ gained[cell]
-        force[np.ix_(where, range(force.shape[1]), layout.taxels)] = now
+        force[np.ix_(where, np.arange(force.shape[1]), layout.taxels)] = now
     return signal.with_force(force)
 
 
