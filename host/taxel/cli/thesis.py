@@ -39,11 +39,12 @@ def thesis(
             campaign = given(real, sim)
         else:
             campaign = make_campaign(out, seed, jobs or None, show)
-        found, beside = reproduce(campaign, out, show, with_gap=gap)
+        found, near, beside = reproduce(campaign, out, show, with_gap=gap)
     if as_json:
         print(json.dumps([one.to_json() for one in found], allow_nan=False))
         return
     _say(console, found)
+    console.print(near.one_line, highlight=False, markup=False, soft_wrap=True)
     if beside is not None:
         console.print(f"gap diagnosis: {beside.one_line}", highlight=False, markup=False)
     console.print(

@@ -11,6 +11,7 @@ from taxel.gap.page.text import ABSENT, escaped, number, words
 from taxel.thesis.figures import FIGURES
 from taxel.thesis.findings import Finding, Other
 from taxel.thesis.gap_beside import Beside
+from taxel.thesis.nearness import Nearness
 from taxel.thesis.printed import INCONSISTENT
 from taxel.thesis.tables import Row, Table
 
@@ -36,6 +37,7 @@ def write_page(
     path: Path,
     tables: Sequence[Table],
     found: Sequence[Finding],
+    near: Nearness,
     besides: Sequence[Other],
     figures: Mapping[str, Path],
     gap: Beside | None,
@@ -50,7 +52,7 @@ def write_page(
             _others(besides),
             _gap(gap),
             _figures(figures),
-            "<section><h2>Tables</h2><p>Ours, the thesis's, and the ratio.</p></section>",
+            f"<section><h2>Tables</h2><p>Ours, the thesis's, and the ratio. {escaped(near.one_line)}.</p></section>",
             *(_table(one) for one in tables),
             _inconsistent(),
         )

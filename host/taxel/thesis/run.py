@@ -24,6 +24,7 @@ from taxel.thesis.figures import save_figures
 from taxel.thesis.findings import Finding, findings, others
 from taxel.thesis.gap_beside import Beside, beside
 from taxel.thesis.matching import PARTS, ObjectClouds, ObjectResult, clouds_of, measure
+from taxel.thesis.nearness import Nearness, nearness_of
 from taxel.thesis.page import write_page
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
 from taxel.thesis.settings import EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED
@@ -71,7 +72,7 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
 
 def reproduce(
     campaign: Campaign, out: Path, show: Show, *, with_gap: bool = True
-) -> tuple[list[Finding], Beside | None]:
+) -> tuple[list[Finding], Nearness, Beside | None]:
     """Tables, figures, findings and the page of a campaign. Raises TaxelError of one line."""
     with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
         items = _clouds(real, sim, show)
@@ -82,18 +83,19 @@ def reproduce(
         table.write(out / "tables" / table.file_name)
     (out / "figures").mkdir(exist_ok=True)
     figures = save_figures(items, results, out / "figures")
-    found, besides = findings(results), others(results)
+    found, besides, near = findings(results), others(results), nearness_of(tables)
     gap = _diagnosis(campaign, out, results, show) if with_gap else None
-    write_page(out / "thesis.html", tables, found, besides, figures, gap, campaign.made)
+    write_page(out / "thesis.html", tables, found, near, besides, figures, gap, campaign.made)
     summary = {
         "made": campaign.made,
         "findings": [one.to_json() for one in found],
+        "distances": near.to_json(),
         "besides": [asdict(one) for one in besides],
         "objects": [one.to_json() for one in results],
         "gap": None if gap is None else asdict(gap),
     }
     (out / "thesis.json").write_text(json.dumps(summary, indent=1))
-    return found, gap
+    return found, near, gap
 
 
 def _clouds(real: GraspDataset, sim: GraspDataset, show: Show) -> list[ObjectClouds]:

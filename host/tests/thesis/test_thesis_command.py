@@ -40,6 +40,13 @@ def test_findings_are_told_with_their_numbers(made):
     assert set(by_number[2]["holds"]) == {"rectangular", "cylindrical", "triangular"}
 
 
+def test_how_near_the_distances_are_is_told_with_the_farthest(made):
+    told = json.loads((made / "thesis.json").read_text())["distances"]
+    assert told["factor"] == 1.5
+    assert told["near"] < told["distances"] <= 234  # a small board on objects is not the thesis's hand
+    assert "the farthest: Table I-" in (made / "thesis.html").read_text()
+
+
 def test_a_wider_and_displaced_cloud_lies_farther_from_its_model(made):
     with (made / "tables" / "table_5_3.csv").open() as file:
         rows = {(row["object"], row["side"]): float(row["mean_m_ours"]) for row in csv.DictReader(file)}

@@ -18,6 +18,7 @@ from taxel.thesis.matching import (
     SPREAD,
     ObjectResult,
 )
+from taxel.thesis.nearness import nearness_of
 from taxel.thesis.printed import INCONSISTENT, OBJECTS, SOR_OF, STAGES, match_of, of_dataset, rows_of
 from taxel.thesis.tables import PRINTED_NAMES, all_tables, best_sor, contributions
 
@@ -146,3 +147,16 @@ def test_the_diagnosis_stands_beside_the_steps(printed_results):
     assert found.finds_largest
     assert found.shares == pytest.approx({"contact_propagation": 75.0, "noise": 25.0})
     assert all(ours == pytest.approx(theirs) for ours, theirs in found.steps.values())
+
+
+def test_distances_as_printed_are_all_near_and_one_that_is_not_is_named(printed_results):
+    near = nearness_of(all_tables(printed_results))
+    assert near.near == len(near.distances) == 234
+    first = printed_results[0]
+    own = first.cross[REAL, "cylindrical"]
+    cross = {**first.cross, (REAL, "cylindrical"): replace(own, mean_m=0.5 * own.mean_m, rms_m=1.4 * own.rms_m)}
+    less = nearness_of(all_tables([replace(first, cross=cross), *printed_results[1:]]))
+    assert (less.near, len(less.distances)) == (233, 234)
+    assert "Table I-13, cylindrical, mean: " in less.one_line
+    assert "0.500 of the thesis's" in less.one_line
+    assert [one["ratio"] for one in less.to_json()["farthest"]] == [pytest.approx(0.5)]
