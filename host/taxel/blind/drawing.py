@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import secrets
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import cycle
 from typing import Any, Final, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 
 from taxel.blind.form import Form
 from taxel.blind.hidden import Cause, Hidden
-from taxel.blind.kinds import INSIDE, NAMES, forms_of, nuisances
+from taxel.blind.kinds import INSIDE, NAMES, SILENT, forms_of, nuisances
 from taxel.blind.strangers import LOOKALIKES, OUTSIDE
 from taxel.hand import Hand, load_hand
 
@@ -173,7 +174,9 @@ def _together(rng: np.random.Generator) -> tuple[Form, ...]:
 
 
 def _world(rng: np.random.Generator, number: int, hand: Hand, plan: Plan, is_sealed: bool) -> World:
-    causes = tuple(_cause(rng, hand, form, plan.strength, plan.kind) for form in plan.forms)
+    causes = _causes(rng, hand, plan)
+    while _are_unheard(causes):
+        causes = _causes(rng, hand, plan)
     return World(
         number,
         hand.name,
@@ -184,6 +187,22 @@ def _world(rng: np.random.Generator, number: int, hand: Hand, plan: Plan, is_sea
         withheld=plan.withheld,
         repeated=number % ANALYSIS_EVERY == 0,
     )
+
+
+def _causes(rng: np.random.Generator, hand: Hand, plan: Plan) -> tuple[Cause, ...]:
+    return tuple(_cause(rng, hand, form, plan.strength, plan.kind) for form in plan.forms)
+
+
+def _are_unheard(causes: Sequence[Cause]) -> bool:
+    """Whether one acts on nothing but boards that another silences: nobody could find it."""
+    silent = {place.address for cause in causes if cause.form == SILENT for place in cause.places}
+    words = {f"board=0x{address:02X}" for address in silent}
+
+    def is_unheard(cause: Cause) -> bool:
+        here = bool(cause.places) and {place.address for place in cause.places} <= silent
+        return cause.form != SILENT and (here or all(words & set(line.split()) for line in cause.lines))
+
+    return any(is_unheard(cause) for cause in causes)
 
 
 def _cause(rng: np.random.Generator, hand: Hand, form: Form, strength: float, kind: str) -> Cause:

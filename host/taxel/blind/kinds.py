@@ -21,6 +21,10 @@ ALL_ROUND: Final = 0.7935
 all directions: the mean of 1 / (|cos| + |sin|)."""
 
 
+SILENT: Final = "silent from"
+"""The emulator's word for a board that answers nothing from some second on; here from the beginning."""
+
+
 def _film(size: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"length_m={1e-3 * size:.6f}", {"spread_mm": ALL_ROUND * size}
 
@@ -34,14 +38,19 @@ def _traces(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"picofarad={picofarad} tx_ohm={around(rng, 600, 1500):.0f} rx_ohm={around(rng, 600, 1500):.0f}", {}
 
 
-def _board_factor(name: str, form: str) -> Form:
-    """One or two boards differ by a factor; strength 1 is a factor of 1.8 either way."""
+MOST_CURRENT: Final = 1.35
+"""Of a board's source: with more its counter has no room left for drops, reads 0, and is a board that does not answer.
+"""
+
+
+def _board_factor(name: str, form: str, most: float = np.inf) -> Form:
+    """One or two boards differ by a factor; strength 1 is a factor of 1.8 either way, of `most` at most."""
 
     def draw(rng: Rng, hand: Hand, strength: float) -> Cause:
         lines, truth = [], {}
         for board in some_boards(rng, hand, 2):
             log = between(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))
-            factor = round(float(np.exp(log)), 4)
+            factor = round(min(float(np.exp(log)), most), 4)
             lines.append(f"{form} factor={factor} {address_word(board)}")
             if name == "gain_mismatch":
                 truth[f"scale@{board.address}"] = factor
@@ -85,7 +94,7 @@ def _broken(form: str) -> Form:
 
 def _silent(rng: Rng, hand: Hand, strength: float) -> Cause:
     (board,) = some_boards(rng, hand)
-    return Cause("dropout", "silent from", (f"silent from {address_word(board)} seconds=0",), (Place(board.address),))
+    return Cause("dropout", SILENT, (f"{SILENT} {address_word(board)} seconds=0",), (Place(board.address),))
 
 
 def _flaky(rng: Rng, hand: Hand, strength: float) -> Cause:
@@ -162,7 +171,7 @@ INSIDE: Final = (
     simple("noise", "noise line", 8, 180, _noise_line),
     simple("noise", "noise pink", 40, 400, lambda size, rng: (f"counts={size} shared={int(rng.integers(2))}", {})),
     simple("gain_mismatch", "gain electrode", 0.02, 0.35, lambda std, rng: (f"log_std={std}", {"log_std": std})),
-    _board_factor("gain_mismatch", "gain idac"),
+    _board_factor("gain_mismatch", "gain idac", MOST_CURRENT),
     _board_factor("stiffness", "modulus board"),
     simple("stiffness", "modulus taxels", 0.04, 0.42, lambda std, rng: (f"log_std={std}", {})),
     simple("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
@@ -177,7 +186,7 @@ INSIDE: Final = (
     _dead("stuck"),
     _broken("open"),
     _broken("short"),
-    Form("dropout", "silent from", _silent),
+    Form("dropout", SILENT, _silent),
     Form("dropout", "silent flaky", _flaky),
     _offset("bracket_offset", 0.3, 2.5),
     _offset("object_offset", 0.25, 1.5),

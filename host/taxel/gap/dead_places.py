@@ -128,15 +128,19 @@ def touched_lines(state: State, taxels: NDArray[np.bool_]) -> list[tuple[int, st
     return sorted({(int(sensor[one]), axis, int(number[one])) for axis, number in axes for one in own})
 
 
-def answers_elsewhere(state: State, real: SessionMeans, features: Array, line: tuple[int, str, int]) -> bool:
-    """Whether another line of the board shows what was expected here: then it is not dead, but somewhere else."""
+def answers_elsewhere(
+    state: State, real: SessionMeans, features: Array, line: tuple[int, str, int], mute: NDArray[np.bool_]
+) -> bool:
+    """Whether another line of the board shows what was expected here: then it is not dead, but somewhere else. mute:
+    bool[n]; what does not answer on the other line tells nothing of that.
+    """
     board, axis, index = line
     bins, taxels = state.layout.bins, state.pair.taxels
     along, across = (taxels.tx, taxels.rx) if axis == "tx" else (taxels.rx, taxels.tx)
     seen = np.nan_to_num(known_mean(real.value, 1)[:, :bins])
     own = np.flatnonzero(on_line(state, line))
     for other in np.unique(along[state.pair.groups.sensor == board]).tolist():
-        theirs = np.flatnonzero(on_line(state, (board, axis, other)))
+        theirs = np.flatnonzero(on_line(state, (board, axis, other)) & ~mute)
         _, here, there = np.intersect1d(across[own], across[theirs], return_indices=True)
         if other == index or len(here) < 2:
             continue

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.boards import groups_of
 from taxel.gap.dead_places import (
     LOADED_COUNTS,
     SURE,
@@ -50,6 +51,7 @@ STUCK: Final = 0.1
 def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArray[np.bool_] | None = None) -> Dropped:
     """Look at some taxels of some cells, bool[C, n]; None: at all. features: f64[C, F, n], what is expected."""
     n, sensor = state.pair.n, state.pair.groups.sensor
+    real, features = _less_common(state, real, features)
     if part is not None:
         real = real.where(part)
         features = np.where(part[:, None], features, 0.0)
@@ -65,8 +67,9 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
         extra = float(np.mean((gone - simulated)[sensor == board]))
         missing[board] = extra if extra > MISSING else 0.0
     mute = ((silent & faint) | stuck) & (missing[sensor] < 0.9)
+    unheard = mute.copy()
     for line in touched_lines(state, mute & ~stuck & (expected > LOADED_COUNTS).any(axis=0)):
-        if answers_elsewhere(state, real, features, line):
+        if answers_elsewhere(state, real, features, line, unheard):
             mute &= ~on_line(state, line) | stuck
     known = np.where(faint, answer, np.nan)
     dead, evident = patches(state, known, mute, expected)
@@ -79,6 +82,18 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
     evident = evident or any(is_evident(state, known, line) for line in lines)
     evident = evident or any(short.pairs > 1 for short in shorts)
     return Dropped(dead & ~lined, tuple(lines), missing, dead | lined, stuck, shorts, evident)
+
+
+def _less_common(state: State, real: SessionMeans, features: Array) -> tuple[SessionMeans, Array]:
+    """Both less what is expected where nothing touches the board: a drift is on taxels that do not answer as well, and
+    is no part of an answer.
+    """
+    bins, common = state.layout.bins, np.zeros(features.shape)
+    for taxels in groups_of(state.pair.groups.sensor):
+        beside = np.where(state.untouched[:, None, taxels], features[:, :bins, taxels], np.nan)
+        some = np.isfinite(beside).any(axis=2, keepdims=True)
+        common[:, :bins, taxels] = np.nanmedian(np.where(some, beside, 0.0), axis=2, keepdims=True)
+    return SessionMeans(real.value - common[:, None], real.count, real.spread), features - common
 
 
 def _answers(state: State, real: SessionMeans, features: Array) -> tuple[Array, NDArray[np.bool_], Array]:

@@ -101,6 +101,31 @@ def test_a_stronger_cause_is_never_a_weaker_line():
             assert weak.lines != strong.lines
 
 
+def test_nothing_is_hidden_on_boards_that_another_cause_silences(full):
+    """Five drawings of sixty pairs and triples each, so that some would be."""
+    silenced = 0
+    for world in [*full, *(one for seed in range(4) for one in drawn_worlds(FULL, 0, seed=seed))]:
+        silent = [cause for cause in world.hidden.causes if cause.form == "silent from"]
+        words = {f"board=0x{place.address:02X}" for cause in silent for place in cause.places}
+        others = [cause for cause in world.hidden.causes if cause not in silent]
+        silenced += bool(silent and others)
+        assert not any(all(words & set(line.split()) for line in cause.lines) for cause in others)
+        assert not any(
+            {one.address for one in cause.places} == {silent[0].places[0].address} for cause in others if silent
+        )
+    assert silenced > 20
+
+
+def test_a_board_of_more_gain_still_counts():
+    """Beyond, its counter reads 0, and it is a board that does not answer."""
+    (form,) = [one for one in INSIDE if one.form == "gain idac"]
+    hand = load_hand("rig4")
+    causes = [form.draw(np.random.default_rng(seed), hand, 1.0) for seed in range(20)]
+    factors = [float(line.split("factor=")[1].split()[0]) for cause in causes for line in cause.lines]
+    assert max(factors) == 1.35
+    assert min(factors) == pytest.approx(np.exp(-0.6), abs=1e-4)
+
+
 def test_every_line_is_one_that_the_emulator_takes(full):
     setup = Setup(load_hand("rig4"), {})
     for words in {tuple(line.split()[:2]): line for world in full for line in world.hidden.lines}.values():

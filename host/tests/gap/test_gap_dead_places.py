@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from taxel.gap.dead_places import is_evident, lines_of, patches
+from taxel.gap.dead_places import answers_elsewhere, is_evident, lines_of, patches
 
 SIZE = 6
 PLACE = np.arange(SIZE * SIZE)
@@ -73,3 +73,20 @@ def test_a_line_at_the_edge_is_evident_beside_one_that_answers_in_full():
 def test_a_line_remains_one_beside_a_single_dead_taxel():
     _, _, lines = found(grid(1.0, **{f"t3r{rx}": 0.0 for rx in range(SIZE)}, t4r0=0.0), grid(300.0))
     assert lines == [(0, "tx", 3)]
+
+
+def test_what_is_dead_on_another_line_does_not_make_that_line_the_place_of_this_one():
+    """A dead patch over two lines that are pressed much alike; beyond it the second one shows what both should."""
+    patch = {f"t{tx}r{rx}": 0.0 for tx in (1, 2) for rx in (1, 2)}
+    expected = grid(0.0, t1r1=200.0, t1r2=190.0, t1r4=700.0, t2r1=500.0, t2r2=480.0, t2r4=690.0)
+    seen = np.where(grid(1.0, **patch) == 0.0, 0.0, expected)
+    mute = (seen == 0.0) & (expected > 0.0)
+    state = SimpleNamespace(layout=SimpleNamespace(bins=1), pair=STATE.pair)
+    real = SimpleNamespace(value=seen[None, None, None])
+    arguments = (state, real, expected[None, None], (0, "tx", 1))
+    assert not answers_elsewhere(*arguments, mute)
+    assert answers_elsewhere(*arguments, np.zeros_like(mute))
+    swapped = np.where(PLACE // SIZE == 1, expected.reshape(SIZE, SIZE)[3][PLACE % SIZE], 0.0)
+    swapped = np.where(PLACE // SIZE == 3, expected.reshape(SIZE, SIZE)[1][PLACE % SIZE], swapped)
+    real = SimpleNamespace(value=swapped[None, None, None])
+    assert answers_elsewhere(state, real, expected[None, None], (0, "tx", 1), (swapped == 0.0) & (expected > 0.0))

@@ -105,6 +105,22 @@ def test_what_wraps_round_is_not_dead(written):
     assert not find_dropped(judge.state, judge.sessions, judge.state.mean).dead.any()
 
 
+def test_a_drift_is_no_answer(written):
+    """It is on dead taxels too; where little is expected of them it is much of that."""
+    drifted, dead = 60.0, np.arange(30).reshape(ROWS, COLUMNS)[1:4, 1:4].ravel()
+
+    def worn(force, drop):
+        drop = drop.copy()
+        drop[:, dead] = 0.0
+        drop[110:] += drifted  # once the baseline is known
+        return drop
+
+    judge = prepared(read_pair(*written(effect=worn, sessions=4, most=0.15))).judge
+    expected = judge.state.mean.copy()
+    expected[:, : judge.layout.bins] += drifted
+    assert set(np.flatnonzero(find_dropped(judge.state, judge.sessions, expected).dead)) == set(dead)
+
+
 def test_frames_that_did_not_arrive_are_told_however_few_sessions_show_it(world, tmp_path):
     class Fails:
         presses = 0
