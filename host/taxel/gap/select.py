@@ -113,7 +113,8 @@ def _realigned(standing: Standing, forms: Forms) -> Standing:
     possible = [aligned[0], *(one for one in aligned[1:] if not is_idle(judge, one[1]))]
     shift, trial = min(possible, key=lambda one: one[1].inside.value)
     same = trial.link.effect.variant == link.effect.variant
-    if same and abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s:
+    worse = trial.inside.value > standing.fitted.value  # frames can lie only so far apart, and that was cut off
+    if same and (worse or abs(shift) < LEAST_SHIFT * judge.state.pair.frame_s):
         return standing
     moved = judge.shifted(shift)
     return Standing.of(moved).after(cross_validated(moved, trial))

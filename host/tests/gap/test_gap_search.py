@@ -117,6 +117,19 @@ def test_frames_are_aligned_again_when_an_effect_is_known(judge):
     assert abs(aligned - judge.state.shift_s) < 0.2 * frame_s
 
 
+def test_frames_stay_where_they_are_if_elsewhere_less_is_explained(judge, monkeypatch):
+    """A shift is cut off where frames can lie no farther apart, and what is left of it may do harm."""
+    forms = {"stiffness": chosen()["stiffness"]}
+    found = next_round(Standing.of(judge), forms).best
+    standing = Standing.of(judge).after(found)
+    worse, better = (
+        replace(found, inside=replace(found.inside, value=standing.fitted.value + more)) for more in (1.0, -1.0)
+    )
+    for trial, stays in ((worse, True), (better, False)):
+        monkeypatch.setattr("taxel.gap.select._aligned", lambda *_, trial=trial: (judge.state.pair.frame_s, trial))
+        assert (_realigned(standing, forms) is standing) == stays
+
+
 def test_much_that_is_left_is_looked_at_again_with_the_earlier_effects_free(judge, monkeypatch):
     looks = []
 
