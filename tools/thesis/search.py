@@ -32,11 +32,11 @@ from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.thesis.findings import Finding, findings
 from taxel.thesis.matching import REAL, SIM, SPREAD, ObjectClouds, ObjectResult, measure, treated
+from taxel.thesis.nearness import FACTOR
 from taxel.thesis.printed import OBJECTS, of_dataset, rows_of
 
 Array = npt.NDArray[np.float64]
 
-NEAR: Final = 1.5
 SPREAD_CUT: Final = 4.0
 """Lengths of the spread's kernel beyond which it is cut off."""
 
@@ -185,7 +185,7 @@ def score(stage: Stage, candidate: Candidate, seed: int) -> tuple[float, float, 
 def _is_near(one: ObjectResult) -> float:
     rows = rows_of("I_10_to_12_sim_to_real", one.thesis)
     ratios = [getattr(one.to_sim[row["stage"]], key) / row[key] for row in rows for key in ("rms_m", "mean_m")]
-    return float(np.mean(np.abs(np.log(ratios)) < np.log(NEAR)))
+    return float(np.mean(np.abs(np.log(ratios)) < np.log(FACTOR)))
 
 
 def drawn(rng: np.random.Generator, best: list[tuple[float, Candidate]], files: int) -> Candidate:
