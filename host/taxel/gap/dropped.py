@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import groups_of
 from taxel.gap.dead_places import (
     LOADED_COUNTS,
     SURE,
@@ -89,7 +88,7 @@ def _less_common(state: State, real: SessionMeans, features: Array) -> tuple[Ses
     is no part of an answer.
     """
     bins, common = state.layout.bins, np.zeros(features.shape)
-    for taxels in groups_of(state.pair.groups.sensor):
+    for taxels in (board.taxels for board in state.pair.boards):
         beside = np.where(state.untouched[:, None, taxels], features[:, :bins, taxels], np.nan)
         some = np.isfinite(beside).any(axis=2, keepdims=True)
         common[:, :bins, taxels] = np.nanmedian(np.where(some, beside, 0.0), axis=2, keepdims=True)
