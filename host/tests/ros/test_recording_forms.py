@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 
@@ -12,7 +13,7 @@ from host.tests.command_line import exit_status, refusal
 from host.tests.recordings import ALL, KEPT, differences, frames_in
 from taxel.errors import TaxelError
 from taxel.hand.kinematics import kinematics_of
-from taxel.link import CaptureError
+from taxel.link import CaptureError, CaptureLink, CaptureWriter
 from taxel.recording.forms import convert
 from taxel.recording.forms.hdf5_form import GraspOptions
 from taxel.recording.grasp_dataset import GraspDataset
@@ -111,13 +112,22 @@ def test_a_dataset_can_name_the_object(forms, tmp_path):
     assert not (tmp_path / "y.h5").exists()
 
 
+def _blank(path, target, every, size):
+    """A capture whose bytes of the wire, not its heads of records, are 0 for `size` bytes in `every`."""
+    at = 0
+    with CaptureLink(path) as link, CaptureWriter(target, link.header) as out, contextlib.suppress(EOFError):
+        while True:
+            data, time_ns = link.read()
+            places = range(at, at + len(data))
+            whole = zip(places, data, strict=True)
+            out.write(bytes(0 if place % every >= every - size else byte for place, byte in whole), time_ns)
+            at = places.stop
+
+
 def test_lost_frames_stay_missing_in_every_form(small, tmp_path):
     """Frames that did not arrive are told by cycles and scans, which tables keep."""
-    data = bytearray(small.path.read_bytes())
-    for at in range(len(data) // 2, len(data) // 2 + 60_000, 20_000):
-        data[at : at + 40] = bytes(40)
     hurt = tmp_path / "hurt.bin"
-    hurt.write_bytes(data)
+    _blank(small.path, hurt, every=20_000, size=40)
     frames, losses = frames_in(hurt)
     missing = {address: board.missing for address, board in losses.boards.items()}
     assert losses.lost_on_wire >= sum(missing.values()) > 0
