@@ -135,20 +135,19 @@ def cross_validated(judge: Judge, trial: Trial) -> Trial:
     held, parts = judge.cross_validated(trial.chain, FIXED)
     alone = all(name in (DROPOUT, Noise.name, BaselineDrift.name) for name in trial.chain.names)
     if trial.name == DROPOUT and not alone and not is_evident(trial):
-        held = _found_elsewhere(judge, trial.chain, held)
+        held = _found_elsewhere(judge, parts, held)
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
 
 
-def _found_elsewhere(judge: Judge, chain: Chain, held: Array) -> Array:
+def _found_elsewhere(judge: Judge, parts: tuple[Chain, ...], held: Array) -> Array:
     """Each part with what does not answer in the others: beside another effect on drops, what does not answer in one
-    press alone may be what that effect leaves. held: f64[C, F, n], as `Judge.cross_validated` gives it.
+    press alone may be what that effect leaves. parts, held: as `Judge.cross_validated` gives them.
     """
     result = held.copy()
-    others = chain.without(DROPOUT)
-    expected = others.features(judge.state)
-    for number in range(int(judge.parts.max()) + 1):
+    for number, chain in enumerate(parts):
         left_out = judge.parts == number
-        effect = Dropout(find_dropped(judge.state, judge.sessions, expected, ~left_out))
+        others = chain.without(DROPOUT)
+        effect = Dropout(find_dropped(judge.state, judge.sessions, others.features(judge.state), ~left_out))
         features = others.with_link(Link(effect, effect.found_values(judge.state))).features(judge.state)
         result = np.where(left_out[:, None], features, result)
     return result
