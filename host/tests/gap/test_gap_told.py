@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.chain import Chain
+from taxel.gap.chain import Chain, Link
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
@@ -87,6 +87,27 @@ def test_presses_that_cannot_speak_of_a_gain_do_not_count_against_it(written):
     assert trial.held.gone_of(standing.base) < 0.6
     assert weighed.gone > 0.85
     assert weighed.does_most
+
+
+def test_a_dead_taxel_earns_nothing_for_what_the_gains_beside_it_learned_by_heart(written):
+    """Where gains were left out they are predicted no better because something was found not to answer."""
+
+    def effect(force, drop):
+        drop = FIXED(force, drop)
+        drop[:, 22] = 0.0
+        return drop
+
+    judge = prepared(read_pair(*written(effect=effect, cells=4))).judge
+    gains = Chain((started(judge.state, GainMismatch()),))
+    alone = cross_validated(judge, tried(judge, GainMismatch.name, gains))
+    dropout = Dropout(find_dropped(judge.state, judge.sessions, alone.features))
+    assert np.flatnonzero(dropout.dropped.dead).tolist() == [22]
+    assert not dropout.dropped.evident
+    found = alone.chain.with_link(Link(dropout, dropout.found_values(judge.state)))
+    both = cross_validated(judge, tried(judge, Dropout.name, found))
+    answers = judge.without(np.broadcast_to(dropout.dropped.dead, both.features.shape))
+    assert answers.score(both.features).value < 0.1 * answers.score(alone.held_features).value
+    assert answers.score(both.held_features).value > 0.9 * answers.score(alone.held_features).value
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
