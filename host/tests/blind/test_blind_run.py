@@ -207,6 +207,8 @@ class CutPool(ThreadPoolExecutor):
 
 
 def test_a_check_that_was_cut_after_some_worlds_goes_on_with_the_others(monkeypatch, tmp_path):
+    monkeypatch.setattr(FakeLane, "asked", [])
+    monkeypatch.setattr(FakeLane, "cut", threading.Event())
     monkeypatch.setattr(run, "Lane", FakeLane)
     monkeypatch.setattr(run, "ThreadPoolExecutor", CutPool)
     monkeypatch.setattr(run, "ProcessPoolExecutor", lambda count, *context, **words: ThreadPoolExecutor(count))
