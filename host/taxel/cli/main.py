@@ -3,43 +3,68 @@
 import signal
 import sys
 import threading
+from importlib import import_module
 from importlib.metadata import entry_points
-from typing import NoReturn
+from types import MappingProxyType
+from typing import Any, Final, NoReturn
 
 import typer
 
-from taxel.cli.cloud import cloud_app
-from taxel.cli.convert import convert
-from taxel.cli.demo import demo
-from taxel.cli.emulate import emulate
-from taxel.cli.feel import feel
-from taxel.cli.gap import gap_app
-from taxel.cli.generate import generate
-from taxel.cli.grasp import grasp
-from taxel.cli.import_data import import_app
-from taxel.cli.monitor import monitor
-from taxel.cli.record import record
-from taxel.cli.replay import replay
-from taxel.cli.ros import ros
-from taxel.cli.show import show
-from taxel.cli.thesis import thesis
 from taxel.errors import TaxelError
 
-app = typer.Typer(
-    name="taxel",
-    help="Tactile skins: emulate, read and record them, and diagnose the gap between simulator and hand.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+COMMANDS: Final = MappingProxyType(
+    {
+        "convert": "convert:convert",
+        "demo": "demo:demo",
+        "emulate": "emulate:emulate",
+        "feel": "feel:feel",
+        "generate": "generate:generate",
+        "grasp": "grasp:grasp",
+        "monitor": "monitor:monitor",
+        "record": "record:record",
+        "replay": "replay:replay",
+        "ros": "ros:ros",
+        "show": "show:show",
+        "thesis": "thesis:thesis",
+    }
 )
-for command in (convert, demo, emulate, feel, generate, grasp, monitor, record, replay, ros, show, thesis):
-    app.command()(command)
-app.add_typer(cloud_app, name="cloud")
-app.add_typer(gap_app, name="gap")
-app.add_typer(import_app, name="import")
-for point in entry_points(group="taxel.commands"):
-    app.command(name=point.name)(point.load())
+"""Where each command is, in this folder."""
+
+GROUPS: Final = MappingProxyType({"cloud": "cloud:cloud_app", "gap": "gap:gap_app", "import": "import_data:import_app"})
+"""Where each group of commands is."""
+
+PLUGINS: Final = "taxel.commands"
+"""Entry points of commands from elsewhere."""
+
+
+def app_of(name: str = "") -> typer.Typer:
+    """The program with one command or group; with all of them if that has no such name. What others need is not loaded
+    then: half of the time of a short command.
+    """
+    app = typer.Typer(
+        name="taxel",
+        help="Tactile skins: emulate, read and record them, and diagnose the gap between simulator and hand.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(lambda: None)  # one command alone is a group as well
+    plugins = entry_points(group=PLUGINS)
+    every = {*COMMANDS, *GROUPS, *plugins.names}
+    wanted = {name} if name in every else every
+    for one in [one for one in COMMANDS if one in wanted]:
+        app.command(one)(_loaded(COMMANDS[one]))
+    for one in [one for one in GROUPS if one in wanted]:
+        app.add_typer(_loaded(GROUPS[one]), name=one)
+    for point in [point for point in plugins if point.name in wanted]:
+        app.command(point.name)(point.load())
+    return app
+
+
+def _loaded(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(import_module(f"taxel.cli.{module}"), name)
 
 
 def main() -> None:
@@ -48,7 +73,7 @@ def main() -> None:
     if threading.current_thread() is threading.main_thread():  # no other may say what a signal does
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app()
+        app_of(sys.argv[1] if len(sys.argv) > 1 else "")()
     except TaxelError as error:
         _fail(str(error))
     except OSError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,11 @@ class BoardLayout:
     apart_m: Array
     pitch_m: float
     pieces: Array
+
+    @cached_property
+    def columns(self) -> NDArray[np.intp] | slice:
+        """Its taxels, see `columns_of`."""
+        return columns_of(self.taxels)
 
 
 def layouts_of(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout, ...]:
@@ -53,6 +59,13 @@ def groups_of(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     """Members of each group: positions of 0, of 1, ..."""
     order = np.argsort(index, kind="stable")
     return np.split(order, np.cumsum(np.bincount(index))[:-1])
+
+
+def columns_of(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
+    """A slice where they lie together in the recording: no copy is then made of what is theirs."""
+    first, last = int(taxels[0]), int(taxels[-1])
+    together = np.array_equal(taxels, np.arange(first, last + 1))
+    return slice(first, last + 1) if together else taxels
 
 
 def pitch_m(position: Array, size: Array) -> float:

@@ -32,9 +32,21 @@ KNOWN_DAMPING: Final = 1e-3
 SETTLING_DAMPING: Final = 1e-6
 """Of the last step."""
 
+CAUTION: Final = 8.0
+"""Factor on the damping after a step that did harm."""
+
+CHORD_CAUTION: Final = 30.0
+"""The same of a fit that begins near its end: there it hardly moves along what is hardly determined."""
+
+TRIES: Final = 4
+"""Dampings of one step."""
+
 ITERATIONS: Final = 12
 ENOUGH: Final = 1e-3
 """Relative gain at which the search ends."""
+
+FAR: Final = 0.05
+"""Relative gain of a step beyond which derivatives are worked out anew; after a shorter one a chord serves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,40 +90,63 @@ def fit(
     """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`)."""
     problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
     free = free_links(chain, fixed)
-    features = start.features if start else chain.features(problem.state)
-    cost, prior = problem.cost(features), _prior_cost(chain, free)
+    point = _Point.of(problem, chain, free, start.features if start else None)
     damping = KNOWN_DAMPING if start else DAMPING
-    better = False
+    converged, gain = False, np.inf
     for number in range(iterations if free else 0):
-        if number == 0 or not start:
-            columns = start.columns if start else _columns(problem.state, chain, free, features)
+        # A step that gained little ends the search only where no better derivatives are to be had.
+        fresh = number == 0 or (gain > FAR and not start)
+        last = fresh or start is not None
+        if fresh:
+            columns = start.columns if start else _columns(problem.state, point.chain, free, point.features)
             steps = Steps(system_of(problem, columns))
-        gradient = gradient_of(problem, columns, features) + _pull(chain, free)
-        better = False
-        for _ in range(6):
-            tried = moved(chain, free, steps.step(gradient, damping))
-            new_features = tried.features(problem.state)
-            new_cost, new_prior = problem.cost(new_features), _prior_cost(tried, free)
-            if new_cost + new_prior < cost + prior:
-                better = True
-                break
-            damping *= 8.0
-        if not better:
-            break
-        gain = (cost + prior - new_cost - new_prior) / max(cost + prior, 1e-12)
-        chain, features, cost, prior = tried, new_features, new_cost, new_prior
-        damping = damping if start else max(damping / 10.0, 1e-6)
+        gradient = _gradient(problem, columns, point, free)
+        before, gain = point, 0.0
+        # The first step is always tried: how values differ between fits to different parts is what makes intervals.
+        if number == 0 or gradient @ steps.step(gradient, damping) >= ENOUGH * point.whole:  # gained if all is linear
+            for _ in range(TRIES if last else 1):
+                tried = _Point.of(problem, moved(point.chain, free, steps.step(gradient, damping)), free)
+                if tried.whole < point.whole:
+                    gain, point = 1.0 - tried.whole / point.whole, tried
+                    break
+                damping *= CHORD_CAUTION if start else CAUTION
+            converged = point is not before or (not last and converged)
+            damping = damping if start or point is before else max(damping / 10.0, 1e-6)
         if gain < ENOUGH:
-            break
-    if better and prior > 0.0:
+            if last:
+                break
+            gain = np.inf
+    if converged and point.prior > 0.0:
         # What presses cannot tell gains less than `ENOUGH` by going back to what is expected of it.
-        gradient = gradient_of(problem, columns, features) + _pull(chain, free)
-        tried = moved(chain, free, steps.step(gradient, SETTLING_DAMPING))
-        new_features = tried.features(problem.state)
-        new_cost = problem.cost(new_features)
-        if new_cost + _prior_cost(tried, free) < cost + prior:
-            chain, features, cost = tried, new_features, new_cost
-    return Fit(chain, features, cost)
+        gradient = _gradient(problem, columns, point, free)
+        settled = _Point.of(problem, moved(point.chain, free, steps.step(gradient, SETTLING_DAMPING)), free)
+        point = settled if settled.whole < point.whole else point
+    return Fit(point.chain, point.features, point.cost)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where a search stands. cost: of the problem; prior: of the values."""
+
+    chain: Chain
+    features: Array
+    cost: float
+    prior: float
+
+    @classmethod
+    def of(cls, problem: Problem, chain: Chain, free: list[int], features: Array | None = None) -> _Point:
+        """features: of the chain, if they are known."""
+        features = chain.features(problem.state) if features is None else features
+        return cls(chain, features, problem.cost(features), _prior_cost(chain, free))
+
+    @property
+    def whole(self) -> float:
+        """What is to be made small."""
+        return self.cost + self.prior
+
+
+def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: list[int]) -> Array:
+    return gradient_of(problem, columns, point.features) + _pull(point.chain, free)
 
 
 def started(state: State, effect: Effect) -> Link:

@@ -6,6 +6,7 @@ of different sessions' residuals, so that scatter cancels. Its error comes from 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +18,7 @@ from taxel.gap.chain import Chain
 from taxel.gap.cores import in_copies
 from taxel.gap.equations import Problem
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.fit import ITERATIONS, Fit, fit, start_of
+from taxel.gap.fit import ITERATIONS, Fit, Start, fit, start_of
 from taxel.gap.metric import jackknife_error, leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.state import State
@@ -195,19 +196,31 @@ class Judge:
 
     def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> tuple[Array, tuple[Chain, ...]]:
         """Each part as predicted by a fit to the others, f64[C, F, n], and these fits. chain: fitted to all of them."""
-        start = start_of(self.state, chain, fixed)
+        (found,) = self.cross_validated_each([chain], fixed)
+        return found
 
-        def without(number: int) -> tuple[Array, Chain]:
+    def cross_validated_each(
+        self, chains: Sequence[Chain], fixed: tuple[str, ...] = ()
+    ) -> list[tuple[Array, tuple[Chain, ...]]]:
+        """The same of several chains: all their fits are shared out at once, for some chains take far longer."""
+        starts = in_copies(self.state, lambda chain: start_of(self.state, chain, fixed), chains)
+        numbers = range(int(self.parts.max()) + 1)
+
+        def without(job: tuple[Start, int]) -> tuple[Array, Chain]:
+            start, number = job
             held = self.parts == number
-            fitted = fit(self.problem(~held), chain, fixed, REFITS, start)
+            fitted = fit(self.problem(~held), start.chain, fixed, REFITS, start)
             return np.moveaxis(fitted.features, 1, 2)[held], fitted.chain
 
-        numbers = range(int(self.parts.max()) + 1)
-        fits = in_copies(self.state, without, numbers)
-        result = self.state.mean.copy()
-        for number, (features, _) in zip(numbers, fits, strict=True):
-            np.moveaxis(result, 1, 2)[self.parts == number] = features
-        return result, tuple(one for _, one in fits)
+        fits = iter(in_copies(self.state, without, [(start, number) for start in starts for number in numbers]))
+        found = []
+        for _ in starts:
+            result, parts = self.state.mean.copy(), []
+            for number, (features, chain) in zip(numbers, fits, strict=False):
+                np.moveaxis(result, 1, 2)[self.parts == number] = features
+                parts.append(chain)
+            found.append((result, tuple(parts)))
+        return found
 
 
 def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -56,8 +56,8 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     judge = standing.judge
     trials = glanced(standing, forms, fixed)
     chosen = _short_list(standing, trials)
-    held = in_copies(judge.state, lambda trial: cross_validated(judge, tried(judge, trial.name, trial.chain)), chosen)
-    held = [trial for trial in held if not is_idle(judge, trial)]
+    fitted = in_copies(judge.state, lambda trial: tried(judge, trial.name, trial.chain), chosen)
+    held = [trial for trial in cross_validated_each(judge, fitted) if not is_idle(judge, trial)]
     return decided(standing, held, [trial for trial in trials if trial not in chosen])
 
 
@@ -132,7 +132,18 @@ def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str
 
 def cross_validated(judge: Judge, trial: Trial) -> Trial:
     """The same trial with what each part is predicted to be by the others."""
-    held, parts = judge.cross_validated(trial.chain, FIXED)
+    (found,) = cross_validated_each(judge, [trial])
+    return found
+
+
+def cross_validated_each(judge: Judge, trials: Sequence[Trial]) -> list[Trial]:
+    """The same of several."""
+    each = judge.cross_validated_each([trial.chain for trial in trials], FIXED)
+    return [_judged(judge, trial, *found) for trial, found in zip(trials, each, strict=True)]
+
+
+def _judged(judge: Judge, trial: Trial, held: Array, parts: tuple[Chain, ...]) -> Trial:
+    """held, parts: as `Judge.cross_validated` gives them."""
     alone = all(name in (DROPOUT, Noise.name, BaselineDrift.name) for name in trial.chain.names)
     if trial.name == DROPOUT and not alone and not is_evident(trial):
         held = _found_elsewhere(judge, parts, held)

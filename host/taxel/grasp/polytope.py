@@ -16,7 +16,10 @@ from taxel.grasp.shape import FaceArray, FloatArray, ShapeError, as_points, chec
 _MERGE = 1e-9
 
 # Lines that are clipped at a time: their numbers with every half-space stay in the cache.
-_ROWS = 2048
+_ROWS = 512
+
+# Cosine below which a line runs along a face: its way to the face is no number any more.
+_LEVEL = 1e-250
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,23 +136,29 @@ class ConvexPolytope:
         return self.vertices.copy(), np.array(fans, dtype=np.int32)
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
-        """See `Shape`."""
+        """See `Shape`. Directions f64[..., 1, 3] that several points share cost little more than one."""
         p, d = as_points(points), as_points(directions)
         shape = np.broadcast_shapes(p.shape, d.shape)[:-1]
-        flat_p, flat_d = (np.broadcast_to(array, (*shape, 3)).reshape(-1, 3) for array in (p, d))
-        pieces = [self._separation(flat_p[i : i + _ROWS], flat_d[i : i + _ROWS]) for i in range(0, len(flat_p), _ROWS)]
-        return np.asarray(np.concatenate(pieces).reshape(shape) if pieces else np.empty(shape))
+        if 0 in shape:
+            return np.empty(shape)
+        shared = d.shape[-2:-1] == (1,)
+        each = shape[-1] if shared else 1
+        flat_p = np.broadcast_to(p, (*shape, 3)).reshape(-1, each, 3)
+        flat_d = np.broadcast_to(d, (*shape[:-1], 1, 3) if shared else (*shape, 3)).reshape(-1, 3)
+        step = max(1, _ROWS // each)
+        pieces = [self._separation(flat_p[i : i + step], flat_d[i : i + step]) for i in range(0, len(flat_p), step)]
+        return np.concatenate(pieces).reshape(shape)
 
     def _separation(self, p: FloatArray, d: FloatArray) -> FloatArray:
-        """`ray_separation` of lines [m, 3] with all half-spaces at once."""
-        room, speed = self.offsets[:, None] - self.normals @ p.T, self.normals @ d.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = room / speed
-        enter = np.where(speed < 0, at, -np.inf).max(axis=0)
-        leave = np.where(speed > 0, at, np.inf).min(axis=0)
-        level = speed == 0
-        if level.any():
-            leave[(level & (room < 0)).any(axis=0)] = -np.inf
+        """`ray_separation` of points [m, e, 3] along [m, 3] with all half-spaces at once, [m, e]."""
+        speed = (self.normals @ d.T)[..., None]
+        room = (self.offsets[:, None] - self.normals @ p.reshape(-1, 3).T).reshape(len(self.normals), *p.shape[:2])
+        along = np.abs(speed) < _LEVEL
+        at = room / np.where(along, 1.0, speed)
+        enter = (at + np.where(speed <= -_LEVEL, 0.0, -np.inf)).max(axis=0)
+        leave = (at + np.where(speed >= _LEVEL, 0.0, np.inf)).min(axis=0)
+        if along.any():
+            leave[(along & (room < 0)).any(axis=0)] = -np.inf
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf)
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -77,7 +77,7 @@ def test_the_guides_examples_run_in_order(guide, capsys):
 
 @pytest.mark.parametrize("command", KINDS)
 def test_help_has_an_example(command):
-    text = CliRunner().invoke(cli.app, ["import", command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(cli.app_of("import"), ["import", command, "--help"], env={"COLUMNS": "200"}).output
     assert f"Example: taxel import {command} " in text
 
 

@@ -21,7 +21,7 @@ import typer
 
 from host.tests.command_line import exit_status
 from host.tests.docs.page_blocks import COMMAND, REASONS, ROOT, Block, blocks_of, pages, runs_elsewhere
-from taxel.cli.main import app
+from taxel.cli.main import app_of
 from taxel.gap import catalogue
 
 ALL = os.environ.get("TAXEL_DOCS") == "all"
@@ -48,7 +48,7 @@ def check_words(words: list[str]) -> None:
     """Raises for a command, an option, a target or a script that there is not; nothing is run."""
     program, *rest = words
     if program == "taxel":
-        command = typer.main.get_command(app)
+        command = typer.main.get_command(app_of())
         while rest and rest[0] in getattr(command, "commands", {}):
             command = command.commands[rest.pop(0)]
         if not {"--help", "-h"} & set(rest):

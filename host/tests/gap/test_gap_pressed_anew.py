@@ -33,7 +33,7 @@ def geometry(net_n: float = 12.0) -> Geometry:
     depth = ball()
     pressure = pressed_to(HARDENING, depth, net_n)
     nowhere = np.zeros((49, 9, 3))
-    contact = Contact(0, 0, np.arange(49), pressure.mean(axis=1), nowhere, nowhere, np.eye(4))
+    contact = Contact(0, 0, np.arange(49), pressure.mean(axis=1), nowhere, nowhere[:, 0], np.eye(4))
     return Geometry((contact,), {}, HARDENING, HARDENING, (depth,), (pressure,))
 
 
@@ -67,7 +67,7 @@ def test_the_law_of_pieces_is_what_makes_the_taxels_forces():
 def test_into_a_softer_layer_a_ball_sinks_deeper_at_the_same_net_force():
     pressed = geometry()
     rest = np.asarray(pressed_to_each(HARDENING, pressed.depths[0], 12.0 * LEVELS)).mean(axis=2)
-    soft, hard = (kept * rest + gained for kept, gained in (pressed.sunk(0, scale) for scale in (0.5, 2.0)))
+    soft, hard = (kept * rest + gained for kept, gained in (pressed.sunk({0: scale})[0] for scale in (0.5, 2.0)))
     assert soft.shape == (len(LEVELS), 49)
     for now in (soft, hard):
         np.testing.assert_allclose(now.sum(axis=1), 12.0 * LEVELS, rtol=1e-8)
@@ -131,8 +131,8 @@ def test_no_press_tells_how_far_a_flat_bracket_stands_along_its_normal(state):
 
 def test_what_was_worked_out_is_kept_up_to_so_many_bytes(monkeypatch):
     own = geometry()
-    size = own.sunk(0, 1.5).nbytes
+    size = own.sunk({0: 1.5})[0].nbytes
     monkeypatch.setattr(geometry_module, "REMEMBERED", 3 * size)
     for scale in np.linspace(0.5, 2.0, 12):
-        own.sunk(0, scale)
+        own.sunk({0: scale})
         assert sum(one.nbytes for one in own._known.values()) <= 3 * size

@@ -41,9 +41,9 @@ class ContactPropagation(Effect):
         for number, board in enumerate(state.pair.boards):
             block = number if self.scope == BOARD else 0
             spread_m, strength = 1e-3 * float(values[0, block]), float(values[1, block])
-            own = signal.force[:, :, board.taxels]
+            own = signal.force[:, :, board.columns]
             if strength != 0.0 and own.any():
-                force[:, :, board.taxels] = self.spread(state, number, own, spread_m, strength)
+                force[:, :, board.columns] = self.spread(state, number, own, spread_m, strength)
         return signal.with_force(force)
 
     def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import groups_of
+from taxel.gap.boards import columns_of, groups_of
 from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Groups
@@ -58,7 +58,7 @@ class ElectrodeCrosstalk(Effect):
             mix = np.tensordot(own[: len(board.passed)], board.passed[: len(own)], axes=1)
             if self._loses:
                 mix[np.diag_indices_from(mix)] += own[4] * np.abs(own[:4]).sum()
-            result[:, :, board.taxels] += drop[:, :, board.taxels] @ mix
+            result[:, :, board.columns] += drop[:, :, board.columns] @ mix
         return signal.with_drop(result)
 
 
@@ -70,6 +70,11 @@ class BoardLines:
 
     taxels: NDArray[np.intp]
     passed: Array
+
+    @cached_property
+    def columns(self) -> NDArray[np.intp] | slice:
+        """Its taxels, see `columns_of`."""
+        return columns_of(self.taxels)
 
 
 def lines_of(pair: Pair) -> tuple[BoardLines, ...]:

@@ -4,15 +4,17 @@ rays along the taxels' normals onto the objects' meshes, forces from the layer's
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import PIECES
-from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_to, pressed_to_each
+from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_together
 from taxel.gap.effects.ray_mesh import Mesh
 from taxel.gap.state import Signal, State
 from taxel.recording.grasp_format import Phase
@@ -22,14 +24,17 @@ Array = NDArray[np.float64]
 LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
 """Shares of a board's net force in hold at which a press is worked out anew."""
 
+AS_IS: Final[Mapping[int, float]] = MappingProxyType({})
+"""Every contact bears as much as it does."""
+
 REMEMBERED: Final = 100_000_000
 """Bytes of forces of displacements that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """One board in one cell during hold. taxels: [m]. force: f64[m], newtons. points, normals: f64[m, 9, 3], of their
-    pieces, bracket frame. object_from_board: f64[4, 4].
+    """One board in one cell during hold. taxels: [m]. force: f64[m], newtons. points: f64[m, 9, 3], of
+    their pieces; normals: f64[m, 3]; bracket frame. object_from_board: f64[4, 4].
     """
 
     cell: int
@@ -74,42 +79,58 @@ class Geometry:
             found[contact.cell, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
         return found
 
-    def displaced(self, state: State, number: int, motion: Array) -> Array:
-        """What becomes of the forces on a contact's taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
-        when the board moves by `motion` f64[4, 4] in the object's view.
+    def displaced(self, state: State, motions: Mapping[int, Array]) -> dict[int, Array]:
+        """What becomes of the forces on contacts' taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
+        when their boards move by f64[4, 4] in their objects' views. motions: by number of the contact, as the result.
 
-        The board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
+        Each board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
         effects beside: what it has asked before is remembered.
         """
-        key = (number, motion.tobytes())
-        known = self._known.get(key)
-        if known is None:
-            contact = self.contacts[number]
-            mesh = self.meshes[state.pair.cells[contact.cell][0]]
-            depth = piece_depth(mesh, motion @ contact.object_from_board, contact)
-            known = self._remember(key, _changed(self._at_rest(number), self._at_levels(number, depth)))
-        return known
 
-    def sunk(self, number: int, scale: float) -> Array:
-        """The same where every piece bears `scale` times as much at the same depth: a softer layer is pressed deeper
+        def depths(numbers: Sequence[int]) -> list[Array]:
+            contacts = [self.contacts[number] for number in numbers]
+            poses = [motions[number] @ self.contacts[number].object_from_board for number in numbers]
+            return piece_depths(state, self.meshes, contacts, poses)
+
+        return self._changed({number: motion.tobytes() for number, motion in motions.items()}, depths)
+
+    def sunk(self, scales: Mapping[int, float]) -> dict[int, Array]:
+        """The same where every piece bears so many times as much at the same depth: a softer layer is pressed deeper
         until the net force is what it was, and more of it bears.
         """
-        key = (number, np.float64(scale).tobytes())
-        known = self._known.get(key)
-        if known is None:
-            sunk = self._at_levels(number, self.depths[number], scale)
-            known = self._remember(key, _changed(self._at_rest(number), sunk))
-        return known
+        keys = {number: np.float64(scale).tobytes() for number, scale in scales.items()}
+        return self._changed(keys, lambda numbers: [self.depths[number] for number in numbers], scales)
 
-    def _at_rest(self, number: int) -> Array:
-        known = self._rests.get(number)
-        if known is None:
-            known = self._rests[number] = self._at_levels(number, self.depths[number])
-        return known
+    def _changed(
+        self,
+        keys: Mapping[int, bytes],
+        depths: Callable[[Sequence[int]], list[Array]],
+        scales: Mapping[int, float] = AS_IS,
+    ) -> dict[int, Array]:
+        """What is remembered by contact and key; the rest is worked out anew from these depths."""
+        result = {number: self._known[number, key] for number, key in keys.items() if (number, key) in self._known}
+        new = [number for number in keys if number not in result]
+        if new:
+            self._rest_at_levels(new)
+            pressed = self._at_levels(new, depths(new), scales)
+            for number, force in zip(new, pressed, strict=True):
+                result[number] = self._remember((number, keys[number]), _change(self._rests[number], force))
+        return result
 
-    def _at_levels(self, number: int, depth: Array, scale: float = 1.0) -> Array:
-        nets = LEVELS * float(self.contacts[number].force.sum()) / scale
-        return np.asarray(scale * pressed_to_each(self.piece_law, depth, nets).mean(axis=2))
+    def _rest_at_levels(self, numbers: Sequence[int]) -> None:
+        """Work out those that were never asked for."""
+        new = [number for number in numbers if number not in self._rests]
+        if new:
+            self._rests.update(zip(new, self._at_levels(new, [self.depths[number] for number in new]), strict=True))
+
+    def _at_levels(
+        self, numbers: Sequence[int], depths: Sequence[Array], scales: Mapping[int, float] = AS_IS
+    ) -> list[Array]:
+        """Forces f64[L, m] of contacts whose pieces are pressed in like this."""
+        scale = [scales.get(number, 1.0) for number in numbers]
+        whole = np.array([self.contacts[number].force.sum() for number in numbers])
+        pressed = pressed_together(self.piece_law, depths, LEVELS * (whole / scale)[:, None])
+        return [own * pressure.mean(axis=2) for own, pressure in zip(scale, pressed, strict=True)]
 
     def _remember(self, key: tuple[int, bytes], force: Array) -> Array:
         if (len(self._known) + 1) * force.nbytes > REMEMBERED:  # boards are about as large as each other
@@ -118,7 +139,7 @@ class Geometry:
         return force
 
 
-def _changed(rest: Array, now: Array) -> Array:
+def _change(rest: Array, now: Array) -> Array:
     """Of forces at rest and now, each f64[L, m]: the share that is kept, and what is gained, f64[2, L, m]."""
     kept = np.divide(now, rest, out=np.ones_like(rest), where=rest > now)
     return np.stack([kept, np.maximum(now - rest, 0.0)])
@@ -128,6 +149,15 @@ def unchanged(state: State) -> Array:
     """For `with_change`."""
     change = np.zeros((len(state.pair.cells), 2, len(LEVELS), state.pair.n))
     change[:, 0] = 1.0
+    return change
+
+
+def changed(state: State, parts: Mapping[int, Array]) -> Array:
+    """For `with_change`: what `Geometry` tells of some contacts, by their numbers."""
+    change = unchanged(state)
+    for number, part in parts.items():
+        contact = geometry_of(state).contacts[number]
+        change[contact.cell][..., contact.taxels] = part
     return change
 
 
@@ -142,11 +172,12 @@ def with_change(state: State, signal: Signal, change: Array) -> Signal:
     lies, gains = _between_levels(state, signal)
     force = signal.force.copy()
     for board, layout in enumerate(state.pair.boards):
-        kept, gained = change[:, 0][..., layout.taxels], change[:, 1][..., layout.taxels]
+        kept, gained = change[:, 0][..., layout.columns], change[:, 1][..., layout.columns]
         where = ((kept != 1.0) | (gained != 0.0)).any(axis=(1, 2))[state.cell]
-        cell, pressed = state.cell[where], force[where][..., layout.taxels]
-        now = pressed * (lies[where, :, board] @ kept[cell]) + gains[where, :, board] @ gained[cell]
-        force[np.ix_(where, np.arange(force.shape[1]), layout.taxels)] = now
+        cell, pressed = state.cell[where], signal.force[..., layout.columns][where]
+        pressed *= lies[where, :, board] @ kept[cell]
+        pressed += gains[where, :, board] @ gained[cell]
+        force[np.ix_(where, np.arange(force.shape[1]), layout.taxels)] = pressed
     return signal.with_force(force)
 
 
@@ -167,13 +198,23 @@ def _between_levels(state: State, signal: Signal) -> tuple[Array, Array]:
     return lies, lies * np.minimum(level / LEVELS[0], 1.0)[..., None]
 
 
-def piece_depth(mesh: Mesh, object_from_board: Array, contact: Contact) -> Array:
-    """How far each piece is pressed in, f64[m, 9], metres; very negative where its ray misses."""
-    turn, offset = object_from_board[:3, :3], object_from_board[:3, 3]
-    points, normals = contact.points @ turn.T + offset, contact.normals @ turn.T
-    shape = points.shape[:2]
-    apart = mesh.separation(points.reshape(-1, 3), normals.reshape(-1, 3)).reshape(shape)
-    return np.asarray(np.where(np.isfinite(apart), -apart, -1.0))
+def piece_depths(
+    state: State, meshes: Mapping[str, Mesh], contacts: Sequence[Contact], poses: Sequence[Array]
+) -> list[Array]:
+    """How far each contact's pieces are pressed in, f64[m, 9] each, metres; very negative where a ray misses. meshes:
+    by object name. poses: of the boards as the objects see them, f64[4, 4] each.
+    """
+    points = [one.points @ pose[:3, :3].T + pose[:3, 3] for one, pose in zip(contacts, poses, strict=True)]
+    rays = [one.normals @ pose[:3, :3].T for one, pose in zip(contacts, poses, strict=True)]
+    names = [state.pair.cells[one.cell][0] for one in contacts]
+    result: dict[int, Array] = {}
+    for name in dict.fromkeys(names):
+        own = [number for number, other in enumerate(names) if other == name]
+        apart = meshes[name].separation(*(np.concatenate([part[number] for number in own]) for part in (points, rays)))
+        depth = np.where(np.isfinite(apart), -apart, -1.0)
+        ends = np.cumsum([len(rays[number]) for number in own])[:-1]
+        result.update(zip(own, np.split(depth, ends), strict=True))
+    return [result[number] for number in range(len(contacts))]
 
 
 @lru_cache(maxsize=8)
@@ -192,11 +233,10 @@ def geometry_of(state: State) -> Geometry:
             if force[taxels].sum() < 0.05:
                 continue
             pose = np.linalg.inv(pair.object_poses[cell]) @ pair.sensor_poses[cell, board]
-            normals = np.repeat(pair.taxels.normal[taxels][:, None], PIECES**2, axis=1)
+            normals = pair.taxels.normal[taxels]
             contacts.append(Contact(cell, board, taxels, force[taxels], layout.pieces, normals, pose))
-    depths = tuple(piece_depth(meshes[pair.cells[one.cell][0]], one.object_from_board, one) for one in contacts)
+    depths = piece_depths(state, meshes, contacts, [one.object_from_board for one in contacts])
     piece_law = law_of_pieces(law, [(depth, one.force) for depth, one in zip(depths, contacts, strict=True)])
-    rest = tuple(
-        pressed_to(piece_law, depth, float(one.force.sum())) for depth, one in zip(depths, contacts, strict=True)
-    )
-    return Geometry(tuple(contacts), meshes, law, piece_law, depths, rest)
+    whole = np.array([[one.force.sum()] for one in contacts])
+    rest = tuple(pressed[0] for pressed in pressed_together(piece_law, depths, whole))
+    return Geometry(tuple(contacts), meshes, law, piece_law, tuple(depths), rest)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -26,6 +26,9 @@ COARSE: Final = 16
 MOST_STEPS: Final = 40
 CLOSE: Final = 1e-11
 """Relative error of a board's net force."""
+
+TOGETHER: Final = 32
+"""Boards that are pressed in one go: what they need stays in a core's cache."""
 
 LEAST_STEP_N: Final = 1e-4
 """From one point of a law to the next: it rises."""
@@ -102,7 +105,7 @@ def law_of_pieces(law: Law, presses: Sequence[tuple[Array, Array]]) -> Law:
     best, least = law, _error(law, presses)
     wanted = np.concatenate([force for _, force in presses])
     for _ in range(REFINED):
-        depths = [law.depth(pressed_to(law, depth, float(force.sum()))) for depth, force in presses]
+        depths = [law.depth(pressure) for pressure in _as_pressed(law, presses)]
         knots = np.linspace(0.0, max(float(depth.max()) for depth in depths), KNOTS)
         if knots[-1] <= 0.0:
             return best
@@ -121,8 +124,15 @@ def law_of_pieces(law: Law, presses: Sequence[tuple[Array, Array]]) -> Law:
 
 def _error(law: Law, presses: Sequence[tuple[Array, Array]]) -> float:
     """Sum of squares [N^2] of what a law says otherwise than the simulator."""
-    off = [pressed_to(law, depth, float(force.sum())).mean(axis=1) - force for depth, force in presses]
+    pressed = _as_pressed(law, presses)
+    off = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressed, presses, strict=True)]
     return float((np.concatenate(off) ** 2).sum())
+
+
+def _as_pressed(law: Law, presses: Sequence[tuple[Array, Array]]) -> list[Array]:
+    """Pressures f64[m, 9] of each press at its own net force."""
+    nets = np.array([[force.sum()] for _, force in presses])
+    return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in presses], nets)]
 
 
 def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
@@ -133,22 +143,52 @@ def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
 
 
 def pressed_to_each(law: Law, depth: Array, net_force: Array) -> Array:
-    """The same for net forces f64[L], rising, of one board, f64[L, m, 9]."""
-    most = -float(depth.max()) + float(law.depth_m[-1]) + NEAR_M
-    near, wanted = depth[depth + most > 0.0], net_force * depth.shape[1]
+    """The same for net forces f64[L], of one board, f64[L, m, 9]."""
+    return pressed_together(law, [depth], net_force[None])[0]
 
-    def bears(shift: Array) -> Array:
-        return np.asarray(law.force(near + shift[:, None]).sum(axis=1))
 
-    # The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
-    # which stays (the Illinois rule).
-    coarse = np.linspace(-float(depth.max()), most, COARSE)
+def pressed_together(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array]:
+    """The same of N boards, each by itself. depths: N times f64[m, 9]. net_forces: f64[N, L]."""
+    groups = [slice(first, first + TOGETHER) for first in range(0, len(depths), TOGETHER)]
+    return [pressed for own in groups for pressed in _pressed(law, depths[own], net_forces[own])]
+
+
+def _pressed(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array]:
+    deepest = np.array([depth.max() for depth in depths])
+    most = -deepest + float(law.depth_m[-1]) + NEAR_M
+    is_near = [depth + shift > 0.0 for depth, shift in zip(depths, most, strict=True)]
+    near = np.concatenate([depth[own] for depth, own in zip(depths, is_near, strict=True)])
+    count = np.array([np.count_nonzero(own) for own in is_near])
+    first, board = np.cumsum(count) - count, np.repeat(np.arange(len(depths)), count)
+    wanted = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
+
+    def force(shift: Array) -> Array:
+        return law.force(near[:, None] + shift[board])
+
+    shift = _shifts(lambda shift: np.add.reduceat(force(shift), first, axis=0), -deepest, most, wanted)
+    result = []
+    for depth, own, pressed in zip(depths, is_near, np.split(force(shift), first[1:]), strict=True):
+        every = np.zeros((wanted.shape[1], *depth.shape))
+        every[:, own] = pressed.T
+        result.append(every)
+    return result
+
+
+def _shifts(bears: Callable[[Array], Array], least: Array, most: Array, wanted: Array) -> Array:
+    """Of N boards those between `least` and `most`, f64[N], at which they bear what is wanted, f64[N, L]. bears: what
+    they do at shifts f64[N, k], in the same shape.
+
+    The force rises with the shift. Many shifts at once tell about where; then a false position that halves the end
+    which stays (the Illinois rule).
+    """
+    coarse = np.linspace(least, most, COARSE, axis=1)
     known = bears(coarse)
-    first = np.clip(np.searchsorted(known, wanted, "right"), 1, COARSE - 1)
-    low, high = coarse[first - 1], coarse[first]
-    below, above = known[first - 1] - wanted, known[first] - wanted
+    right = np.clip((known[:, None] <= wanted[..., None]).sum(axis=2), 1, COARSE - 1)
+    row = np.arange(len(wanted))[:, None]
+    low, high = coarse[row, right - 1], coarse[row, right]
+    below, above = known[row, right - 1] - wanted, known[row, right] - wanted
     # What would bear more than at the deepest shift stays there.
-    middle, missed, stays = coarse[first], above > 0.0, np.zeros(len(wanted), int)
+    middle, missed, stays = high, above > 0.0, np.zeros(wanted.shape, int)
     for _ in range(MOST_STEPS if missed.any() else 0):
         slope = np.where(missed, above - below, 1.0)
         middle = np.where(missed, high - above * (high - low) / slope, middle)
@@ -161,4 +201,4 @@ def pressed_to_each(law: Law, depth: Array, net_force: Array) -> Array:
         below = np.where(lowered & (stays < 0), 0.5 * below, np.where(raised, value, below))
         low, high = np.where(raised, middle, low), np.where(lowered, middle, high)
         stays = np.where(raised, 1, np.where(lowered, -1, stays))
-    return np.asarray(law.force(depth + middle[:, None, None]))
+    return np.asarray(middle)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
-from taxel.gap.effects.geometry import geometry_of, unchanged, with_change
+from taxel.gap.effects.geometry import changed, geometry_of, with_change
 from taxel.gap.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
 
@@ -44,17 +44,16 @@ class PoseError(Effect):
     def _change(self, state: State, values: Array) -> Array:
         """What the displacement does to the forces, f64[C, 2, L, n] as `with_change` takes it."""
         geometry = geometry_of(state)
-        blocks = self.blocks(state)
-        motions = self._motions(values)
-        change = unchanged(state)
+        blocks, motions = self.blocks(state), self._motions(values)
+        displaced = {}
         for number, contact in enumerate(geometry.contacts):
             block = blocks[contact.cell, contact.taxels[0]]
             if values[:, block].any():
                 motion = motions[block]
                 if self.scope != OBJECT:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
-                change[contact.cell][..., contact.taxels] = geometry.displaced(state, number, motion)
-        return change
+                displaced[number] = motion
+        return changed(state, geometry.displaced(state, displaced))
 
     def _motions(self, values: Array) -> Array:
         """Of each block, f64[G, 4, 4]: of boards as an object that is moved sees them, or of brackets in their own

@@ -31,10 +31,13 @@ class Mesh:
         self._shape = _convex(mesh)
 
     def separation(self, points: Array, directions: Array) -> Array:
-        """Signed distance along each ray f64[m, 3] to where it enters, f64[m]; inf where it misses."""
+        """Signed distances from points f64[m, e, 3] along their ray f64[m, 3] to where it enters, f64[m, e]; inf where
+        it misses.
+        """
         if self._shape is not None:
-            return self._shape.ray_separation(points, directions)
-        return _through_triangles(self._triangles, points, directions)
+            return self._shape.ray_separation(points, directions[:, None])
+        rays = np.repeat(directions, points.shape[1], axis=0)
+        return _through_triangles(self._triangles, points.reshape(-1, 3), rays).reshape(points.shape[:2])
 
 
 def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:

@@ -33,7 +33,9 @@ EQUAL_M: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Distances:
-    """Distances of pieces that occur, f64[d], and which one it is from each to every other, [9, m, m, 9]."""
+    """Distances of pieces that occur, f64[d], and which one it is to each of a taxel's pieces (first axis) from every
+    piece (second) of every taxel, [9, 9, m, m]: from taxels, to taxels.
+    """
 
     apart_m: Array
     which: NDArray[np.intp]
@@ -53,7 +55,7 @@ def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
 @lru_cache(maxsize=16)
 def _kernel(distances: _Distances, spread_m: float, side_m: float) -> Array:
     """See `sheet_kernel`; fingers that are built alike share it."""
-    kernel = _shares(distances.apart_m, spread_m, side_m)[distances.which].mean(axis=-1)
+    kernel = _shares(distances.apart_m, spread_m, side_m)[distances.which].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
     kernel.setflags(write=False)
     return np.asarray(kernel)
@@ -76,10 +78,10 @@ def taxel_kernel(kernel: Array, share: Array | None) -> Array:
 def _distances(board: BoardLayout) -> _Distances:
     """Of a board's pieces; of boards that are built alike the same object, as long as it is in use."""
     points = board.pieces
-    steps = np.empty((PIECES**2, len(points), len(points), PIECES**2), np.int64)
-    for piece in range(PIECES**2):
-        apart = np.linalg.norm(points[:, piece, None, None] - points[None], axis=-1)
-        steps[piece] = np.rint(apart / EQUAL_M)
+    steps = np.empty((PIECES**2, PIECES**2, len(points), len(points)), np.int64)
+    for end, begin in np.ndindex(steps.shape[:2]):
+        apart = np.linalg.norm(points[:, begin, None] - points[:, end], axis=-1)
+        steps[end, begin] = np.rint(apart / EQUAL_M)
     values, which = np.unique(steps, return_inverse=True)
     found = _Distances(EQUAL_M * values.astype(np.float64), which.reshape(steps.shape))
     return _known.setdefault(sha256(steps.tobytes()).digest(), found)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
-from taxel.gap.effects.geometry import geometry_of, unchanged, with_change
+from taxel.gap.effects.geometry import changed, geometry_of, with_change
 from taxel.gap.state import Signal, State
 
 TAXEL_PRIOR = 0.35
@@ -51,9 +51,9 @@ class Sinking(Stiffness):
         if (values == 1.0).all() or signal.force is None or signal.drop is not None:
             return signal
         geometry, blocks = geometry_of(state), self.blocks(state)
-        change = unchanged(state)
-        for number, contact in enumerate(geometry.contacts):
-            scale = float(values[0, blocks[contact.cell, contact.taxels[0]]])
-            if scale != 1.0:
-                change[contact.cell][..., contact.taxels] = geometry.sunk(number, scale)
+        scales = {
+            number: float(values[0, blocks[contact.cell, contact.taxels[0]]])
+            for number, contact in enumerate(geometry.contacts)
+        }
+        change = changed(state, geometry.sunk({number: scale for number, scale in scales.items() if scale != 1.0}))
         return super().apply(state, with_change(state, signal, change), values)

@@ -8,7 +8,7 @@ from taxel.gap.page.colours import STEPS
 from taxel.gap.page.report import Report
 from taxel.gap.page.tables import Section, paragraph
 from taxel.gap.page.text import SMALL_P, listed, number, with_unit, words
-from taxel.gap.page.unrolled import Unrolled, unrolled_of, view_svg
+from taxel.gap.page.unrolled import LEAST_SHARE, Unrolled, unrolled_of, view_svg
 
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
@@ -49,7 +49,8 @@ def _legend(unrolled: Unrolled) -> str:
     unknown = any(math.isnan(value) for values in unrolled.excess for value in values)
     keys = []
     if unrolled.marks[0].boards:
-        keys.append(f"<b>Bold frame</b>: board with p &lt; {SMALL_P}, and its share of the excess")
+        least = f"p &lt; {SMALL_P} and {100 * LEAST_SHARE:.0f}&#160;% of the excess or more"
+        keys.append(f"<b>Bold frame</b>: board with {least}, and its share")
     if unrolled.marks[0].lines:
         keys.append(f'<span class="key">&#9662;</span> line with p &lt; {SMALL_P}')
     if unrolled.marks[1].boards or unrolled.marks[1].lines:

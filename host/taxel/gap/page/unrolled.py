@@ -10,7 +10,7 @@ from typing import Any
 from taxel.gap.errors import GapInputError
 from taxel.gap.page.board_map import EDGE, Board, Placed, View, boards_of, views_of
 from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css, step_of, top_of
-from taxel.gap.page.fields import REMEDY
+from taxel.gap.page.fields import REMEDY, Value
 from taxel.gap.page.places import line_of
 from taxel.gap.page.report import Report, address_of
 from taxel.gap.page.text import escaped, is_small, listed, number, percent, plural
@@ -19,6 +19,7 @@ CELL = 10  # units of the picture
 SQUARE = 8.6  # side of a taxel, units
 MARGIN = 0.7
 LARGEST_CELL_PX = 11
+LEAST_SHARE = 0.01  # of the excess, of a board that is marked
 _NAMED = 3  # boards that the words for a picture name
 
 _STAGES = ("before", "after")
@@ -46,7 +47,8 @@ class Unrolled:
         views: the pictures of the hand, drawn beside each other.
         excess: before and after, counts squared, each [n]; NaN where nothing is known.
         top: the end of the colour scale, counts.
-        marks: before, boards and lines whose p-value is small; after, those where something unexplained is left.
+        marks: before, boards and lines of small p-value, the boards of no small share; after, those where something
+            unexplained is left.
     """
 
     views: tuple[View, ...]
@@ -71,13 +73,16 @@ def unrolled_of(report: Report) -> Unrolled | None:
 
 def _marks_before(report: Report) -> Marks:
     where = report.where
-    boards = {
-        address_of(entry): entry.number("share")
-        for entry in where.maybe_list("sensors")
-        if is_small(entry.maybe_number("p_value"))
-    }
+    boards = {address_of(entry): entry.number("share") for entry in where.maybe_list("sensors") if _is_marked(entry)}
     lines = {line_of(entry) for entry in where.maybe_list("lines") if is_small(entry.maybe_number("p_value"))}
     return Marks(boards, frozenset(lines))
+
+
+def _is_marked(entry: Value) -> bool:
+    """Whether a board's share of the excess is no chance, and can be seen: where noise is all that differs, it does so
+    surely on every board.
+    """
+    return is_small(entry.maybe_number("p_value")) and entry.number("share") >= LEAST_SHARE
 
 
 def _marks_after(report: Report) -> Marks:
