@@ -17,6 +17,9 @@ ASKED: Final = (
 )  # fmt: skip
 """Figures that are shares: title, key, demand, bound, whether more is better."""
 
+LEAST_INTERVALS: Final = 10
+"""Of fewer no share lies between 90 and 99 %: they cannot tell whether as many hold as should."""
+
 
 def sheet(score: Mapping[str, Any], told: str) -> str:
     """The page. told: when and by which command, a line."""
@@ -73,7 +76,7 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
         title = "predicted against measured shrink, mean difference"
         lines.append(_row(title, "at most 5 points", f"{points:.1f}", of, points <= 5.0))
     cover = part["coverage"]
-    held = cover["share"] is not None and 0.9 <= cover["share"] <= 0.99
+    held = cover["share"] is not None and 0.9 <= cover["share"] <= 0.99 if cover["of"] >= LEAST_INTERVALS else None
     title = "coverage of 95 % intervals"
     lines.append(_row(title, "90 to 99 %", _percent(cover["share"], 1), cover["of"], held, _interval(cover)))
     return lines + _told(part)

@@ -251,6 +251,15 @@ def test_the_sheet_marks_what_holds_and_what_is_missed():
     assert rows["silent board or open line that was loaded, found by place"].endswith("holds |")
 
 
+@pytest.mark.parametrize(("right", "of", "mark"), [(8, 8, ""), (7, 8, ""), (10, 10, "**missed**"), (9, 10, "holds")])
+def test_few_intervals_are_not_judged(right, of, mark):
+    score = full_score()
+    part = score["rig4"]["coverage"]
+    score["rig4"]["coverage"] = {**part, "right": right, "of": of, "share": right / of, "ci95": (0.5, 1.0)}
+    (line,) = [line for line in sheet(score, "").splitlines() if line.startswith("| coverage")]
+    assert line.split("|")[-2].strip() == mark
+
+
 def test_the_sheet_tells_its_command_what_hid_the_truth_and_what_broke():
     text = sheet(full_score(), "Made by `taxel gap blind --worlds 6`.")
     assert text.startswith("# Blind check: score sheet\n\nMade by `taxel gap blind --worlds 6`.\n")

@@ -8,7 +8,7 @@ import pytest
 from taxel.gap.effects import geometry as geometry_module
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, unchanged, with_change
-from taxel.gap.effects.layer_law import Law, law_of_pieces, pressed_to, pressed_to_each
+from taxel.gap.effects.layer_law import TOGETHER, Law, law_of_pieces, pressed_to, pressed_to_each, pressed_together
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.features import Layout
@@ -44,6 +44,20 @@ def test_a_board_approaches_until_it_bears_each_net_force():
     for net, own in zip(nets.tolist(), pressed, strict=True):
         np.testing.assert_allclose(pressed_to(HARDENING, depth, net), own, rtol=1e-12)
     assert ((pressed[1:] > 0.0).sum(axis=(1, 2)) >= (pressed[:-1] > 0.0).sum(axis=(1, 2))).all()
+
+
+def test_boards_that_are_pressed_together_bear_what_each_bears_alone():
+    """Also of unequal sizes, more than fit into one go, one of which nothing presses but the last taxel."""
+    rng = np.random.default_rng(5)
+    depths = [ball(height)[: rng.integers(20, 49)] for height in rng.uniform(-2e-3, 2e-3, TOGETHER + 3)]
+    depths.append(np.full((5, 9), -1.0))
+    depths[-1][4, 8] = -0.02
+    nets = rng.uniform(0.2, 30.0, (len(depths), 3))
+    nets[-1] = 0.2, 0.01, 0.1  # one piece alone
+    for depth, net, pressed in zip(depths, nets, pressed_together(HARDENING, depths, nets), strict=True):
+        np.testing.assert_allclose(pressed, pressed_to_each(HARDENING, depth, net), rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(pressed.mean(axis=2).sum(axis=1), net, rtol=1e-9)
+    assert pressed_together(HARDENING, [], np.zeros((0, 3))) == []
 
 
 def test_the_law_of_pieces_is_what_makes_the_taxels_forces():

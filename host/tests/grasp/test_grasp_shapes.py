@@ -37,6 +37,19 @@ def crossings(shape, point, direction, resolution):
 
 
 @every_shape
+def test_points_may_share_a_direction(shape):
+    """Exactly as if each had it, along faces too."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-0.06, 0.16, (400, 9, 3))
+    directions = unit(rng.normal(size=(400, 1, 3)))
+    directions[:3, 0] = UP, EAST, NORTH
+    found = shape.ray_separation(points, directions)
+    np.testing.assert_array_equal(found, shape.ray_separation(points, np.repeat(directions, 9, axis=1)))
+    assert np.isfinite(found).sum() > 200
+    assert shape.ray_separation(points[:0], directions[:0]).shape == (0, 9)
+
+
+@every_shape
 def test_a_ray_enters_where_it_enters_the_mesh(shape):
     seed = 1
     rng = np.random.default_rng(seed)

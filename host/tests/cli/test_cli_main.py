@@ -1,0 +1,34 @@
+"""The program loads what a command needs, and knows all of them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import typer
+
+from taxel.cli.main import app_of
+
+
+def names(app: typer.Typer) -> set[str]:
+    return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def test_one_command_alone_is_still_a_command():
+    assert names(app_of("gap")) == {"gap"}
+    assert names(app_of("record")) == {"record"}
+    assert names(app_of("bench")) == {"bench"}
+
+
+def test_without_a_known_name_all_are_there():
+    every = names(app_of())
+    assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= every
+    assert names(app_of("no_such_command")) == every
+    assert names(app_of("--help")) == every
+
+
+def test_a_diagnosis_does_not_load_what_others_draw_with():
+    program = "import sys; from taxel.cli.main import app_of; app_of('gap'); print(*sys.modules)"
+    found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
+    assert "taxel.gap.diagnosis" in found
+    assert not {"matplotlib", "taxel.cli.thesis", "taxel_tools.bench"} & set(found)
