@@ -11,12 +11,6 @@ from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from taxel.blind.answers import answers
-from taxel.blind.records import RECORDS, read_records, require_diagnosis, together, versions, write_records
-from taxel.blind.run import opened, run_worlds, seal
-from taxel.blind.score import score
-from taxel.blind.sheet import sheet
-from taxel.blind.version import diagnosis_version
 from taxel.errors import TaxelError
 
 
@@ -37,6 +31,14 @@ def blind(
 
     Example: taxel gap blind --worlds 24 --out out/blind
     """
+    # Here, for a diagnosis needs no emulator: the other commands of the group load in half the time.
+    from taxel.blind.answers import answers
+    from taxel.blind.records import RECORDS, read_records, require_diagnosis, together, versions, write_records
+    from taxel.blind.run import opened, run_worlds, seal
+    from taxel.blind.score import score
+    from taxel.blind.sheet import sheet
+    from taxel.blind.version import diagnosis_version
+
     if worlds < 1 or full_hand < 0:
         raise TaxelError("--worlds: expected 1 or more, and --full-hand 0 or more; correct the number")
     if seed is not None and seed < 0:
