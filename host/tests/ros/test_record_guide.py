@@ -33,7 +33,7 @@ def commands(kind):
 
 def example(command):
     """The words of the example in a command's help."""
-    text = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(cli.app_of(command), [command, "--help"], env={"COLUMNS": "200"}).output
     return shlex.split(EXAMPLE.search(text)[1])[1:]
 
 
