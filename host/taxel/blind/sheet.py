@@ -76,7 +76,7 @@ def _asked(part: Mapping[str, Any]) -> list[str]:
         title = "predicted against measured shrink, mean difference"
         lines.append(_row(title, "at most 5 points", f"{points:.1f}", of, points <= 5.0))
     cover = part["coverage"]
-    held = cover["share"] is not None and 0.9 <= cover["share"] <= 0.99 if cover["of"] >= LEAST_INTERVALS else None
+    held = 0.9 <= cover["share"] <= 0.99 if cover["of"] >= LEAST_INTERVALS else None
     title = "coverage of 95 % intervals"
     lines.append(_row(title, "90 to 99 %", _percent(cover["share"], 1), cover["of"], held, _interval(cover)))
     return lines + _told(part)

@@ -12,26 +12,14 @@ import typer
 
 from taxel.errors import TaxelError
 
-COMMANDS: Final = MappingProxyType(
-    {
-        "convert": "convert:convert",
-        "demo": "demo:demo",
-        "emulate": "emulate:emulate",
-        "feel": "feel:feel",
-        "generate": "generate:generate",
-        "grasp": "grasp:grasp",
-        "monitor": "monitor:monitor",
-        "record": "record:record",
-        "replay": "replay:replay",
-        "ros": "ros:ros",
-        "show": "show:show",
-        "thesis": "thesis:thesis",
-    }
+COMMANDS: Final[tuple[str, ...]] = (
+    *("convert", "demo", "emulate", "feel", "generate", "grasp"),
+    *("monitor", "record", "replay", "ros", "show", "thesis"),
 )
-"""Where each command is, in this folder."""
+"""Commands; each is a function in a file of its name in this folder."""
 
 GROUPS: Final = MappingProxyType({"cloud": "cloud:cloud_app", "gap": "gap:gap_app", "import": "import_data:import_app"})
-"""Where each group of commands is."""
+"""Groups of commands: file, and the group in it."""
 
 PLUGINS: Final = "taxel.commands"
 """Entry points of commands from elsewhere."""
@@ -54,7 +42,7 @@ def app_of(name: str = "") -> typer.Typer:
     every = {*COMMANDS, *GROUPS, *plugins.names}
     wanted = {name} if name in every else every
     for one in [one for one in COMMANDS if one in wanted]:
-        app.command(one)(_loaded(COMMANDS[one]))
+        app.command(one)(_loaded(f"{one}:{one}"))
     for one in [one for one in GROUPS if one in wanted]:
         app.add_typer(_loaded(GROUPS[one]), name=one)
     for point in [point for point in plugins if point.name in wanted]:

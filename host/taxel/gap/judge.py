@@ -194,15 +194,12 @@ class Judge:
         """Fitted to all cells."""
         return fit(self.problem(), chain, fixed, iterations)
 
-    def cross_validated(self, chain: Chain, fixed: tuple[str, ...] = ()) -> tuple[Array, tuple[Chain, ...]]:
-        """Each part as predicted by a fit to the others, f64[C, F, n], and these fits. chain: fitted to all of them."""
-        (found,) = self.cross_validated_each([chain], fixed)
-        return found
-
-    def cross_validated_each(
+    def cross_validated(
         self, chains: Sequence[Chain], fixed: tuple[str, ...] = ()
     ) -> list[tuple[Array, tuple[Chain, ...]]]:
-        """The same of several chains: all their fits are shared out at once, for some chains take far longer."""
+        """For each chain, fitted to all parts: each part as predicted by a fit to the others, f64[C, F, n], and these
+        fits. They are shared out at once, for those of some chains take far longer.
+        """
         starts = in_copies(self.state, lambda chain: start_of(self.state, chain, fixed), chains)
         numbers = range(int(self.parts.max()) + 1)
 

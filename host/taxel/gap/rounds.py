@@ -138,7 +138,7 @@ def cross_validated(judge: Judge, trial: Trial) -> Trial:
 
 def cross_validated_each(judge: Judge, trials: Sequence[Trial]) -> list[Trial]:
     """The same of several."""
-    each = judge.cross_validated_each([trial.chain for trial in trials], FIXED)
+    each = judge.cross_validated([trial.chain for trial in trials], FIXED)
     return [_judged(judge, trial, *found) for trial, found in zip(trials, each, strict=True)]
 
 

@@ -8,7 +8,7 @@ import pytest
 from taxel.gap.effects import geometry as geometry_module
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, unchanged, with_change
-from taxel.gap.effects.layer_law import TOGETHER, Law, law_of_pieces, pressed_to, pressed_to_each, pressed_together
+from taxel.gap.effects.layer_law import TOGETHER, Law, law_of_pieces, pressed_together
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.features import Layout
@@ -16,6 +16,16 @@ from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
 
 HARDENING = Law(np.array([0.0, 5e-4, 1e-3, 1.5e-3]), np.array([0.0, 0.2, 1.0, 3.0]))
+
+
+def pressed_to_each(law: Law, depth: np.ndarray, nets: np.ndarray) -> np.ndarray:
+    """One board alone, f64[L, m, 9]."""
+    return pressed_together(law, [depth], nets[None])[0]
+
+
+def pressed_to(law: Law, depth: np.ndarray, net_n: float) -> np.ndarray:
+    """At one net force, f64[m, 9]."""
+    return pressed_to_each(law, depth, np.array([net_n]))[0]
 
 
 def ball(height_m: float = 0.0, pitch_m: float = 5e-3) -> np.ndarray:

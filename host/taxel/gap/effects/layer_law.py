@@ -135,20 +135,11 @@ def _as_pressed(law: Law, presses: Sequence[tuple[Array, Array]]) -> list[Array]
     return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in presses], nets)]
 
 
-def pressed_to(law: Law, depth: Array, net_force: float) -> Array:
-    """Pressures f64[m, 9] of pieces pressed in by `depth` f64[m, 9], as the force of a taxel that is pressed so all
-    over, when the board approaches until they bear the net force.
-    """
-    return np.asarray(pressed_to_each(law, depth, np.array([net_force]))[0])
-
-
-def pressed_to_each(law: Law, depth: Array, net_force: Array) -> Array:
-    """The same for net forces f64[L], of one board, f64[L, m, 9]."""
-    return pressed_together(law, [depth], net_force[None])[0]
-
-
 def pressed_together(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array]:
-    """The same of N boards, each by itself. depths: N times f64[m, 9]. net_forces: f64[N, L]."""
+    """Pressures f64[L, m, 9] of the pieces of N boards, as the force of a taxel that is pressed so all over, when each
+    board approaches until they bear its net forces. depths: N times f64[m, 9], how far each piece is pressed in.
+    net_forces: f64[N, L], newtons.
+    """
     groups = [slice(first, first + TOGETHER) for first in range(0, len(depths), TOGETHER)]
     return [pressed for own in groups for pressed in _pressed(law, depths[own], net_forces[own])]
 

@@ -11,8 +11,8 @@ from typing import Any
 from taxel.gap.page.board_map import EDGE, Placed
 from taxel.gap.page.colours import LIGHT, STEPS, step_of
 from taxel.gap.page.report import Report
-from taxel.gap.page.text import number
-from taxel.gap.page.unrolled import CELL, SQUARE, Marks, Unrolled, labelled, required_unrolled
+from taxel.gap.page.text import SMALL_P, number
+from taxel.gap.page.unrolled import CELL, LEAST_SHARE, SQUARE, Marks, Unrolled, labelled, required_unrolled
 
 _INCHES_PER_CELL = 0.09
 _DPI = 150
@@ -131,7 +131,8 @@ def _draw_scale(axis: Any, top: float, y: float) -> None:
     for share in (0.0, 0.5, 1.0):
         text = number(share * top)
         _write(axis, _GAP + share * _RAMP, y + 2.9, text, fontsize=7, color=_MUTED, horizontalalignment="center")
-    words = "root of the excess, counts; bold frame, arrow: board, line with p < 0.05"
+    of_boards = f"with {100 * LEAST_SHARE:.0f} % of it at least"
+    words = f"root of the excess, counts; p < {SMALL_P}: arrow, line; bold frame, board {of_boards}"
     _write(axis, _GAP + _RAMP + 2.5, y + 1.1, words, fontsize=7, color=_MUTED)
 
 
