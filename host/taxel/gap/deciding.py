@@ -96,7 +96,7 @@ def _weighed(standing: Standing, trial: Trial, every: tuple[Trial, ...], names_t
     least, noticeable = asked_of(standing)
     gain, p_value = weighed.better()
     p_value = min(1.0, p_value * names_tried)
-    level = PLAIN_LEVEL if weighed.does_most else LEVEL
+    level = PLAIN_LEVEL if weighed.does_most or weighed.takes_most else LEVEL
     shared = weighed.held.share_of(standing.start, standing.base, noticeable) > least
     large = (p_value < level and (shared or weighed.takes_most)) or is_counted(trial)
     return Round(standing.base, every, trial, gain, p_value, large and weighed.is_material(least))

@@ -6,14 +6,16 @@ to one block of an effect only, so one evaluation gives every block's derivative
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
+from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.equations import Column, Problem, Steps, gradient_of, system_of
 from taxel.gap.state import State
@@ -49,6 +51,10 @@ FAR: Final = 0.05
 """Relative gain of a step beyond which derivatives are worked out anew; after a shorter one a chord serves."""
 
 
+Known = Mapping[str, tuple[Column, ...]]
+NOTHING_KNOWN: Final[Known] = MappingProxyType({})
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """chain: with the fitted values. features: f64[C, F, n]. cost: of the problem, without priors."""
@@ -75,6 +81,13 @@ def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
     return Start(chain, features, _columns(state, chain, free_links(chain, fixed), features))
 
 
+def near_their_end(state: State, chain: Chain, features: Array, fixed: Sequence[str] = ()) -> Known:
+    """Derivatives of a chain's effects, each by its name, for fits that hardly move them. features: of the chain."""
+    free = free_links(chain, fixed)
+    found = in_copies(state, lambda index: _columns(state, chain, [index], features), free)
+    return {chain.links[index].effect.name: columns for index, columns in zip(free, found, strict=True)}
+
+
 def free_links(chain: Chain, fixed: Sequence[str]) -> list[int]:
     """Places of the links whose values are fitted."""
     return [index for index, link in enumerate(chain.links) if link.effect.name not in fixed]
@@ -86,8 +99,11 @@ def fit(
     fixed: Sequence[str] = (),
     iterations: int = ITERATIONS,
     start: Start | None = None,
+    known: Known = NOTHING_KNOWN,
 ) -> Fit:
-    """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`)."""
+    """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`). known:
+    derivatives, by effect, that serve throughout.
+    """
     problem = Problem(problem.state, np.where(problem.weight > 0, problem.target, 0.0), problem.weight)
     free = free_links(chain, fixed)
     point = _Point.of(problem, chain, free, start.features if start else None)
@@ -98,7 +114,7 @@ def fit(
         fresh = number == 0 or (gain > FAR and not start)
         last = fresh or start is not None
         if fresh:
-            columns = start.columns if start else _columns(problem.state, point.chain, free, point.features)
+            columns = start.columns if start else _columns(problem.state, point.chain, free, point.features, known)
             steps = Steps(system_of(problem, columns))
         gradient = _gradient(problem, columns, point, free)
         before, gain = point, 0.0
@@ -161,10 +177,15 @@ def _scale(parameter: Parameter, values: Array) -> Array:
     return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
 
 
-def _columns(state: State, chain: Chain, free: list[int], features: Array) -> tuple[Column, ...]:
-    columns = []
+def _columns(
+    state: State, chain: Chain, free: list[int], features: Array, known: Known = NOTHING_KNOWN
+) -> tuple[Column, ...]:
+    columns: list[Column] = []
     for index in free:
         link = chain.links[index]
+        if link.effect.name in known:
+            columns += known[link.effect.name]
+            continue
         blocks = link.effect.blocks(state)
         for row, parameter in enumerate(link.effect.parameters()):
             step = STEP * _scale(parameter, link.values[row])

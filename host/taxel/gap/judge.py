@@ -1,26 +1,26 @@
 """How much of the gap a chain of effects explains, on cells that it was not fitted to.
 
 The score is the excess with every feature divided by what sessions and an imperfect solver scatter: a mean of products
-of different sessions' residuals, so that scatter cancels. Its error comes from leaving one session out (jackknife).
+of different sessions' residuals, so that scatter cancels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from taxel.gap.chain import Chain
 from taxel.gap.cores import in_copies
 from taxel.gap.equations import Problem
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.fit import ITERATIONS, Fit, Start, fit, start_of
-from taxel.gap.metric import jackknife_error, leave_one_out, off_diagonal, terms, total
+from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, Fit, Known, Start, fit, start_of
+from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
+from taxel.gap.score import Score, scatter2
 from taxel.gap.state import State
 
 Array = NDArray[np.float64]
@@ -40,9 +40,6 @@ TOLERANCE_COUNTS: Final = {"drop": 3.0, "noise": 1.0, "missing": 5.0, "onset": 8
 NOISE: Final = 1
 """Place of the noise among the families."""
 
-LEAST_FAMILY: Final = 1e-3
-"""Share of the score below which a family of features says nothing."""
-
 NOTICEABLE: Final = 0.25
 """Mean square of standardised residuals that a simulator without any effect to be found stays below."""
 
@@ -52,39 +49,6 @@ emulator, whose worlds without effect have 0.03 to 0.15."""
 
 REFITS: Final = 3
 """Iterations of a fit that begins near its end."""
-
-
-@dataclass(frozen=True, eq=False)
-class Score:
-    """value: of all sessions. left: f64[S], without each. families: f64[5], of each family of features alone."""
-
-    value: float
-    left: Array
-    families: Array
-
-    def share_of(self, start: Score, base: Score, least: Array | float = 0.0) -> float:
-        """The greatest share of what a family was at the start that has gone since `base`: noise must not hide what
-        else is there by being so clear. least: f64[5], of a family at the start; what is smaller says nothing.
-        """
-        there = start.families > np.maximum(LEAST_FAMILY * max(start.value, 0.0), least)
-        gone = base.families - self.families
-        return float(np.max(gone[there] / start.families[there], initial=0.0))
-
-    def gone_of(self, other: Score) -> float:
-        """Share of what `other` has left that is gone with this one; 0 where it has left nothing."""
-        return 1.0 - self.value / other.value if other.value > 0 else 0.0
-
-    def better_than(self, other: Score) -> tuple[float, float]:
-        """By how much this score is lower, and the p-value of that being chance."""
-        gain = other.value - self.value
-        steps = other.left - self.left
-        count = len(steps)
-        if count < 3:
-            return gain, 0.5 if gain > 0 else 1.0
-        error = float(jackknife_error(steps))
-        if error <= 0:
-            return gain, 0.0 if gain > 0 else 1.0
-        return gain, float(student.sf(gain / error, count - 1))
 
 
 class Judge:
@@ -154,29 +118,42 @@ class Judge:
         if not self.sessions.is_complete:  # as a rule they are, and one product of matrices serves
             return self._score_of_some(features, weight)
         residual = self.sessions.residual(features)
-        # Per session pair: sum over s != t of w D_s D_t, over their number.
+        # Per pair of sessions and cell: sum over s != t of w D_s D_t, over their number.
         weighted = residual * weight[:, None]
-        grams = np.stack(
-            [
-                np.tensordot(weighted[:, :, own], residual[:, :, own], axes=((0, 2, 3), (0, 2, 3)))
-                for own in self.layout.families
-            ]
-        )
-        gram = grams.sum(axis=0)
-        left = [off_diagonal(gram[np.ix_(stay, stay)]) for stay in leave_one_out(len(gram))]
-        return Score(float(off_diagonal(gram)), np.array(left, dtype=np.float64), off_diagonal(grams))
+        grams = np.stack([_products(weighted[:, :, own], residual[:, :, own]) for own in self.layout.families])
+        cells, families = grams.sum(axis=0), off_diagonal(grams.sum(axis=1))
+        left = [off_diagonal(cells[:, stay][:, :, stay]) for stay in leave_one_out(cells.shape[1])]
+        return Score(float(families.sum()), np.array(left), families, self.together)
 
     def _score_of_some(self, features: Array, weight: Array) -> Score:
         """As `score`, where sessions lack cells: what is known stands for its like."""
         every = weight.sum(axis=(0, 2))
 
         def families(told: Array, known: NDArray[np.bool_]) -> Array:
-            sums, parts = np.einsum("cfn,cfn->f", weight, told), np.einsum("cfn,cfn->f", weight, known)
-            own = [(sums[one].sum(), parts[one].sum(), every[one].sum()) for one in self.layout.families]
-            return np.array([found * (whole / part) if part > 0 else 0.0 for found, part, whole in own])
+            """Of each family and cell, f64[5, C]."""
+            sums, parts = np.einsum("cfn,cfn->fc", weight, told), np.einsum("cfn,cfn->f", weight, known)
+            own = [(sums[one].sum(axis=0), parts[one].sum(), every[one].sum()) for one in self.layout.families]
+            return np.array([found * (whole / part if part > 0 else 0.0) for found, part, whole in own])
 
         found, *left = (families(*one) for one in self.sessions.excesses(features))
-        return Score(float(found.sum()), np.array([one.sum() for one in left]), found)
+        return Score(float(found.sum()), np.array([one.sum(axis=0) for one in left]), found.sum(axis=1), self.together)
+
+    @cached_property
+    def together(self) -> float:
+        """How much more what a session adds to all presses scatters, than if presses scattered by themselves: of the
+        amplitude of the hand and of each board, and of what is added to it. At least 1.
+        """
+        bins, pair = slice(0, self.layout.bins), self.state.pair
+        scatter = np.nan_to_num(self.sessions.value - self.sessions.mean[:, None])[:, :, bins]
+        own = np.arange(int(pair.groups.sensor.max()) + 1)[:, None] == pair.groups.sensor
+        own = np.vstack([own, np.ones(pair.n, np.bool_)]).astype(np.float64)
+        found = []
+        for change in (self.state.mean[:, bins], np.ones_like(self.state.mean[:, bins])):
+            each = np.einsum("csfn,cfn->csn", scatter, self.weight[:, bins] * change) @ own.T
+            found += [scatter2(one.T) for one in np.moveaxis(each, 2, 0)]
+        ratio = np.array([whole / apart if apart > 0 else 1.0 for whole, apart, _ in found])
+        several = np.array([1.0 - 1.0 / cells for *_, cells in found])  # one cell says nothing of two
+        return float(max(several @ ratio / several.sum(), 1.0)) if several.sum() > 0 else 1.0
 
     def excess(self, features: Array) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
@@ -190,9 +167,11 @@ class Judge:
         scale = self.layout.scale(features.shape[0], features.shape[2])
         return self.score(features, self._counting(np.broadcast_to(scale, features.shape)))
 
-    def in_sample(self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = ITERATIONS) -> Fit:
-        """Fitted to all cells."""
-        return fit(self.problem(), chain, fixed, iterations)
+    def in_sample(
+        self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = ITERATIONS, known: Known = NOTHING_KNOWN
+    ) -> Fit:
+        """Fitted to all cells. known: as `fit` takes it."""
+        return fit(self.problem(), chain, fixed, iterations, known=known)
 
     def cross_validated(
         self, chains: Sequence[Chain], fixed: tuple[str, ...] = ()
@@ -218,6 +197,12 @@ class Judge:
                 parts.append(chain)
             found.append((result, tuple(parts)))
         return found
+
+
+def _products(first: Array, other: Array) -> Array:
+    """Of all pairs of sessions, added in each cell, f64[C, S, S]. first, other: f64[C, S, F, n]."""
+    shape = (*first.shape[:2], first.shape[2] * first.shape[3])
+    return np.asarray(first.reshape(shape) @ other.reshape(shape).transpose(0, 2, 1))
 
 
 def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from taxel.gap.chances import student_quantile, student_tail
 from taxel.gap.features import Layout, SessionMeans
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def jackknife(values: Array, whole: float) -> Interval:
     if count < 3:
         return Interval(whole, None, None, None)
     error = float(jackknife_error(values))
-    half = float(student.ppf(0.975, count - 1)) * error
+    half = student_quantile(0.975, count - 1) * error
     return Interval(whole, whole - half, whole + half, error, count - 1)
 
 
@@ -133,7 +133,7 @@ def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval
     if total2 == 0.0:
         return Interval(first.value, first.value, first.value, 0.0)
     freedom = total2**2 / float(np.sum(errors2**2 / np.array([first.freedom, other.freedom, np.inf])) or 1e-300)
-    half = float(student.ppf(0.975, freedom) * np.sqrt(total2))
+    half = student_quantile(0.975, freedom) * float(np.sqrt(total2))
     return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), freedom)
 
 
@@ -152,7 +152,7 @@ def upper_bound(interval: Interval, sessions: int) -> float:
     """One-sided 95 % bound above; the value itself below 3 sessions."""
     if interval.error is None:
         return interval.value
-    return interval.value + float(student.ppf(0.95, sessions - 1)) * interval.error
+    return interval.value + student_quantile(0.95, sessions - 1) * interval.error
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,4 +199,4 @@ def _p_value(excess: Interval, sessions: int) -> float:
         return 1.0 if excess.value <= 0 else 0.5
     if excess.error == 0:
         return 0.0 if excess.value > 0 else 1.0
-    return float(student.sf(excess.value / excess.error, sessions - 1))
+    return student_tail(excess.value / excess.error, sessions - 1)

@@ -17,8 +17,9 @@ from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import TAXEL, Effect
 from taxel.gap.effects.noise import Noise
-from taxel.gap.fit import ITERATIONS, started
-from taxel.gap.judge import Judge, Score
+from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, Known, near_their_end, started
+from taxel.gap.judge import Judge
+from taxel.gap.score import Score
 from taxel.gap.standing import Standing
 from taxel.gap.trial import ALIKE, Round, Trial
 from taxel.gap.weighing import MOST_OF_LEFT, Weighed, is_noise_told, much_is_left
@@ -31,6 +32,9 @@ SHORTLIST: Final = 4
 
 GLANCE: Final = 4
 """Iterations of the fits that make the short list."""
+
+PROMISED: Final = 0.75
+"""Of what an effect must do of what is left, that shows at a glance."""
 
 FIXED: Final = (DROPOUT,)
 """Links that are found, not fitted with the others."""
@@ -56,6 +60,8 @@ def _round(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> Round:
     judge = standing.judge
     trials = glanced(standing, forms, fixed)
     chosen = _short_list(standing, trials)
+    if set(standing.chain.names) - set(fixed):  # only what does most of what is left would be taken
+        chosen = [trial for trial in chosen if _promises_most(standing, trial)]
     fitted = in_copies(judge.state, lambda trial: tried(judge, trial.name, trial.chain), chosen)
     held = [trial for trial in cross_validated_each(judge, fitted) if not is_idle(judge, trial)]
     return decided(standing, held, [trial for trial in trials if trial not in chosen])
@@ -66,7 +72,10 @@ def glanced(standing: Standing, forms: Forms, fixed: tuple[str, ...]) -> list[Tr
     judge = standing.judge
     # The longest first: nobody waits for it at the end.
     jobs = sorted(_jobs(standing, forms), key=lambda job: -job[1].values.size)
-    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], standing.chain, job[1], fixed), jobs)
+    # An earlier effect moves little: one tangent of it serves all that are tried beside it.
+    chain = standing.chain
+    known = near_their_end(judge.state, chain, chain.features(judge.state), fixed) if jobs else NOTHING_KNOWN
+    trials = in_copies(judge.state, lambda job: _glanced(judge, job[0], chain, job[1], fixed, known), jobs)
     return sorted((one for one in trials if not is_idle(judge, one)), key=lambda trial: trial.inside.value)
 
 
@@ -87,6 +96,13 @@ def _short_list(standing: Standing, trials: list[Trial]) -> list[Trial]:
     )
     # What does not answer is found by looking, not by a fit that could beat others: it is always weighed.
     return worthy[:SHORTLIST] + [trial for trial in worthy[SHORTLIST:] if trial.name == DROPOUT]
+
+
+def _promises_most(standing: Standing, trial: Trial) -> bool:
+    """Whether it may do most of what the earlier ones have left, in the score or in counts, once it is fitted."""
+    judge = standing.judge
+    left, less = judge.excess(standing.features), judge.excess(trial.features)
+    return max(trial.inside.gone_of(standing.fitted), 1.0 - less / left) > PROMISED * MOST_OF_LEFT
 
 
 def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
@@ -124,9 +140,9 @@ def tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) -
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 
-def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str, ...]) -> Trial:
+def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str, ...], known: Known) -> Trial:
     """One more effect, after a few iterations."""
-    fitted = judge.in_sample(chain.with_link(link), fixed, GLANCE)
+    fitted = judge.in_sample(chain.with_link(link), fixed, GLANCE, known)
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
-from taxel.gap.judge import Judge, Score
+from taxel.gap.judge import Judge
+from taxel.gap.score import Score
 from taxel.gap.trial import Trial
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.judge import Judge, Score
+from taxel.gap.judge import Judge
+from taxel.gap.score import Score
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
-from scipy.stats import ttest_1samp
 
 from taxel.gap.chain import Link
+from taxel.gap.chances import fisher_tail, student_tail
 from taxel.gap.effects.effect import BOARD, TAXEL
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
@@ -93,9 +92,15 @@ def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -
     told = np.bincount(judge.state.pair.groups.sensor, information, len(logs)) * TELLING**2 > 1.0
     if (at_limit & told).any():
         return "is at the limit of what parts can be"
-    if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and ttest_1samp(logs[told], 0.0).pvalue < LEVEL:
+    if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and _mean_is_sure(logs[told]):
         return "is much the same on every board, which that of parts is not"
     return None
+
+
+def _mean_is_sure(values: Array) -> bool:
+    """Whether their mean is not 0 (two-sided t test)."""
+    error = float(values.std(ddof=1)) / np.sqrt(len(values))
+    return error == 0.0 or 2.0 * student_tail(abs(float(values.mean())) / error, len(values) - 1) < LEVEL
 
 
 def _pattern_of_taxels(judge: Judge, logs: Array, prior: float) -> str | None:
@@ -114,7 +119,7 @@ def _stands_alone(variances: list[float], counts: list[int]) -> bool:
     others = np.arange(len(counts)) != most
     pooled = float(np.average(np.array(variances)[others], weights=freedom[others]))
     ratio = variances[most] / max(pooled, 1e-12)
-    chance = float(fisher.sf(ratio, freedom[most], freedom[others].sum())) * len(counts)
+    chance = fisher_tail(ratio, freedom[most], freedom[others].sum()) * len(counts)
     return ratio > ALONE**2 and chance < LEVEL
 
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
 from taxel.gap.effects.noise import Noise
-from taxel.gap.judge import Judge, Score
+from taxel.gap.judge import Judge
 from taxel.gap.metric import MARGIN_FLOORS, margin2
+from taxel.gap.score import Score
 from taxel.gap.standing import Standing
 from taxel.gap.told import told_of
 from taxel.gap.trial import Trial

@@ -279,7 +279,8 @@ def test_without_a_known_cause_it_is_a_copy_and_says_so(made, status, words):
 
 def test_an_object_that_the_report_has_nothing_of_stays_and_is_named(made):
     form = next(form for form in CATALOGUE["pose_error"] if form.scope == "object")
-    values = np.repeat([[2.0], [0.0], [0.0], [0.0], [0.0], [0.0]], 1, axis=1)
+    values = np.zeros((len(form.parameters()), 1))
+    values[0] = 2.0
     parameters = {
         one.name: {"unit": one.unit, "values": row.tolist()} for one, row in zip(form.parameters(), values, strict=True)
     }

@@ -15,14 +15,14 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.judge import Score
+from taxel.gap.score import Score
 from taxel.gap.trial import Round, Trial
 
 
 def score(value: float) -> Score:
     """Of five sessions that scatter by 1, each score for itself."""
     scatter = np.random.default_rng(int(10 * value)).normal(0.0, 1.0, 5)
-    return Score(value, value + scatter, np.full(5, value))
+    return Score(value, (value + scatter)[:, None], np.full(5, value))
 
 
 BASE = score(100.0)

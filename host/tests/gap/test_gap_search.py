@@ -16,10 +16,10 @@ from taxel.gap.effects.effect import OBJECT
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.fit import started
 from taxel.gap.identify import likenesses
-from taxel.gap.judge import Score
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.rounds import cross_validated, next_round, tried
+from taxel.gap.score import Score
 from taxel.gap.screen import screened
 from taxel.gap.select import _realigned
 from taxel.gap.standing import Standing
@@ -162,7 +162,7 @@ def test_features_that_do_not_count_change_no_score(judge):
 
 def test_a_family_that_was_hardly_there_says_nothing():
     start, base, after = (
-        Score(sum(each), np.zeros(4), np.array([*each, 0.0, 0.0, 0.0]))
+        Score(sum(each), np.zeros((4, 1)), np.array([*each, 0.0, 0.0, 0.0]))
         for each in ((3.0, 900.0), (3.0, 20.0), (1.0, 20.0))
     )
     assert after.share_of(start, base) == pytest.approx(2.0 / 3.0)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import PIECES
+from taxel.gap.effects.held_object import LEAST_SHARE, Push, pushes_together, shifted_load
 from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_together
 from taxel.gap.effects.ray_mesh import Mesh
 from taxel.gap.state import Signal, State
@@ -26,6 +27,12 @@ LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
 
 AS_IS: Final[Mapping[int, float]] = MappingProxyType({})
 """Every contact bears as much as it does."""
+
+FREELY: Final[Mapping[int, float]] = MappingProxyType({})
+"""Nothing holds an object aside."""
+
+STILL: Final = np.eye(4)
+"""A board that does not move."""
 
 REMEMBERED: Final = 100_000_000
 """Bytes of forces of displacements that are kept."""
@@ -79,20 +86,42 @@ class Geometry:
             found[contact.cell, contact.board] = np.divide(pressure, whole, out=even, where=whole > 0.0)
         return found
 
-    def displaced(self, state: State, motions: Mapping[int, Array]) -> dict[int, Array]:
+    @cached_property
+    def together(self) -> list[list[Push]]:
+        """Boards that bear an object together."""
+        cells: dict[int, list[Push]] = {}
+        for number, one in enumerate(self.contacts):
+            turn, force = one.object_from_board[:3, :3], float(one.force.sum())
+            way, middle = one.force @ one.normals, one.force @ one.points.mean(axis=1) / force
+            place = turn @ middle + one.object_from_board[:3, 3]
+            cells.setdefault(one.cell, []).append(Push(number, force, turn @ way / np.linalg.norm(way), place))
+        return pushes_together(cells)
+
+    def displaced(
+        self, state: State, motions: Mapping[int, Array], held: Mapping[int, float] = FREELY
+    ) -> dict[int, Array]:
         """What becomes of the forces on contacts' taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
         when their boards move by f64[4, 4] in their objects' views. motions: by number of the contact, as the result.
+        held: newtons a metre with which their objects are held aside.
 
-        Each board's approach is solved anew so that its net force stays. A fit moves one block after another, and other
-        effects beside: what it has asked before is remembered.
+        Each board's approach is solved anew so that its net force stays, or is what `held_object.py` says. A fit moves
+        one block after another, and other effects beside: what it has asked before is remembered.
         """
+        more: dict[int, float] = {}
+        for own in self.together:
+            told = [held.get(one.number, 0.0) for one in own]
+            if any(told):
+                more |= shifted_load(own, [motions.get(one.number, STILL) for one in own], told)
 
         def depths(numbers: Sequence[int]) -> list[Array]:
             contacts = [self.contacts[number] for number in numbers]
             poses = [motions[number] @ self.contacts[number].object_from_board for number in numbers]
             return piece_depths(state, self.meshes, contacts, poses)
 
-        return self._changed({number: motion.tobytes() for number, motion in motions.items()}, depths)
+        keys = {
+            number: motion.tobytes() + np.float64(more.get(number, 0.0)).tobytes() for number, motion in motions.items()
+        }
+        return self._changed(keys, depths, more=more)
 
     def sunk(self, scales: Mapping[int, float]) -> dict[int, Array]:
         """The same where every piece bears so many times as much at the same depth: a softer layer is pressed deeper
@@ -106,13 +135,14 @@ class Geometry:
         keys: Mapping[int, bytes],
         depths: Callable[[Sequence[int]], list[Array]],
         scales: Mapping[int, float] = AS_IS,
+        more: Mapping[int, float] = FREELY,
     ) -> dict[int, Array]:
         """What is remembered by contact and key; the rest is worked out anew from these depths."""
         result = {number: self._known[number, key] for number, key in keys.items() if (number, key) in self._known}
         new = [number for number in keys if number not in result]
         if new:
             self._rest_at_levels(new)
-            pressed = self._at_levels(new, depths(new), scales)
+            pressed = self._at_levels(new, depths(new), scales, more)
             for number, force in zip(new, pressed, strict=True):
                 result[number] = self._remember((number, keys[number]), _change(self._rests[number], force))
         return result
@@ -124,12 +154,19 @@ class Geometry:
             self._rests.update(zip(new, self._at_levels(new, [self.depths[number] for number in new]), strict=True))
 
     def _at_levels(
-        self, numbers: Sequence[int], depths: Sequence[Array], scales: Mapping[int, float] = AS_IS
+        self,
+        numbers: Sequence[int],
+        depths: Sequence[Array],
+        scales: Mapping[int, float] = AS_IS,
+        more: Mapping[int, float] = FREELY,
     ) -> list[Array]:
-        """Forces f64[L, m] of contacts whose pieces are pressed in like this."""
-        scale = [scales.get(number, 1.0) for number in numbers]
+        """Forces f64[L, m] of contacts whose pieces are pressed in like this. more: newtons that they bear besides."""
+        scale = np.array([scales.get(number, 1.0) for number in numbers])
         whole = np.array([self.contacts[number].force.sum() for number in numbers])
-        pressed = pressed_together(self.piece_law, depths, LEVELS * (whole / scale)[:, None])
+        besides = np.array([more.get(number, 0.0) for number in numbers])
+        # What is held aside is so from the touch on, when a board hardly bears anything.
+        net = np.maximum(LEVELS * whole[:, None] + besides[:, None], LEAST_SHARE * LEVELS * whole[:, None])
+        pressed = pressed_together(self.piece_law, depths, net / scale[:, None])
         return [own * pressure.mean(axis=2) for own, pressure in zip(scale, pressed, strict=True)]
 
     def _remember(self, key: tuple[int, bytes], force: Array) -> Array:

@@ -14,11 +14,19 @@ from taxel.hand.transforms import from_rotation_vector, inverse
 PRIOR_MM, PRIOR_DEG = 3.0, 4.0
 """How far off things are mounted, about; it settles what a press cannot tell, such as a slide along a face."""
 
+HELD_N_PER_MM, HELD_MOST = 2.0, 20.0
+"""What holds an object gives way like this, to begin with, and at most."""
+
+PLACE, TURN, HELD = slice(0, 3), slice(3, 6), 6
+"""Rows of the values."""
+
 
 class PoseError(Effect):
     """Each object (scope "object", its own frame) or bracket ("board") is moved and turned about its origin.
 
-    The rays along the normals meet the mesh elsewhere; each board approaches until its net force is what it was.
+    The rays along the normals meet the mesh elsewhere; each board approaches until its net force is what it was. Where
+    boards bear an object together, one that stands elsewhere is held aside, and they share it differently
+    (`held_object.py`).
     """
 
     name = "pose_error"
@@ -30,14 +38,16 @@ class PoseError(Effect):
         self.variant = f"{scope}s" if scope == OBJECT else "brackets"
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Translation and rotation vector."""
+        """Translation and rotation vector; of an object also how stiffly it is held."""
         move = [Parameter(f"{axis}_mm", "mm", -15.0, 15.0, 0.0, 0.0, PRIOR_MM) for axis in "xyz"]
         turn = [Parameter(f"r{axis}_deg", "deg", -25.0, 25.0, 0.0, 0.0, PRIOR_DEG) for axis in "xyz"]
-        return (*move, *turn)
+        if self.scope != OBJECT:
+            return (*move, *turn)
+        return (*move, *turn, Parameter("held_n_per_mm", "N/mm", 0.0, HELD_MOST, 0.0, HELD_N_PER_MM, HELD_N_PER_MM))
 
     def apply(self, state: State, signal: Signal, values: Array) -> Signal:
         """See `Effect`."""
-        if not values.any() or signal.force is None:
+        if not values[: TURN.stop].any() or signal.force is None:
             return signal
         return with_change(state, signal, self._change(state, values))
 
@@ -45,22 +55,24 @@ class PoseError(Effect):
         """What the displacement does to the forces, f64[C, 2, L, n] as `with_change` takes it."""
         geometry = geometry_of(state)
         blocks, motions = self.blocks(state), self._motions(values)
-        displaced = {}
+        displaced, held = {}, {}
         for number, contact in enumerate(geometry.contacts):
             block = blocks[contact.cell, contact.taxels[0]]
-            if values[:, block].any():
+            if values[: TURN.stop, block].any():
                 motion = motions[block]
-                if self.scope != OBJECT:
+                if self.scope == OBJECT:
+                    held[number] = 1e3 * float(values[HELD, block])
+                else:
                     motion = contact.object_from_board @ motion @ contact.board_from_object
                 displaced[number] = motion
-        return changed(state, geometry.displaced(state, displaced))
+        return changed(state, geometry.displaced(state, displaced, held))
 
     def _motions(self, values: Array) -> Array:
         """Of each block, f64[G, 4, 4]: of boards as an object that is moved sees them, or of brackets in their own
         frames.
         """
-        steps = from_rotation_vector(np.radians(values[3:].T))
-        steps[:, :3, 3] = 1e-3 * self.told(values)[:3].T
+        steps = from_rotation_vector(np.radians(values[TURN].T))
+        steps[:, :3, 3] = 1e-3 * self.told(values)[PLACE].T
         return inverse(steps) if self.scope == OBJECT else steps
 
     def told(self, values: Array) -> Array:
@@ -71,5 +83,5 @@ class PoseError(Effect):
         """
         if self.scope == OBJECT:
             return values
-        turn = from_rotation_vector(np.radians(values[3:].T))[:, :3, :3]
-        return np.concatenate([np.einsum("gij,jg->ig", turn, values[:3]), values[3:]])
+        turn = from_rotation_vector(np.radians(values[TURN].T))[:, :3, :3]
+        return np.concatenate([np.einsum("gij,jg->ig", turn, values[PLACE]), values[TURN]])

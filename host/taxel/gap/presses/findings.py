@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
+from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect
-from taxel.gap.fit import fit, started
+from taxel.gap.fit import Fit, fit, started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import jackknife_error
 from taxel.gap.pair import Pair
@@ -64,15 +65,18 @@ def rivals_of(
     judge: Judge, chain: Chain, starts: Mapping[tuple[str, str], Sequence[Link]]
 ) -> dict[tuple[str, str], Chain]:
     """For each pair the chain with the second effect in the first one's place, in the form that fits best."""
-    found = {}
-    for (name, other), links in list(starts.items())[:MOST_RIVALS]:
-        rest = chain.without(name)
-        if other in rest.names:
-            continue
-        fits = [fit(judge.problem(), rest.with_link(link), FIXED, 2 * REFITS) for link in links]
-        if fits:
-            found[name, other] = min(fits, key=lambda one: one.cost).chain
-    return found
+    jobs = [
+        ((name, other), chain.without(name).with_link(link))
+        for (name, other), links in list(starts.items())[:MOST_RIVALS]
+        if other not in chain.without(name).names
+        for link in links
+    ]
+    fits = in_copies(judge.state, lambda job: fit(judge.problem(), job[1], FIXED, 2 * REFITS), jobs)
+    found: dict[tuple[str, str], Fit] = {}
+    for (pair, _), one in zip(jobs, fits, strict=True):
+        if pair not in found or one.cost < found[pair].cost:
+            found[pair] = one
+    return {pair: one.chain for pair, one in found.items()}
 
 
 def pairs_of(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:

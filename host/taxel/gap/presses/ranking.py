@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.cores import in_copies
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.presses.candidates import Batch, Press, batches
 from taxel.gap.presses.findings import Findings, values_of
@@ -65,10 +66,8 @@ def next_presses(findings: Findings, more: Sequence[State] = (), most: int = MOS
     if not findings.names:
         return NextPresses("No effect was named: there is nothing that a press could tell more of.", ())
     questions = _Questions(findings)
-    found: list[Advice] = []
-    for batch in _every(findings, more):
-        found += questions.answers(batch)
-    found = sorted((one for one in found if one.gain > LEAST_BITS), key=lambda one: -one.gain)
+    answers = in_copies(findings.judge.state, questions.answers, _every(findings, more))
+    found = sorted((one for own in answers for one in own if one.gain > LEAST_BITS), key=lambda one: -one.gain)
     return NextPresses(questions.line, tuple(found[:most]))
 
 

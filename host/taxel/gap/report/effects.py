@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
-from scipy.stats import chi2
 
 from taxel.gap.attribution import Attribution
 from taxel.gap.chain import Chain, Link
+from taxel.gap.chances import chi2_quantile
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
@@ -217,7 +217,7 @@ def _spread_of_gains(judge: Judge, link: Link) -> Interval:
         return cost
 
     best = float(minimize_scalar(unlikely, bounds=(0.0, MOST_SPREAD), method="bounded").x)
-    limit = unlikely(best) + float(chi2.ppf(0.95, 1))
+    limit = unlikely(best) + chi2_quantile(0.95, 1)
 
     def beyond(spread: float) -> float:
         return unlikely(spread) - limit

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.stats import t as student
 
+from taxel.gap.chances import student_tail
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import jackknife, leave_one_out, off_diagonal
 from taxel.gap.pair import Pair
@@ -125,7 +125,7 @@ def tail(value: float, error: float | None, sessions: int) -> float | None:
         return None
     if error <= 0:
         return 1.0 if value <= 0 else 0.0
-    return float(student.sf(value / error, sessions - 1))
+    return student_tail(value / error, sessions - 1)
 
 
 def _sums(left: Remainder, shape: Shape) -> _Sums:

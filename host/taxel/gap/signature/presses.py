@@ -9,9 +9,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
-from scipy.stats import t as student
 
+from taxel.gap.chances import fisher_tail, student_tail
 from taxel.gap.pair import Pair
 
 Array = NDArray[np.float64]
@@ -111,7 +110,7 @@ def _between(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) -
     trend = size * (1.0 if level.sum() > 0 else -1.0) if steady else size
     if error <= 0:
         return trend, 0.0 if between > 0 else 1.0, steady, 0.0
-    return trend, float(fisher.sf(between / error, sessions - 1, freedom)), steady, 0.0
+    return trend, fisher_tail(between / error, sessions - 1, freedom), steady, 0.0
 
 
 def _within(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
@@ -135,10 +134,10 @@ def _within(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) ->
     slope = float(moved @ value) / square
     rest = value - slope * moved
     error = float(np.sqrt(rest @ rest / freedom / square))
-    p = float(2 * student.sf(abs(slope) / error, freedom)) if error > 0 else 0.0
+    p = 2.0 * student_tail(abs(slope) / error, freedom) if error > 0 else 0.0
     if sessions < 3:
         return slope, None, False, error
     scores = np.bincount(session[known], moved * rest)
     robust = float(np.sqrt(sessions / (sessions - 1) * scores @ scores)) / square
-    other = float(2 * student.sf(abs(slope) / robust, sessions - 1)) if robust > 0 else 0.0
+    other = 2.0 * student_tail(abs(slope) / robust, sessions - 1) if robust > 0 else 0.0
     return slope, max(p, other), False, max(error, robust)
