@@ -19,7 +19,7 @@ from taxel.thesis.tables import contributions
 
 Array = npt.NDArray[np.float64]
 
-COLOURS: Final = {REAL: "#d9772b", SIM: "#b3313e", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
+COLOURS: Final = {REAL: "#d9772b", SIM: "#5d3a9b", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
 EDGE, PALE, INK = "#9aa1ad", 0.35, "#1b1d22"
 VIEW: Final = (18.0, -60.0)
 STEP_COLOURS: Final = ("#c9a227", "#3d8f5f", "#1f5fa8")

@@ -27,7 +27,7 @@ from taxel.thesis.matching import PARTS, ObjectClouds, ObjectResult, clouds_of, 
 from taxel.thesis.nearness import Nearness, nearness_of
 from taxel.thesis.page import write_page
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
-from taxel.thesis.settings import EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED
+from taxel.thesis.settings import DEEPER_M, EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED, effects_on
 from taxel.thesis.tables import all_tables
 
 Show = Callable[[str, int, int], None]
@@ -47,11 +47,11 @@ class Campaign:
 
 def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaign:
     """The 144 grasps of both sides in `out`; what is there already is gone on with. Raises TaxelError of one line."""
-    plan = thesis_plan(seed)
-    emulated = EmulatedSettings(seed=seed, effects=EFFECTS, scatter=SCATTER)
+    plan, setup = thesis_plan(seed), Setup(placings=TOUCHED)
+    effects = effects_on(board.name for board in setup.hand.boards)
+    emulated = EmulatedSettings(seed=seed, effects=effects, scatter=SCATTER)
     simulated = SimSettings(seed=seed + SIM_SEED_STEP, scatter=SIM_SCATTER)
     real, sim = out / "real.h5", out / "sim.h5"
-    setup = Setup(placings=TOUCHED)
     run_emulated(
         real, plan, emulated, setup, jobs=jobs, resume=True, progress=lambda done, of: show("emulated hand", done, of)
     )
@@ -61,11 +61,12 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
     )
     made = (
         f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
+        f"its brackets lie {1e3 * DEEPER_M:.1f} mm deeper than its model has them; "
         f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
         "places (standard deviation, each axis, each grasp; "
         f"{', '.join(f'{name} {factor:g} times as far' for name, factor in SCATTER.objects)}).",
         f"The simulated side is the simulator with its elastic layer, {1e3 * SIM_LAYER_M:.1f} mm thick, without any of "
-        "that: objects stand where they are believed to be.",
+        "that: objects and brackets stand where they are believed to be.",
     )
     return Campaign(real, sim, made)
 

@@ -111,9 +111,11 @@ def test_tables_of_the_thesis_beside_itself_have_a_ratio_of_one(printed_results,
 
 
 def test_what_the_text_says_and_its_tables_do_not(printed_results):
-    surge, lowest, sor = others(printed_results)
+    surge, lowest, best, sor = others(printed_results)
     assert surge.numbers == {"rectangular": "16.0 %", "cylindrical": "27.4 %", "triangular": "12.5 %"}
     assert lowest.numbers["cylindrical"] == "at most 190"
+    assert best.numbers["cylindrical"] == "20 / 2, 2759 / 2, 690 / 3"
+    assert "; ".join(best.numbers.values()) == best.thesis
     assert sor.numbers["cylindrical"] == "no"
     assert all(INCONSISTENT)
 

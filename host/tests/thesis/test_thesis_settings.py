@@ -10,11 +10,24 @@ from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import ContactLibraryError
 from taxel.grasp.plan import PLACINGS, thesis_plan
-from taxel.thesis.settings import EFFECTS, PRISM, PRISM_PRESS_M, SCATTER, TOUCHED
+from taxel.thesis.settings import DEEPER_M, EFFECTS, PRISM, PRISM_PRESS_M, SCATTER, TOUCHED, effects_on
 
 
 def test_the_emulator_takes_the_effects():
-    check_world(Setup(), EmulatedSettings(effects=EFFECTS, scatter=SCATTER))
+    setup = Setup()
+    effects = effects_on(board.name for board in setup.hand.boards)
+    check_world(setup, EmulatedSettings(effects=effects, scatter=SCATTER))
+
+
+def test_every_bracket_lies_deeper():
+    hand = Setup().hand
+    offsets = EmulatedSettings(effects=effects_on(board.name for board in hand.boards)).offsets("bracket_offset")
+    assert set(offsets) == {board.name for board in hand.boards}
+    for board in hand.boards:
+        surface, moved = board.kind.surface, offsets[board.name][:3, 3]
+        assert surface is not None
+        assert np.linalg.norm(moved) == pytest.approx(DEEPER_M)
+        assert surface.normal.mean(axis=0) @ moved < 0
 
 
 def test_an_effect_without_its_size_is_refused():
