@@ -21,13 +21,15 @@ from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats, distances_to_cloud, distances_to_mesh
 from taxel.cloud.filters import sor_mask
 from taxel.cloud.fusion import fused
-from taxel.cloud.match import TOUCH_M
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 from taxel.cloud.treatment import sor_of
 from taxel.errors import TaxelError
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
+
+GENUINE_M = 0.002
+"""Thickness of the layer (`layer_m` of the packaged hands)."""
 
 WAYS = (("piled up", None), ("fused", 0.0), ("fused, half of the repeats", 0.5))
 
@@ -54,7 +56,7 @@ def measured(name: str, way: str, cloud: ContactCloud, sim: ContactCloud, mesh: 
     to_sim = align_to_points(cloud.points, PointTarget(sim.points)).transform
     near = DistanceStats.of(distances_to_cloud(apply(to_sim, cloud.points), sim.points))
     on_mesh = DistanceStats.of(there)
-    genuine = there <= TOUCH_M
+    genuine = there <= GENUINE_M
     rule = sor_of(name)
     removed = ~sor_mask(cloud.points, max(2, min(rule.count(len(cloud)), len(cloud))), rule.deviations)
     lengths = (1e3 * value for value in (on_mesh.mean_m, on_mesh.rms_m, near.mean_m, near.rms_m))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -17,7 +18,7 @@ from taxel.cli.stages import stage_bars
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.files import read_cloud
-from taxel.cloud.match import DRAWS, Match
+from taxel.cloud.match import DRAWS, Match, likelihoods_of
 from taxel.cloud.match import match as match_cloud
 from taxel.cloud.models import chosen_models
 from taxel.errors import TaxelError
@@ -59,7 +60,8 @@ def match(
 ) -> None:
     """Tell which shape a cloud is of: distances to every model after alignment, margin, confidence.
 
-    A dataset also tells which taxels felt nothing; models that they contradict lose.
+    A dataset also tells which taxels felt nothing. Then the best model is the one with the most evidence for what was
+    felt and what was not, wherever the object lay a little aside; lead: by how much (natural logarithm).
 
     Example: taxel cloud match out/campaign/real.h5 out/campaign/sim.h5 --each-approach
     """
@@ -68,14 +70,19 @@ def match(
     models = chosen_models(model or (), metres(unit))
     found: list[Told] = []
     with stage_bars(hidden=as_json) as show:
-        clouds = list(_clouds(inputs, item, threshold, each_approach, show))
-        for done, (path, true, approach, cloud) in enumerate(clouds):
-            show("matching", done, len(clouds))
+        wholes = list(_clouds(inputs, item, threshold, show))
+        for done, (path, true, cloud) in enumerate(wholes):
             for one in models.values():
                 check_scale(cloud, one)
-            best = match_cloud(cloud, models, placed=not anywhere, draws=draws, seed=seed)
-            found.append(Told(path, true, approach, best))
-        show("matching", len(clouds), len(clouds))
+
+            def matching(model: int, of: int, done: int = done) -> None:
+                show("matching", done * of + model, len(wholes) * of)
+
+            told = None if anywhere or not len(cloud.quiet) else likelihoods_of(cloud, models, matching)
+            for approach in ("", *(cloud.approaches if each_approach else ())):
+                part = cloud.of_approach(approach) if approach else cloud
+                best = match_cloud(part, models, placed=not anywhere, likelihoods=told, draws=draws, seed=seed)
+                found.append(Told(path, true, approach, best))
     if as_json:
         print(json.dumps({"matches": [one.to_json() for one in found], "told_right": _told_right(found)}))
     else:
@@ -83,9 +90,9 @@ def match(
 
 
 def _clouds(
-    inputs: list[Path], item: str, threshold: float, each_approach: bool, show: Callable[[str, int, int], None]
-) -> Iterator[tuple[Path, str, str, ContactCloud]]:
-    """Every cloud to be matched, with its file, the object that it is of, if known, and its approach, if only one."""
+    inputs: list[Path], item: str, threshold: float, show: Callable[[str, int, int], None]
+) -> Iterator[tuple[Path, str, ContactCloud]]:
+    """Every cloud to be matched, with its file and the object that it is of, if known."""
     for path in inputs:
         whole = {"": read_cloud(path)} if path.suffix.lower() not in DATASETS else {}
         if not whole:
@@ -96,9 +103,7 @@ def _clouds(
                     whole[name] = told
         for name, cloud in whole.items():
             only_points(cloud)
-            yield path, name, "", cloud
-            if each_approach:
-                yield from ((path, name, approach, cloud.of_approach(approach)) for approach in cloud.approaches)
+            yield path, name, cloud
 
 
 def _told_right(found: list[Told]) -> dict[str, dict[str, int]]:
@@ -118,7 +123,7 @@ def _told_right(found: list[Told]) -> dict[str, dict[str, int]]:
 def _print_matches(found: list[Told]) -> None:
     console = Console(markup=False)
     table = Table(title="best model of each cloud")
-    for heading in ("cloud", "best", "score mm", "margin", "sure"):
+    for heading in ("cloud", "best", "mean mm", "margin", "lead", "sure"):
         table.add_column(
             heading, justify="left" if heading in ("cloud", "best") else "right", no_wrap=heading != "cloud"
         )
@@ -127,8 +132,9 @@ def _print_matches(found: list[Told]) -> None:
         table.add_row(
             " ".join(part.replace("_", " ") for part in (one.file.name, one.true, one.approach) if part),
             one.match.best.replace("_", " "),
-            f"{1e3 * best.score_m:.2f}",
-            f"{one.match.margin:.2f}",
+            f"{1e3 * best.distances.mean_m:.2f}",
+            f"{one.match.margin:.2f}" if not one.match.margin > 99.0 else "> 99",
+            "" if np.isnan(one.match.lead) else f"{one.match.lead:.0f}",
             "" if sure is None else f"{100.0 * sure[one.match.best]:.0f} %",
         )
     console.print(table)

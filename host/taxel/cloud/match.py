@@ -1,13 +1,9 @@
-"""Which model a contact cloud fits best.
+"""Which model a contact cloud is of.
 
 The cloud is aligned to each model (`registration`), as the thesis does for its Tables I-13 to I-18, and the distances
-of its points to each are compared. Where the cloud also tells which taxels felt nothing, they speak too: the thesis
-registers "the coordinates of both the active and inactive taxels" (5.4). A model of which a silent taxel lies inside,
-or nearer than TOUCH_M, is contradicted by as many millimetres as that taxel would have to be moved out. The score is
-
-    (sum of the contact points' distances + sum of the silent taxels' excess) / number of contact points,
-
-so without silent taxels it is the mean distance. The smallest score wins.
+of its points to each are measured. Where the cloud also tells which taxels felt nothing, the model with the largest
+evidence is the best (`evidence`): what touched and what did not, each grasp with an object that lay a little aside.
+Without silent taxels it is the model with the smallest mean distance.
 """
 
 from __future__ import annotations
@@ -21,16 +17,14 @@ import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats
+from taxel.cloud.evidence import evidence, explainer
 from taxel.cloud.first_guess import align_to_mesh_from_anywhere
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, align_to_mesh
 from taxel.hand.transforms import apply
 
 Array = npt.NDArray[np.float64]
-
-TOUCH_M: Final = 0.002
-"""An object that is nearer than this to a taxel's electrode presses its layer: the layer is as thick (`layer_m` of the
-packaged hands)."""
+Show = Callable[[int, int], None]
 
 DRAWS: Final = 200
 """Of the bootstrap, as a default."""
@@ -40,27 +34,21 @@ DRAWS: Final = 200
 class Fit:
     """A cloud at one model.
 
-    distances: of the contact points, after alignment. excess_m: of the silent taxels, for each contact point. score_m:
-    the mean distance and the excess. alignment: how the cloud was moved to the model.
+    distances: of the contact points, after alignment. alignment: how the cloud was moved to the model. evidence: ln
+    marginal likelihood of what touched and what did not; None for a cloud without silent taxels.
     """
 
     model: str
     distances: DistanceStats
-    excess_m: float
     alignment: Alignment
-
-    @property
-    def score_m(self) -> float:
-        """Metres; small is good."""
-        return self.distances.mean_m + self.excess_m
+    evidence: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """As plain numbers."""
         return {
             "model": self.model,
             **asdict(self.distances),
-            "excess_m": self.excess_m,
-            "score_m": self.score_m,
+            "evidence": self.evidence,
             "transform": self.alignment.transform.tolist(),
         }
 
@@ -89,14 +77,18 @@ class Match:
 
     @property
     def margin(self) -> float:
-        """The second best score over the best; 1: a tie. NaN with one model."""
-        return _ratio(self.fits[1].score_m, self.fits[0].score_m) if len(self.fits) > 1 else float("nan")
+        """The smallest mean distance to another model over that to the best, as in the thesis's Tables I-13 to I-18.
 
-    @property
-    def mean_margin(self) -> float:
-        """The smallest mean distance to another model over that to the best, as in the thesis's cross-shape tables."""
+        1: a tie; below 1: the contact points alone say otherwise. NaN with one model.
+        """
         others = [fit.distances.mean_m for fit in self.fits[1:]]
         return _ratio(min(others), self.fits[0].distances.mean_m) if others else float("nan")
+
+    @property
+    def lead(self) -> float:
+        """By how much the evidence of the best exceeds the next, natural logarithm. NaN with one model, or without."""
+        first, second = (*(fit.evidence for fit in self.fits[:2]), None)[:2]
+        return float("nan") if first is None or second is None else first - second
 
     def to_json(self) -> dict[str, Any]:
         """As plain numbers."""
@@ -105,7 +97,7 @@ class Match:
             "best": self.best,
             "best_by_mean": self.best_by_mean,
             "margin": _finite(self.margin),
-            "mean_margin": _finite(self.mean_margin),
+            "lead": _finite(self.lead),
             "confidence": self.confidence,
             "fits": [fit.to_json() for fit in self.fits],
         }
@@ -116,54 +108,59 @@ def match(
     models: Mapping[str, TriangleMesh],
     *,
     placed: bool = True,
+    likelihoods: Mapping[str, Array] | None = None,
     draws: int = DRAWS,
     seed: int = 0,
-    show: Callable[[int, int], None] = lambda done, total: None,
+    show: Show = lambda done, total: None,
 ) -> Match:
     """Match a cloud to models, by name.
 
-    placed: cloud and models are in the same frame, to within what alignment mends; otherwise the cloud may lie and be
-    turned in any way. draws, seed: of the bootstrap over whole grasps; each draw takes as many as there are. It holds
-    the alignments, which a minimum lets it do to first order. show: told models done, and of how many.
+    placed: cloud and models are in the same frame, to within what an object may lie aside; otherwise the cloud may lie
+    and be turned in any way. likelihoods: of `likelihoods_of` this cloud, or of the whole that it is an approach of;
+    None: they are worked out. draws, seed: of the bootstrap over whole grasps; each draw takes as many as there are. It
+    holds the alignments, which a minimum lets it do to first order. show: told models done, and of how many.
     Raises RegistrationError for a cloud that cannot be aligned.
     """
-    fits, parts = [], []
+    fits: list[Fit] = []
+    parts: list[Array] = []
     for done, (name, mesh) in enumerate(models.items()):
         show(done, len(models))
         align = align_to_mesh if placed else align_to_mesh_from_anywhere
         alignment = align(cloud.points, mesh, name=cloud.name)
         distance = mesh.closest(apply(alignment.transform, cloud.points)).distance
-        excess = silent_excess(apply(alignment.transform, cloud.quiet), mesh)
-        fits.append(Fit(name, DistanceStats.of(distance), float(excess.sum() / len(cloud)), alignment))
-        parts.append(_by_grasp(cloud, distance, excess))
+        if not len(cloud.quiet):
+            told: Array = -np.bincount(cloud.grasp, distance)[:, None].astype(np.float64)  # all models have as many
+        elif likelihoods is None:
+            told = explainer(mesh).by_grasp(cloud if placed else cloud.moved(alignment.transform))
+        else:
+            told = likelihoods[name]
+        parts.append(told[np.unique(cloud.grasp)])
+        known = float(evidence(parts[-1])[0]) if len(cloud.quiet) else None
+        fits.append(Fit(name, DistanceStats.of(distance), alignment, known))
     show(len(models), len(models))
-    order = sorted(range(len(fits)), key=lambda row: fits[row].score_m)
-    confidence = _bootstrap(cloud, np.stack(parts), draws, seed) if draws and len(np.unique(cloud.grasp)) > 1 else None
-    told = None if confidence is None else {fits[row].model: float(confidence[row]) for row in order}
-    return Match(cloud.name, tuple(fits[row] for row in order), told)
+    order = np.argsort([-float(evidence(part)[0]) for part in parts], kind="stable")
+    sure = _bootstrap(parts, draws, seed) if draws and len(parts[0]) > 1 else None
+    confidence = None if sure is None else {fits[row].model: float(sure[row]) for row in order}
+    return Match(cloud.name, tuple(fits[row] for row in order), confidence)
 
 
-def silent_excess(quiet: Array, mesh: TriangleMesh) -> Array:
-    """How far taxels that felt nothing lie within TOUCH_M of a model or inside of it, f64[M], metres; 0 elsewhere."""
-    low, high = mesh.bounds
-    near = ((quiet > low - TOUCH_M) & (quiet < high + TOUCH_M)).all(axis=1)
-    result = np.zeros(len(quiet))
-    result[near] = np.maximum(TOUCH_M - mesh.signed_distance(quiet[near]), 0.0)
+def likelihoods_of(
+    cloud: ContactCloud, models: Mapping[str, TriangleMesh], show: Show = lambda done, total: None
+) -> dict[str, Array]:
+    """Of each model, what each grasp of a cloud says for it, f64[G, K] (`evidence`): for many matches of its parts."""
+    result = {}
+    for done, (name, mesh) in enumerate(models.items()):
+        show(done, len(models))
+        result[name] = explainer(mesh).by_grasp(cloud)
+    show(len(models), len(models))
     return result
 
 
-def _by_grasp(cloud: ContactCloud, distance: Array, excess: Array) -> Array:
-    """Each grasp's part of the score's numerator, f64[G]."""
-    count = len(cloud.grasps)
-    own = np.bincount(cloud.grasp, weights=distance, minlength=count)
-    return np.asarray(own + np.bincount(cloud.quiet_grasp, weights=excess, minlength=count))
-
-
-def _bootstrap(cloud: ContactCloud, parts: Array, draws: int, seed: int) -> Array:
-    """Share of draws in which each model is best, f64[models]. parts: f64[models, G]."""
-    count = len(cloud.grasps)
-    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws)
-    best = (parts @ drawn.T).argmin(axis=0)  # the number of contact points is the same for all models
+def _bootstrap(parts: list[Array], draws: int, seed: int) -> Array:
+    """Share of draws of whole grasps in which each model is best, f64[models]. parts: of each, f64[g, K]."""
+    count = len(parts[0])
+    times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(np.float64)
+    best = np.stack([evidence(part, times) for part in parts]).argmax(axis=0)
     return np.bincount(best, minlength=len(parts)) / draws
 
 

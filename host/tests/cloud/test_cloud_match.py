@@ -10,7 +10,7 @@ import pytest
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.errors import RegistrationError
-from taxel.cloud.match import TOUCH_M, match, silent_excess
+from taxel.cloud.match import likelihoods_of, match
 from taxel.cloud.models import models
 from taxel.hand.transforms import apply, from_rotation_vector
 
@@ -20,7 +20,8 @@ def test_a_cloud_is_told_to_be_of_its_shape(name, surface_cloud):
     found = match(surface_cloud(name), models())
     assert found.best == name
     assert found.margin > 1.5
-    assert found.margin == found.mean_margin
+    assert found.best_by_mean == name
+    assert np.isnan(found.lead)
     assert found.confidence[name] == 1.0
     assert {fit.model for fit in found.fits} == set(models())
 
@@ -51,19 +52,35 @@ def test_silent_taxels_tell_shapes_apart_that_the_contacts_do_not():
     some = {name: models()[name] for name in ("rectangular_prism", "triangular_prism")}
     blind = match(plate(quiet=False), some)
     told = match(plate(quiet=True), some)
-    assert max(fit.score_m for fit in blind.fits) < 1e-6
+    assert max(fit.distances.mean_m for fit in blind.fits) < 1e-6
+    assert np.isnan(blind.lead)
     assert told.best == "triangular_prism"
-    assert told.fits[1].distances.mean_m < 1e-6
-    assert told.fits[1].excess_m > 3.0 * told.fits[0].excess_m
-    assert told.margin > 3.0
+    assert told.lead > 10.0
+    assert told.lead == told.fits[0].evidence - told.fits[1].evidence
 
 
-def test_a_silent_taxel_counts_by_how_far_it_is_too_near():
-    mesh = models()["cylinder"]
-    places = np.array([[0.0, 0.0, 0.05], [0.0, 0.0, 0.131], [0.0, 0.0, 0.1321], [0.5, 0.0, 0.0]])
-    excess = silent_excess(places, mesh)
-    assert excess == pytest.approx([0.021 + TOUCH_M, TOUCH_M - 0.001, 0.0, 0.0], abs=5e-5)
-    assert silent_excess(np.empty((0, 3)), mesh).shape == (0,)
+def test_likelihoods_of_the_whole_serve_its_parts():
+    whole = plate(quiet=True)
+    both = replace(
+        whole,
+        points=np.tile(whole.points, (2, 1)),
+        counts=np.tile(whole.counts, 2),
+        taxel=np.tile(whole.taxel, 2),
+        grasp=np.repeat([0, 1], len(whole)),
+        grasps=("0000", "0001"),
+        grasp_approach=np.array([0, 1]),
+        approaches=("side", "top"),
+        quiet=np.tile(whole.quiet, (2, 1)),
+        quiet_grasp=np.repeat([0, 1], len(whole.quiet)),
+    )
+    some = {name: models()[name] for name in ("rectangular_prism", "triangular_prism")}
+    told = likelihoods_of(both, some)
+    part = both.of_approach("top")
+    known, fresh = match(part, some, likelihoods=told), match(part, some)
+    assert [fit.to_json() for fit in known.fits] == [fit.to_json() for fit in fresh.fits]
+    assert known.lead == fresh.lead
+    assert known.confidence is None
+    assert set(match(both, some, likelihoods=told, draws=10).confidence) == set(some)
 
 
 def test_the_confidence_is_that_of_drawing_whole_grasps():
@@ -89,7 +106,8 @@ def test_a_cloud_of_one_grasp_has_no_confidence_and_one_model_no_margin(surface_
     assert np.isnan(found.margin)
     plain = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert plain["margin"] is None
-    assert plain["fits"][0]["score_m"] == found.fits[0].score_m
+    assert plain["lead"] is None
+    assert plain["fits"][0]["mean_m"] == found.fits[0].distances.mean_m
 
 
 def test_the_transform_lays_the_cloud_on_the_model(surface_cloud):
