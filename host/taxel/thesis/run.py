@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -28,6 +29,8 @@ from taxel.thesis.nearness import Nearness, nearness_of
 from taxel.thesis.page import write_page
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
 from taxel.thesis.settings import DEEPER_M, EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED, effects_on
+from taxel.thesis.shapes import PARTS as SHAPE_PARTS
+from taxel.thesis.shapes import shapes_told
 from taxel.thesis.tables import all_tables
 
 Show = Callable[[str, int, int], None]
@@ -84,7 +87,8 @@ def reproduce(
         table.write(out / "tables" / table.file_name)
     (out / "figures").mkdir(exist_ok=True)
     figures = save_figures(items, results, out / "figures")
-    found, besides, near = findings(results), others(results), nearness_of(tables)
+    besides = [*others(results), *shapes_told(items, _steps("shapes", SHAPE_PARTS * len(items), show))]
+    found, near = findings(results), nearness_of(tables)
     gap = _diagnosis(campaign, out, results, show) if with_gap else None
     write_page(out / "thesis.html", tables, found, near, besides, figures, gap, campaign.made)
     summary = {
@@ -116,14 +120,14 @@ def _clouds(real: GraspDataset, sim: GraspDataset, show: Show) -> list[ObjectClo
 
 def _results(items: Sequence[ObjectClouds], show: Show) -> list[ObjectResult]:
     meshes = {item.thesis: item.mesh for item in items}
-    count, total = 0, PARTS * len(items)
-
-    def step() -> None:
-        nonlocal count
-        count += 1
-        show("matching", count, total)
-
+    step = _steps("matching", PARTS * len(items), show)
     return [measure(item, meshes, step) for item in items]
+
+
+def _steps(stage: str, total: int, show: Show) -> Callable[[], None]:
+    """To be called after each of a stage's steps."""
+    done = count(1)
+    return lambda: show(stage, next(done), total)
 
 
 def _diagnosis(campaign: Campaign, out: Path, results: Sequence[ObjectResult], show: Show) -> Beside:

@@ -40,6 +40,17 @@ def test_findings_are_told_with_their_numbers(made):
     assert set(by_number[2]["holds"]) == {"rectangular", "cylindrical", "triangular"}
 
 
+def test_which_shapes_are_told_right_is_counted(made):
+    besides = {one["says"]: one["numbers"] for one in json.loads((made / "thesis.json").read_text())["besides"]}
+    whole = besides["shapes told right among 6: whole clouds of both sides"]
+    assert all(told.endswith(" of 2") for told in whole.values())
+    single = besides["shapes told right among 3: single approaches of both sides"]
+    assert set(single) == {"rectangular", "cylindrical", "triangular"}
+    assert all(told.endswith(" of 4") for told in single.values())
+    assert sum(int(told.split()[0]) for told in single.values()) >= 8
+    assert "single approaches of both sides" in (made / "thesis.html").read_text()
+
+
 def test_how_near_the_distances_are_is_told_with_the_farthest(made):
     told = json.loads((made / "thesis.json").read_text())["distances"]
     assert told["factor"] == 1.5
