@@ -87,6 +87,7 @@ STAGES = (
     # Those that link the firmware alone: the others take most of the time, to build and to run.
     Stage("C firmware", ("firmware/",), pattern="^(test_sensor|test_hub|test_vectors|stress_sensor|fuzz)"),
     Stage("C all", ("firmware/",)),
+    Stage("cloud tests", ("host/taxel/cloud/",), ("host/tests/cloud",)),
     Stage("gap tests", ("host/taxel/gap/",), ("host/tests/gap",)),
     Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(
