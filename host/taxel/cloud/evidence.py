@@ -11,8 +11,9 @@ millimetres. So both are integrated over. The evidence of a shape is the margina
 
     ln mean over (reach, blur) of product over grasps of mean over poses of product over taxels of p or 1 - p,
 
-with poses drawn about the alignments, of the position and the turn each normally distributed. A small object that
-would have to be felt from far away, and a large one that would have to have slipped aside in every grasp, both lose.
+with poses about the place that the dataset states (`pose_average`). A small object that would have to be felt from far
+away, and a large one that would have to have slipped aside in every grasp, both lose. Taxels are taken as independent,
+which they are not: the sign of a difference can be trusted further than its size.
 """
 
 from __future__ import annotations

@@ -44,6 +44,55 @@ def test_a_cloud_survives_its_file(tmp_path, surface_cloud, ending, known):
         assert (found.grasps, found.approaches) == (cloud.grasps, cloud.approaches)
 
 
+def with_silent(cloud):
+    """Five taxels that felt nothing, in two of its grasps."""
+    return replace(cloud, quiet=np.arange(15.0).reshape(5, 3) / 7.0, quiet_grasp=np.array([1, 1, 6, 6, 6]))
+
+
+@pytest.mark.parametrize("ending", CLOUDS)
+def test_what_felt_nothing_survives_in_a_ply_alone(tmp_path, surface_cloud, ending):
+    cloud, path = with_silent(surface_cloud("cone")), tmp_path / f"cloud{ending}"
+    write_cloud(cloud, path)
+    found = read_cloud(path)
+    assert len(found) == len(cloud)
+    assert len(found.quiet) == (5 if ending == ".ply" else 0)
+    if ending == ".ply":
+        assert (found.quiet == cloud.quiet).all()
+        assert (found.quiet_grasp == cloud.quiet_grasp).all()
+        assert (found.points == cloud.points).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ("property int grasp\nend_header", "property int other\nend_header", "silent: expected x, y, z and grasp"),
+        ("property double z\nproperty int grasp\nend", "property double w\nproperty int grasp\nend", "no z"),
+        ("element silent 5", "element silent 6", "silent: expected 24 numbers, found 20; use the whole file"),
+        (" 6\n", " 8\n", "quiet_grasp: expected rows of the 8 grasps, found 1 to 8"),
+        (" 6\n", " 1.5\n", "silent grasp: expected"),
+        (" 6\n", " nan\n", "silent grasp: expected"),
+    ],
+)
+def test_damaged_rows_of_what_felt_nothing_are_one_line(tmp_path, surface_cloud, old, new, found):
+    path = tmp_path / "cloud.ply"
+    write_cloud(with_silent(surface_cloud("cone")), path)
+    assert old in path.read_text()
+    path.write_text(new.join(path.read_text().rsplit(old, 1)))  # the last: that of the silent rows
+    with pytest.raises(CloudError, match=found):
+        read_cloud(path)
+
+
+def test_rows_of_what_felt_nothing_are_of_no_use_without_names_of_grasps(tmp_path, surface_cloud):
+    path = tmp_path / "cloud.ply"
+    write_cloud(with_silent(surface_cloud("cone")), path)
+    path.write_text("".join(line for line in path.read_text().splitlines(True) if not line.startswith("comment")))
+    assert len(read_cloud(path).quiet) == 0
+    nameless = replace(
+        ContactCloud.of_points(surface_cloud("cone").points), quiet=np.ones((5, 3)), quiet_grasp=np.zeros(5, np.int64)
+    )
+    assert b"silent" not in ply.cloud_bytes(nameless)
+
+
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(POINTS, st.sampled_from(["ply", "pcd", "xyz"]))
 def test_no_digit_is_lost(points, name):

@@ -7,7 +7,7 @@ holds. A file of another program has none: then all points are of one grasp.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,9 @@ GRASP: Final = "taxel.grasp"
 
 PREFIX: Final = "scalar_"
 """CloudCompare writes it before the names of scalars."""
+
+SILENT: Final = "silent"
+"""Name of the rows x, y, z, grasp of taxels that felt nothing, where a format has rows of several kinds."""
 
 LONGEST_NAME: Final = 200
 MOST_NAMES: Final = 100_000
@@ -93,6 +96,20 @@ def cloud_of_columns(source: Source, columns: Columns, names: Names | None) -> C
     return ContactCloud(
         source.name, points, plain.counts, grasp, taxel, names.grasps, np.array(names.approach), names.approaches
     )
+
+
+def silent_columns(cloud: ContactCloud) -> npt.NDArray[np.float64]:
+    """x, y, z and grasp of what felt nothing, f64[M, 4]; none of a cloud that has no names."""
+    rows = np.column_stack([cloud.quiet, cloud.quiet_grasp.astype(np.float64)])
+    return np.asarray(rows[: len(rows) if any(cloud.grasps) else 0])
+
+
+def with_silent(source: Source, cloud: ContactCloud, columns: Columns) -> ContactCloud:
+    """The cloud and what felt nothing in its grasps. Fails without x, y, z, grasp."""
+    if "grasp" not in columns:
+        source.fail(SILENT, "x, y, z and grasp", "no grasp", "use the whole file")
+    grasp = whole(columns["grasp"], source, f"{SILENT} grasp")
+    return replace(cloud, quiet=places(source, columns), quiet_grasp=grasp)
 
 
 def places(source: Source, columns: Columns) -> npt.NDArray[np.float64]:

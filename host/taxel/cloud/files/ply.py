@@ -10,7 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import Array, ContactCloud, Index
-from taxel.cloud.files.extras import cloud_of_columns, comments_of, extra_columns, names_of, places
+from taxel.cloud.files.extras import (
+    SILENT,
+    cloud_of_columns,
+    comments_of,
+    extra_columns,
+    names_of,
+    places,
+    silent_columns,
+    with_silent,
+)
 from taxel.cloud.files.source import LONGEST_HEADER, Source, natural, shown, whole
 from taxel.cloud.files.xyz import lines_of
 from taxel.cloud.mesh import TriangleMesh
@@ -68,10 +77,13 @@ class Header:
 
 
 def read_cloud(source: Source) -> ContactCloud:
-    """The vertices, with counts, grasp and taxel where they are there; faces are not read."""
+    """The vertices, with counts, grasp and taxel, and what felt nothing, where they are there; faces are not read."""
     header = read_header(source)
-    vertices = _elements(source, header, ("vertex",))["vertex"]
-    return cloud_of_columns(source, vertices, names_of(source, header.comments))
+    silent = any(element.name == SILENT and element.count for element in header.elements)
+    found = _elements(source, header, ("vertex", SILENT) if silent else ("vertex",))
+    names = names_of(source, header.comments)
+    cloud = cloud_of_columns(source, found["vertex"], names)
+    return with_silent(source, cloud, found[SILENT]) if silent and names is not None else cloud
 
 
 def read_mesh(source: Source) -> tuple[Array, Index]:
@@ -90,8 +102,9 @@ def has_faces(source: Source) -> bool:
 
 
 def cloud_bytes(cloud: ContactCloud) -> bytes:
-    """As text: x, y, z, and counts, grasp, taxel where they are known."""
+    """As text: x, y, z, and counts, grasp, taxel where they are known; then what felt nothing."""
     names, table = extra_columns(cloud)
+    silent = silent_columns(cloud)
     kinds = {"grasp": "int", "taxel": "int"}
     header = [
         "ply",
@@ -99,9 +112,11 @@ def cloud_bytes(cloud: ContactCloud) -> bytes:
         *(f"comment {line}" for line in comments_of(cloud)),
         f"element vertex {len(cloud)}",
         *(f"property {kinds.get(name, 'double')} {name}" for name in names),
-        "end_header",
     ]
-    return ("\n".join(header) + "\n" + lines_of(table)).encode()
+    if len(silent):
+        header += [f"element {SILENT} {len(silent)}", *(f"property double {axis}" for axis in "xyz")]
+        header.append("property int grasp")
+    return ("\n".join([*header, "end_header"]) + "\n" + lines_of(table) + lines_of(silent)).encode()
 
 
 def mesh_bytes(mesh: TriangleMesh) -> bytes:
