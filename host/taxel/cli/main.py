@@ -3,6 +3,8 @@
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import MappingProxyType
@@ -57,17 +59,32 @@ def _loaded(place: str) -> Any:
 
 def main() -> None:
     """Run a command; the exit status is 0 only on success."""
-    # A service that is stopped closes its files and ends what it has begun, as at Ctrl-C.
-    if threading.current_thread() is threading.main_thread():  # no other may say what a signal does
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app_of(sys.argv[1] if len(sys.argv) > 1 else "")()
+        with _ended_as_by_ctrl_c():
+            app_of(sys.argv[1] if len(sys.argv) > 1 else "")()
     except TaxelError as error:
         _fail(str(error))
     except OSError as error:
         _fail(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """A service that is stopped closes its files and ends what it has begun, as at Ctrl-C.
+
+    What SIGTERM did before, it does again afterwards: a program that runs a command may have children of its own, which
+    must end at it.
+    """
+    if threading.current_thread() is not threading.main_thread():  # no other may say what a signal does
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
 
 
 def _fail(text: str) -> NoReturn:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
 import typer
 
+from host.tests.command_line import exit_status
 from taxel.cli.main import app_of
 
 
@@ -32,3 +34,10 @@ def test_a_diagnosis_does_not_load_what_others_draw_with():
     found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
     assert "taxel.gap.diagnosis" in found
     assert not {"matplotlib", "taxel.cli.thesis", "taxel.blind.run", "taxel_tools.bench"} & set(found)
+
+
+def test_a_command_leaves_signals_to_the_program_that_ran_it(capsys):
+    """Children of a pool that the tests forked later took SIGTERM for Ctrl-C, and hung now and then."""
+    before = signal.getsignal(signal.SIGTERM)
+    assert exit_status("cloud", "convert", "none.ply", "out.ply") == 1
+    assert signal.getsignal(signal.SIGTERM) is before
