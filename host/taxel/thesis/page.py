@@ -100,8 +100,8 @@ def _others(besides: Sequence[Other]) -> str:
     head = "".join(f"<th>{escaped(name)}</th>" for name in (besides[0].numbers if besides else ()))
     return (
         "<section><h2>Beside them, never fitted</h2>"
-        f'<div class="wide"><table><thead><tr><th></th>{head}<th>thesis</th></tr></thead><tbody>{rows}</tbody></table>'
-        "</div></section>"
+        f'<div class="wide"><table class="others"><thead><tr><th></th>{head}<th>thesis</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></div></section>"
     )
 
 

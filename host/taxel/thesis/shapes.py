@@ -36,9 +36,9 @@ def shapes_told(items: Sequence[ObjectClouds], show: Callable[[], None]) -> list
         for key, answers in right.items():
             told.setdefault(key, {})[item.thesis] = f"{sum(answers)} of {len(answers)}"
     return [
-        Other(f"shapes told right among {shapes}: {what} of both sides", numbers, THESIS[what])
+        Other(f"shapes told right among {shapes} models: {what} of both sides", numbers, THESIS[what])
         for (what, shapes), numbers in told.items()
     ]
 
 
-THESIS: Final = {"whole clouds": "2 of 2 each, among 3 (Tables I-13 to I-18)", "single approaches": "not told"}
+THESIS: Final = {"whole clouds": "2 of 2 each, among 3", "single approaches": "not told"}

@@ -42,9 +42,9 @@ def test_findings_are_told_with_their_numbers(made):
 
 def test_which_shapes_are_told_right_is_counted(made):
     besides = {one["says"]: one["numbers"] for one in json.loads((made / "thesis.json").read_text())["besides"]}
-    whole = besides["shapes told right among 6: whole clouds of both sides"]
+    whole = besides["shapes told right among 6 models: whole clouds of both sides"]
     assert all(told.endswith(" of 2") for told in whole.values())
-    single = besides["shapes told right among 3: single approaches of both sides"]
+    single = besides["shapes told right among 3 models: single approaches of both sides"]
     assert set(single) == {"rectangular", "cylindrical", "triangular"}
     assert all(told.endswith(" of 4") for told in single.values())
     assert sum(int(told.split()[0]) for told in single.values()) >= 8
