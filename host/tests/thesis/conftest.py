@@ -40,7 +40,7 @@ def on_surface(mesh, rng) -> np.ndarray:
     return place
 
 
-def write(path, source: str, width: float, noise_m: float, grasps: int = 12):
+def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
     """width: of the pressed patch, taxels. noise_m: by which the object is not where it is believed to be."""
     sensors = SensorTable(np.array([0x20], np.uint8), ("palm",), ("palm",), np.full(1, 6.0))
     shapes = models()
