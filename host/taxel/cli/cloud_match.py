@@ -60,8 +60,9 @@ def match(
 ) -> None:
     """Tell which shape a cloud is of: distances to every model after alignment, margin, confidence.
 
-    A dataset also tells which taxels felt nothing. Then the best model is the one with the most evidence for what was
-    felt and what was not, wherever the object lay a little aside; lead: by how much (natural logarithm).
+    A dataset, or a PLY made of one, also tells which taxels felt nothing. Then the best model is the one with the most
+    evidence for what was felt and what was not, wherever the object lay a little aside; lead: by how much (natural
+    logarithm).
 
     Example: taxel cloud match out/campaign/real.h5 out/campaign/sim.h5 --each-approach
     """
@@ -71,18 +72,21 @@ def match(
     found: list[Told] = []
     with stage_bars(hidden=as_json) as show:
         wholes = list(_clouds(inputs, item, threshold, show))
+        total = sum(1 + len(cloud.approaches) * each_approach for _, _, cloud in wholes)
         for done, (path, true, cloud) in enumerate(wholes):
             for one in models.values():
                 check_scale(cloud, one)
 
-            def matching(model: int, of: int, done: int = done) -> None:
-                show("matching", done * of + model, len(wholes) * of)
+            def weighing(model: int, of: int, done: int = done) -> None:
+                show("evidence", done * of + model, len(wholes) * of)
 
-            told = None if anywhere or not len(cloud.quiet) else likelihoods_of(cloud, models, matching)
+            told = None if anywhere or not len(cloud.quiet) else likelihoods_of(cloud, models, weighing)
             for approach in ("", *(cloud.approaches if each_approach else ())):
+                show("matching", len(found), total)
                 part = cloud.of_approach(approach) if approach else cloud
                 best = match_cloud(part, models, placed=not anywhere, likelihoods=told, draws=draws, seed=seed)
                 found.append(Told(path, true, approach, best))
+        show("matching", total, total)
     if as_json:
         print(json.dumps({"matches": [one.to_json() for one in found], "told_right": _told_right(found)}))
     else:
@@ -133,7 +137,7 @@ def _print_matches(found: list[Told]) -> None:
             " ".join(part.replace("_", " ") for part in (one.file.name, one.true, one.approach) if part),
             one.match.best.replace("_", " "),
             f"{1e3 * best.distances.mean_m:.2f}",
-            f"{one.match.margin:.2f}" if not one.match.margin > 99.0 else "> 99",
+            "> 99" if one.match.margin > 99.0 else f"{one.match.margin:.2f}",
             "" if np.isnan(one.match.lead) else f"{one.match.lead:.0f}",
             "" if sure is None else f"{100.0 * sure[one.match.best]:.0f} %",
         )

@@ -13,6 +13,9 @@ from taxel.thesis.matching import REAL, SIM, ObjectClouds
 PARTS: Final = 2
 """How often `shapes_told` calls `show` for an object."""
 
+PRINTED: Final = {"whole clouds": "2 of 2 each, among 3", "single approaches": "not told"}
+"""What the thesis says of it (Tables I-13 to I-18)."""
+
 
 def shapes_told(items: Sequence[ObjectClouds], show: Callable[[], None]) -> list[Other]:
     """How many clouds of the hand and the simulator, untreated, are told to be of their object, and how many of single
@@ -36,9 +39,6 @@ def shapes_told(items: Sequence[ObjectClouds], show: Callable[[], None]) -> list
         for key, answers in right.items():
             told.setdefault(key, {})[item.thesis] = f"{sum(answers)} of {len(answers)}"
     return [
-        Other(f"shapes told right among {shapes} models: {what} of both sides", numbers, THESIS[what])
+        Other(f"shapes told right among {shapes} models: {what} of both sides", numbers, PRINTED[what])
         for (what, shapes), numbers in told.items()
     ]
-
-
-THESIS: Final = {"whole clouds": "2 of 2 each, among 3", "single approaches": "not told"}
