@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Faces = npt.NDArray[np.int64]
+from taxel.types import FloatArray, IntArray
 
-Align = Callable[[Array, Array], Array]
+Align = Callable[[FloatArray, FloatArray], FloatArray]
 """Points f64[N, 3] and target points f64[K, 3] to the transform f64[4, 4] that lays the first on the second."""
-Measure = Callable[[Array, Array, Faces], Array]
+Measure = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 """Points f64[N, 3], vertices and faces to unsigned distances f64[N]; or to the transform f64[4, 4] onto the surface."""
 
 REFERENCE = "own: SciPy and NumPy"
@@ -49,13 +47,13 @@ def _taxel() -> Answers:
     from taxel.cloud.mesh import TriangleMesh
     from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 
-    def align(points: Array, target: Array) -> Array:
+    def align(points: FloatArray, target: FloatArray) -> FloatArray:
         return align_to_points(points, PointTarget(target)).transform
 
-    def measure(points: Array, vertices: Array, faces: Faces) -> Array:
+    def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return TriangleMesh("mesh", vertices, faces).closest(points).distance
 
-    def align_to_surface(points: Array, vertices: Array, faces: Faces) -> Array:
+    def align_to_surface(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return align_to_mesh(points, TriangleMesh("mesh", vertices, faces)).transform
 
     return Answers(align, measure, align_to_surface)
@@ -65,12 +63,12 @@ def _own() -> Answers:
     return Answers(_own_align, exact_distances)
 
 
-def _own_align(points: Array, target: Array) -> Array:
+def _own_align(points: FloatArray, target: FloatArray) -> FloatArray:
     """Besl and McKay's loop: a KD-tree's nearest points, and Kabsch's fit to them."""
     from scipy.spatial import cKDTree
 
     tree, centre = cKDTree(target), points.mean(axis=0)
-    transform: Array = np.eye(4)
+    transform: FloatArray = np.eye(4)
     last = np.inf
     for _ in range(ITERATIONS):
         moved = points @ transform[:3, :3].T + transform[:3, 3]
@@ -83,12 +81,12 @@ def _own_align(points: Array, target: Array) -> Array:
         partner = target[nearest]
         middle = partner.mean(axis=0)
         u, _, v = np.linalg.svd((points - centre).T @ (partner - middle))
-        turn: Array = (u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v).T
+        turn: FloatArray = (u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v).T
         transform[:3, :3], transform[:3, 3] = turn, middle - turn @ centre
     return transform
 
 
-def exact_distances(points: Array, vertices: Array, faces: Faces) -> Array:
+def exact_distances(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Every point against every triangle, vectorised: the nearest of the plane's foot and the three edges."""
     best = np.full(len(points), np.inf)
     for face in faces:
@@ -110,7 +108,7 @@ def exact_distances(points: Array, vertices: Array, faces: Faces) -> Array:
 def _small_gicp() -> Answers:
     import small_gicp
 
-    def align(points: Array, target: Array) -> Array:
+    def align(points: FloatArray, target: FloatArray) -> FloatArray:
         cloud = small_gicp.PointCloud(target)
         found = small_gicp.align(
             cloud,
@@ -133,16 +131,16 @@ def _open3d() -> Answers:
 
     registration = open3d.pipelines.registration
 
-    def cloud_of(points: Array) -> Any:
+    def cloud_of(points: FloatArray) -> Any:
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
 
-    def align(points: Array, target: Array) -> Array:
+    def align(points: FloatArray, target: FloatArray) -> FloatArray:
         criteria = registration.ICPConvergenceCriteria(STILL, STILL, ITERATIONS)
         plain = registration.TransformationEstimationPointToPoint()
         found = registration.registration_icp(cloud_of(points), cloud_of(target), 1e3, np.eye(4), plain, criteria)
         return np.array(found.transformation)
 
-    def measure(points: Array, vertices: Array, faces: Faces) -> Array:
+    def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
         return np.asarray(scene.compute_distance(points.astype(np.float32), nthreads=1).numpy(), dtype=np.float64)
@@ -153,14 +151,14 @@ def _open3d() -> Answers:
 def _trimesh() -> Answers:
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
-    def align(points: Array, target: Array) -> Array:
+    def align(points: FloatArray, target: FloatArray) -> FloatArray:
         return np.asarray(
             trimesh.registration.icp(
                 points, target, threshold=STILL, max_iterations=ITERATIONS, reflection=False, scale=False
             )[0]
         )
 
-    def measure(points: Array, vertices: Array, faces: Faces) -> Array:
+    def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         return np.asarray(trimesh.proximity.closest_point(mesh, points)[1])
 
@@ -170,7 +168,7 @@ def _trimesh() -> Answers:
 def _igl() -> Answers:
     import igl
 
-    def measure(points: Array, vertices: Array, faces: Faces) -> Array:
+    def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return np.asarray(np.sqrt(igl.point_mesh_squared_distance(points, vertices, faces)[0]))
 
     return Answers(measure=measure)
@@ -179,7 +177,7 @@ def _igl() -> Answers:
 def _point_cloud_utils() -> Answers:
     import point_cloud_utils  # type: ignore[import-not-found,unused-ignore]
 
-    def measure(points: Array, vertices: Array, faces: Faces) -> Array:
+    def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return np.asarray(point_cloud_utils.closest_points_on_mesh(points, vertices, faces)[0], dtype=np.float64)
 
     return Answers(measure=measure)

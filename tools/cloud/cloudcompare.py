@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 PROGRAMS: Final = ("CloudCompare", "cloudcompare")
 PACKAGE: Final = "cloudcompare"
@@ -51,33 +50,35 @@ class CloudCompare:
             raise RuntimeError(f"{' '.join(arguments)}: CloudCompare failed: {told[-200:].strip() or ran.returncode}")
         return told
 
-    def save(self, name: str, points: Array, counts: Array | None = None) -> str:
+    def save(self, name: str, points: FloatArray, counts: FloatArray | None = None) -> str:
         """Write a cloud to a file of the folder; its name."""
         table = points if counts is None else np.column_stack([points, counts])
         np.savetxt(self.folder / f"{name}.xyz", table, fmt="%.10f")
         return f"{name}.xyz"
 
-    def outliers_removed(self, cloud: str, k: int, n_sigma: float) -> Array:
+    def outliers_removed(self, cloud: str, k: int, n_sigma: float) -> FloatArray:
         """The points that its SOR filter keeps, f64[m, 3]."""
         self.run("-O", cloud, "-SOR", str(k), f"{n_sigma:g}", *self._into("kept"))
         return self._table("kept")[:, :3]
 
-    def to_mesh(self, cloud: str, mesh: str) -> Array:
+    def to_mesh(self, cloud: str, mesh: str) -> FloatArray:
         """Unsigned distances of a cloud's points to a mesh."""
         self.run("-O", cloud, "-O", mesh, *C2M, *self._into("distances"))
         return np.abs(self._table("distances")[:, -1])
 
-    def to_cloud(self, cloud: str, target: str) -> Array:
+    def to_cloud(self, cloud: str, target: str) -> FloatArray:
         """Distances of a cloud's points to another cloud."""
         self.run("-O", cloud, "-O", target, "-C2C_DIST", *self._into("distances", 2))
         return self._table("distances")[:, -1]
 
-    def aligned(self, cloud: str, target: str) -> tuple[Array, float]:
+    def aligned(self, cloud: str, target: str) -> tuple[FloatArray, float]:
         """The cloud after its ICP to a mesh (.ply) or a cloud, f64[n, 3], and the RMS that it tells."""
         log = self.run("-O", cloud, "-O", target, *ICP, *self._into("aligned", 1 if target.endswith(".ply") else 2))
         return self._table("aligned")[:, :3], rms_in(log)
 
-    def whole_row(self, cloud: str, mesh: str, threshold: float, sor: tuple[int, float] | None) -> tuple[float, Array]:
+    def whole_row(
+        self, cloud: str, mesh: str, threshold: float, sor: tuple[int, float] | None
+    ) -> tuple[float, FloatArray]:
         """Force filter, outlier filter, ICP and distances in one call: the RMS told, and the unsigned distances."""
         clean = ("-SOR", str(sor[0]), f"{sor[1]:g}") if sor else ()
         force = ("-FILTER_SF", f"{threshold:g}", "MAX")
@@ -90,7 +91,7 @@ class CloudCompare:
             old.unlink()
         return "-SAVE_CLOUDS", "FILE", " ".join([f"{name}.asc", "other.asc"][:clouds])
 
-    def _table(self, name: str) -> Array:
+    def _table(self, name: str) -> FloatArray:
         """What was saved."""
         path = self.folder / f"{name}.asc"
         if not path.exists():

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from cloudcompare import PACKAGE, Array, CloudCompare, program
+from cloudcompare import PACKAGE, CloudCompare, program
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
@@ -39,6 +39,7 @@ from taxel.cloud.treatment import FORCE_FILTER_COUNTS, sor_of
 from taxel.errors import TaxelError
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.types import FloatArray
 
 SAME_PERCENT = 1.0
 KEPT_PERCENT = 99.0
@@ -127,7 +128,7 @@ def compared(tool: CloudCompare, label: str, cloud: ContactCloud, other: Contact
     )
 
 
-def agreement(tool: CloudCompare, file: str, points: Array, k: int, n_sigma: float) -> float:
+def agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
     """Points of which both outlier filters say the same, percent."""
     own = sor_mask(points, k, n_sigma)
     its = cKDTree(tool.outliers_removed(file, k, n_sigma)).query(points)[0] < HERE_M

@@ -26,8 +26,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from candidates import CANDIDATES, REFERENCE, Array, Candidate, exact_distances
+from candidates import CANDIDATES, REFERENCE, Candidate, exact_distances
 from scipy.spatial import cKDTree
+
+from taxel.types import FloatArray
 
 REPEATS = 5
 LIMIT_S = 600.0
@@ -84,7 +86,7 @@ def measured(candidate: Candidate, data: Path) -> dict[str, Any]:
     return told
 
 
-def _timed(run: Callable[[], Array], repeats: int = REPEATS) -> tuple[float, Array]:
+def _timed(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float, FloatArray]:
     """Median processor seconds after one run to warm up, and the result. All threads count, other programs do not."""
     result = run()
     seconds = []
@@ -95,7 +97,7 @@ def _timed(run: Callable[[], Array], repeats: int = REPEATS) -> tuple[float, Arr
     return float(np.median(seconds)), result
 
 
-def _mean_ms(runs: list[tuple[float, Array]]) -> float:
+def _mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
     return 1e3 * float(np.mean([seconds for seconds, _ in runs]))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-Counts = NDArray[np.int64]
+from taxel.types import IntArray
 
 TAIL = 0.005
 TAIL_WIDTH = 3.0
@@ -37,14 +37,14 @@ def _cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     return inside
 
 
-def _cost(counts: Counts, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bits of each count; what lies beyond the reach costs nine bits and its size."""
     share = _cumulative((counts + 0.5 - mean) / scale) - _cumulative((counts - 0.5 - mean) / scale)
     far = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
     return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), far)
 
 
-def predictor_bits(counts: Counts, mean_gain: float, scale_gain: float, jump: float) -> float:
+def predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float, jump: float) -> float:
     """Bits a count of a predictor that learns from every frame at once: sliding mean and scale, u[T, n] counts."""
     mean = counts[0].astype(float)
     scale = np.full(counts.shape[1], 4.0)
@@ -62,6 +62,6 @@ def predictor_bits(counts: Counts, mean_gain: float, scale_gain: float, jump: fl
     return float(total / ((len(counts) - WARM_UP) * counts.shape[1]))
 
 
-def recording_entropy(counts: Counts) -> float:
+def recording_entropy(counts: IntArray) -> float:
     """Bits a count of the best predictor of the class, chosen in hindsight: no delay, no rounding, no whole bytes."""
     return min(predictor_bits(counts, *choice) for choice in product(GAINS, GAINS, JUMPS))

@@ -11,8 +11,7 @@ from cases import FLAG_T, Block
 from numpy.typing import NDArray
 from unicorn_oracle import Verdict
 
-Mask = NDArray[np.bool_]
-Halves = NDArray[np.uint16]
+from taxel.types import BoolArray, CountArray
 
 
 class Outcome(NamedTuple):
@@ -32,9 +31,9 @@ class Deviation(NamedTuple):
 
     name: str
     reason: str
-    of: Callable[[Halves, Halves], Any]
+    of: Callable[[CountArray, CountArray], Any]
 
-    def cases(self, outcome: Outcome) -> Mask:
+    def cases(self, outcome: Outcome) -> BoolArray:
         """bool[n]: those of a block. They are not compared any further."""
         ours = outcome.ours
         undefined = (ours["reason"] == Reason.FAULTED) & (ours["fault"] == Fault.UNDEFINED)
@@ -42,36 +41,36 @@ class Deviation(NamedTuple):
         return np.asarray(self.of(outcome.block.first, outcome.block.second) & taken, dtype=np.bool_)
 
 
-def _compare_of_low_or_pc(first: Halves, _: Halves) -> Any:
+def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
     d, m = first & 7 | first >> 4 & 8, first >> 3 & 15
     return (first >> 8 == 0x45) & (((d < 8) & (m < 8)) | (d == 15) | (m == 15))
 
 
-def _add_pc_to_pc(first: Halves, _: Halves) -> Any:
+def _add_pc_to_pc(first: CountArray, _: CountArray) -> Any:
     return first == 0x44FF
 
 
-def _branch_with_low_bits_or_pc(first: Halves, _: Halves) -> Any:
+def _branch_with_low_bits_or_pc(first: CountArray, _: CountArray) -> Any:
     return (first >> 8 == 0x47) & ((first & 7 != 0) | (first >> 3 & 15 == 15))
 
 
-def _if_then(first: Halves, _: Halves) -> Any:
+def _if_then(first: CountArray, _: CountArray) -> Any:
     return (first >> 8 == 0xBF) & (first & 15 != 0)
 
 
-def _compare_and_branch(first: Halves, _: Halves) -> Any:
+def _compare_and_branch(first: CountArray, _: CountArray) -> Any:
     return first & 0xF500 == 0xB100
 
 
-def _set_endianness(first: Halves, _: Halves) -> Any:
+def _set_endianness(first: CountArray, _: CountArray) -> Any:
     return first & 0xFFF7 == 0xB650
 
 
-def _change_state(first: Halves, _: Halves) -> Any:
+def _change_state(first: CountArray, _: CountArray) -> Any:
     return (first & 0xFFE8 == 0xB660) & (first & 0xFFEF != 0xB662)
 
 
-def _special_registers(first: Halves, second: Halves) -> Any:
+def _special_registers(first: CountArray, second: CountArray) -> Any:
     either = (first & 0xFFE0 == 0xF380) | (first & 0xFFE0 == 0xF3E0)
     return either & (second & 0xD000 == 0x8000)
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.stream.deframer import Deframer
+from taxel.types import ByteArray
 from taxel_protocol import crc32, encode_frame
 from taxel_protocol.framing import whiten
 from taxel_protocol.limits import BODY_MAX
 from taxel_protocol.names import FrameType
 
-Bytes = NDArray[np.uint8]
-Damage = Callable[[Bytes, np.random.Generator], Bytes]
+Damage = Callable[[ByteArray, np.random.Generator], ByteArray]
 
 BATCH = 50_000
 SAMPLE = 1_000
@@ -54,11 +54,11 @@ class Tally:
     reached_crc: int = 0
 
 
-def _places(frames: Bytes, rng: np.random.Generator) -> NDArray[np.int64]:
+def _places(frames: ByteArray, rng: np.random.Generator) -> NDArray[np.int64]:
     return rng.integers(0, frames.shape[1], len(frames))
 
 
-def _changed(frames: Bytes, rng: np.random.Generator, places: NDArray[np.int64]) -> Bytes:
+def _changed(frames: ByteArray, rng: np.random.Generator, places: NDArray[np.int64]) -> ByteArray:
     out = frames.copy()
     rows = np.arange(len(frames))
     shift = rng.integers(1, 255, len(frames), dtype=np.uint8)
@@ -66,24 +66,24 @@ def _changed(frames: Bytes, rng: np.random.Generator, places: NDArray[np.int64])
     return out
 
 
-def one_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def one_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """One byte becomes another, not zero."""
     return _changed(frames, rng, _places(frames, rng))
 
 
-def two_bytes(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def two_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """Two bytes become others, not zero."""
     return one_byte(one_byte(frames, rng), rng)
 
 
-def ten_bytes(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def ten_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """Ten bytes become others, not zero."""
     for _ in range(10):
         frames = one_byte(frames, rng)
     return frames
 
 
-def code_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def code_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """A code byte of the stuffing becomes another: all blocks from there on are cut elsewhere."""
     codes = [0]
     while codes[-1] + int(frames[0, codes[-1]]) < frames.shape[1]:
@@ -91,7 +91,7 @@ def code_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
     return _changed(frames, rng, rng.choice(np.array(codes), len(frames)))
 
 
-def one_bit(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def one_bit(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """One bit flips; a byte may become zero and cut the frame in two."""
     out = frames.copy()
     masks = np.left_shift(1, rng.integers(0, 8, len(frames))).astype(np.uint8)
@@ -99,13 +99,13 @@ def one_bit(frames: Bytes, rng: np.random.Generator) -> Bytes:
     return out
 
 
-def lost_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def lost_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """One byte is lost."""
     columns = np.arange(frames.shape[1] - 1)
     return np.take_along_axis(frames, columns + (columns >= _places(frames, rng)[:, None]), axis=1)
 
 
-def added_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def added_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """One byte is added, not zero."""
     places = rng.integers(1, frames.shape[1], len(frames))
     columns = np.arange(frames.shape[1] + 1)
@@ -114,13 +114,13 @@ def added_byte(frames: Bytes, rng: np.random.Generator) -> Bytes:
     return out
 
 
-def random_tail(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def random_tail(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """From one place on every byte is random, as after a shift in the receiver."""
     noise = rng.integers(1, 256, frames.shape, dtype=np.uint8)
     return np.where(np.arange(frames.shape[1]) < _places(frames, rng)[:, None], frames, noise)
 
 
-def all_random(frames: Bytes, rng: np.random.Generator) -> Bytes:
+def all_random(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """No frame at all: random bytes without a zero."""
     return rng.integers(1, 256, frames.shape, dtype=np.uint8)
 

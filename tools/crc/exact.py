@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.types import WordArray
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.limits import (
     ADDRESS_MAX,
@@ -24,8 +25,6 @@ from taxel_protocol.limits import (
     SNAPSHOT_OVERHEAD,
 )
 from taxel_protocol.names import FrameType
-
-Words = NDArray[np.uint32]
 
 GENERATOR = 0x04C11DB7
 """x^32 is implied (IEEE 802.3, clause 3.2.9)."""
@@ -42,7 +41,7 @@ BYTE_RATE = 100_000
 """Bytes a second of a UART at 1 Mbaud with a start and a stop bit."""
 
 
-def bit_syndromes(count: int) -> Words:
+def bit_syndromes(count: int) -> WordArray:
     """x^i modulo the generator, for i below `count`; bit 0 is the last one on the wire."""
     values = np.empty(count, np.uint32)
     state = 1
@@ -52,7 +51,7 @@ def bit_syndromes(count: int) -> Words:
     return values
 
 
-def sums(syndromes: Words, size: int) -> Words:
+def sums(syndromes: WordArray, size: int) -> WordArray:
     """XOR of every subset of `size` syndromes, in colexicographic order: by the largest index first."""
     values = syndromes
     for k in range(2, size + 1):
@@ -113,7 +112,7 @@ def burst_rank() -> int:
     return rank
 
 
-def byte_syndromes(count: int) -> Words:
+def byte_syndromes(count: int) -> WordArray:
     """[d, e]: syndrome of the byte e (1..255, first column unused) at d bytes before the last byte."""
     bits = bit_syndromes(8 * count).reshape(count, 8)
     table = np.zeros((count, 256), np.uint32)

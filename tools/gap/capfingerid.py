@@ -33,7 +33,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from measured_touches import CELLS, ROW_OF_CELL, Array, Frames, Look, halves, held_touches, looks_at
+from measured_touches import CELLS, ROW_OF_CELL, Frames, Look, halves, held_touches, looks_at
 
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
@@ -48,6 +48,7 @@ from taxel.recording import (
     recordings,
 )
 from taxel.recording.capfingerid import COLUMNS, ROWS
+from taxel.types import FloatArray
 
 LOOKS: Final = 8
 """Half of them are four sessions. With three, intervals are so wide that two halves of six look like two recordings."""
@@ -126,7 +127,7 @@ def write_looks(path: Path, looks: list[Look], version: str) -> None:
         overwrite=True,
     ) as out:
         for number, look in enumerate(looks):
-            counts: Array = getattr(look.touch.frames, version)[look.frames]
+            counts: FloatArray = getattr(look.touch.frames, version)[look.frames]
             record = GraspRecord(
                 object=look.touch.frames.name,
                 approach=f"touch_{look.touch.number:03d}_row_{look.touch.row:02d}",
@@ -196,7 +197,7 @@ def compare(folder: Path, looks: list[Look], wanted: Comparison) -> dict[str, An
 
 def differing(looks: list[Look], wanted: Comparison) -> dict[str, Any]:
     """Where the frames of the looks differ, from the frames alone: rows, the worst, mean square by row and phase."""
-    squares: Array = np.zeros((4, ROWS))
+    squares: FloatArray = np.zeros((4, ROWS))
     for phase in range(4):
         parts = []
         for frames in {look.touch.frames.name: look.touch.frames for look in looks}.values():

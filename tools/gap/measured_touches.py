@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from taxel.recording import TouchRecording
 from taxel.recording.capfingerid import COLUMNS, ROWS
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 CELLS: Final = ROWS * COLUMNS
 ROW_OF_CELL: Final = np.arange(CELLS) // COLUMNS
@@ -49,15 +47,15 @@ class Frames:
     """
 
     name: str
-    time_s: Array
+    time_s: FloatArray
     task: NDArray[np.str_]
     repeats: int
-    stale: Flags
+    stale: BoolArray
     first: NDArray[np.intp]
-    measured: Array
-    mended: Array
-    without_impulses: Array
-    without_prefixes: Array
+    measured: FloatArray
+    mended: FloatArray
+    without_impulses: FloatArray
+    without_prefixes: FloatArray
 
     @classmethod
     def of(cls, recording: TouchRecording) -> Frames:
@@ -78,7 +76,7 @@ class Frames:
         return cls(name, time, task, int((~kept).sum()), stale, first, values, mended, torn, alone)
 
     @property
-    def impulses(self) -> Flags:
+    def impulses(self) -> BoolArray:
         """bool[T, 405]: holds an impulse, its own or one that stayed."""
         return np.asarray(np.abs(self.measured - self.without_impulses) > IMPULSE_COUNTS)
 
@@ -104,7 +102,7 @@ class Frames:
         }
 
 
-def _mended(values: Array, time_s: Array, fresh: Flags) -> Array:
+def _mended(values: FloatArray, time_s: FloatArray, fresh: BoolArray) -> FloatArray:
     mended = np.zeros_like(values)
     for cell in range(CELLS):
         known = fresh[:, cell]
@@ -137,7 +135,7 @@ class Touch:
         the blocks after that while the finger stays. Release: the block from the first frame without it.
         """
         held = (self.end - self.begin) // looks - 1
-        away: Flags = np.max(self.frames.mended, axis=1) <= REST_COUNTS
+        away: BoolArray = np.max(self.frames.mended, axis=1) <= REST_COUNTS
         after = np.arange(self.end, self.end + looks)
         rest = np.flatnonzero(away[: self.begin])[-REST_BLOCKS * looks :]
         if held < HOLD_BLOCKS or len(rest) < REST_BLOCKS * looks or after[-1] >= len(away):
@@ -158,10 +156,10 @@ class Look:
     number: int
     frames: NDArray[np.intp]
     phase: NDArray[np.uint8]
-    time_s: Array
+    time_s: FloatArray
 
 
-def touches_in(frames: Frames, rows: NDArray[np.intp] | slice) -> Flags:
+def touches_in(frames: Frames, rows: NDArray[np.intp] | slice) -> BoolArray:
     """In which of some frames a finger lies on the panel."""
     return np.asarray((frames.mended[rows] > TOUCHED_COUNTS).sum(axis=1) >= TOUCHED_CELLS)
 

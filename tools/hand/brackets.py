@@ -2,7 +2,7 @@
 
 The CAD model of the brackets is not published, so the places are made here from the extents of the links: flat plates
 where the link is flat, sheets wrapped round the corners of the finger links (65 taxels at 5 mm exceed their 27.5 mm
-face), and a strip over the dome of the fingertips. Rows are written below a marker line; everything above it is kept.
+face), and a strip over the dome of the fingertips. Arrays are written below a marker line; everything above it is kept.
 
     python tools/hand/brackets.py [--check]
 """
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import BoardKind, load_hand
+from taxel.types import FloatArray
 
 DESCRIPTIONS = Path(__file__).parents[2] / "host/taxel/hand/descriptions"
 MARKER = "# --- geometry: written by tools/hand/brackets.py"
@@ -29,8 +30,6 @@ BEND_RADIUS_M = 0.003  # to which the flexible circuit is bent round a link's co
 SLEEVE_RADIUS_M = 0.016  # of the bar under the rig's wrapped board (assumed)
 DOME_ROWS = 7  # TX 0..6 of a fingertip run over the dome, the others over the cylinder below it
 
-Rows = NDArray[np.float64]
-
 
 def along_and_across(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance of each taxel from the middle of the sheet, metres: to the distal end, and to the left."""
@@ -39,14 +38,14 @@ def along_and_across(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.f
     return along, across
 
 
-def flat(kind: BoardKind) -> Rows:
+def flat(kind: BoardKind) -> FloatArray:
     """A plate."""
     along, across = along_and_across(kind)
     zero = np.zeros_like(along)
     return np.column_stack([along, across, zero, zero, zero, zero + 1.0])
 
 
-def wrapped(kind: BoardKind) -> Rows:
+def wrapped(kind: BoardKind) -> FloatArray:
     """A sheet over the face of a finger link and round both its corners, unrolled across the finger."""
     along, across = along_and_across(kind)
     flat_half = FACE_HALF_WIDTH_M - BEND_RADIUS_M
@@ -59,7 +58,7 @@ def wrapped(kind: BoardKind) -> Rows:
     return np.column_stack([along, left, out, np.zeros_like(along), side * np.sin(angle), np.cos(angle)])
 
 
-def fingertip(kind: BoardKind) -> Rows:
+def fingertip(kind: BoardKind) -> FloatArray:
     """A strip over the dome and petals round the cylinder below it; the frame's origin is the dome's centre."""
     _, across = along_and_across(kind)
     lateral = across / TIP_RADIUS_M
@@ -71,7 +70,7 @@ def fingertip(kind: BoardKind) -> Rows:
     return np.hstack([centre + TIP_RADIUS_M * normal, normal])
 
 
-def sleeve(kind: BoardKind) -> Rows:
+def sleeve(kind: BoardKind) -> FloatArray:
     """A sheet round a bar."""
     along, across = along_and_across(kind)
     angle = across / SLEEVE_RADIUS_M
@@ -79,7 +78,7 @@ def sleeve(kind: BoardKind) -> Rows:
     return np.column_stack([along, left, out, np.zeros_like(along), np.sin(angle), np.cos(angle)])
 
 
-SHEETS: dict[str, Callable[[BoardKind], Rows]] = {
+SHEETS: dict[str, Callable[[BoardKind], FloatArray]] = {
     "back_of_hand": flat,
     "fingertip": fingertip,
     "medial_back": wrapped,

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
-from surfaces import Circle, Floats, Polygon, Prism
+from surfaces import Circle, Polygon, Prism
+
+from taxel.types import FloatArray
 
 BAND_MM = 100.0
 """Width of the band a side grasp covers, at mid height: about four fingers of an Allegro hand. Assumed."""
@@ -36,13 +38,13 @@ class Touch:
     palm_share: float = PALM_SHARE
 
 
-def unit_samples(n: int, seed: int) -> Floats:
+def unit_samples(n: int, seed: int) -> FloatArray:
     """Evenly spread random numbers in (0, 1), f64[n, 4]. Kept over a search, they make clouds change smoothly."""
     drawn = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
     return np.clip(np.asarray(drawn, dtype=np.float64), 1e-4, 1 - 1e-4)
 
 
-def contact_cloud(prism: Prism, touch: Touch, samples: Floats) -> Floats:
+def contact_cloud(prism: Prism, touch: Touch, samples: FloatArray) -> FloatArray:
     """Contact points, f64[n, 3], mm, of the samples, f64[n, 4], from `unit_samples`."""
     on_top = samples[:, 2] < touch.top_share * touch.palm_share
     from_top = samples[:, 2] < touch.top_share
@@ -60,7 +62,7 @@ def contact_cloud(prism: Prism, touch: Touch, samples: Floats) -> Floats:
     return surface + outward * beyond[:, None]
 
 
-def _inside(prism: Prism, samples: Floats) -> Floats:
+def _inside(prism: Prism, samples: FloatArray) -> FloatArray:
     """Points spread evenly over the profile's area: the curve shrunk towards the centroid by a square root."""
     profile = prism.profile
     if isinstance(profile, Circle):
@@ -71,7 +73,7 @@ def _inside(prism: Prism, samples: Floats) -> Floats:
     return flat * np.sqrt(samples[:, 1])[:, None]
 
 
-def _by_area(profile: Polygon, u: Floats) -> Floats:
+def _by_area(profile: Polygon, u: FloatArray) -> FloatArray:
     """Curve points whose triangles with the centre sweep area, not arc length, evenly."""
     starts, ends = profile.corners, np.roll(profile.corners, -1, axis=0)
     areas = np.cumsum(starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0])

@@ -5,7 +5,9 @@ the surface. The steps are those of Levenberg and Marquardt on the distances, wh
 """
 
 import numpy as np
-from surfaces import Floats, Prism
+from surfaces import Prism
+
+from taxel.types import FloatArray
 
 STEPS = 60
 FIRST_STEPS = 8
@@ -19,7 +21,7 @@ TURNS_DEG = (0.0, 30.0, 90.0, 180.0)
 """Turns about the upright axis that a match starts from."""
 
 
-def starts_of(cloud: Floats, cloud_height: float, height: float) -> Floats:
+def starts_of(cloud: FloatArray, cloud_height: float, height: float) -> FloatArray:
     """Starting positions, f64[s, n, 3], mm, of a cloud, f64[n, 3]: each turn with equal tops and equal mid heights."""
     angles = np.radians(TURNS_DEG)
     cos, sin = np.cos(angles), np.sin(angles)
@@ -31,7 +33,7 @@ def starts_of(cloud: Floats, cloud_height: float, height: float) -> Floats:
     return np.concatenate([turned + to_top, turned + to_top / 2])
 
 
-def settle(points: Floats, prism: Prism, steps: int = STEPS) -> tuple[Floats, Floats]:
+def settle(points: FloatArray, prism: Prism, steps: int = STEPS) -> tuple[FloatArray, FloatArray]:
     """Move k clouds, f64[k, n, 3], mm, each rigidly towards a minimum. Returns the moved clouds and their
     distances to the surface, f64[k, n], mm. A cloud rests when a step gains less than STILL of its sum of squares.
     """
@@ -56,7 +58,7 @@ def settle(points: Floats, prism: Prism, steps: int = STEPS) -> tuple[Floats, Fl
     return points, np.asarray(np.sqrt(np.sum(away**2, axis=2)))
 
 
-def match(starts: list[Floats], prism: Prism) -> list[Floats]:
+def match(starts: list[FloatArray], prism: Prism) -> list[FloatArray]:
     """Distances, f64[n], mm, of each cloud at its best match. starts: of each cloud, f64[s, n, 3], mm.
 
     All starts take FIRST_STEPS; only the KEPT best of each cloud go on to rest.
@@ -72,7 +74,7 @@ def match(starts: list[Floats], prism: Prism) -> list[Floats]:
     return [block[np.argmin(np.sum(block**2, axis=1))] for block in blocks]
 
 
-def _moved(points: Floats, away: Floats, damping: Floats) -> Floats:
+def _moved(points: FloatArray, away: FloatArray, damping: FloatArray) -> FloatArray:
     """The clouds after one damped step, a turn about each centroid and a shift."""
     centre = points.mean(axis=1, keepdims=True)
     arms = points - centre
@@ -87,7 +89,7 @@ def _moved(points: Floats, away: Floats, damping: Floats) -> Floats:
     return np.asarray(arms @ turn.transpose(0, 2, 1) + centre + step[:, None, :3])
 
 
-def _rotation(vector: Floats) -> Floats:
+def _rotation(vector: FloatArray) -> FloatArray:
     """Rotation matrices, f64[k, 3, 3], of rotation vectors, f64[k, 3], rad (Rodrigues)."""
     angle = np.maximum(np.linalg.norm(vector, axis=1), 1e-12)[:, None, None]
     x, y, z = (vector / angle[:, :, 0]).T

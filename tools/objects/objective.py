@@ -9,8 +9,10 @@ from dataclasses import astuple, dataclass, field
 import numpy as np
 from clouds import BAND_MM, PALM_SHARE, Touch, contact_cloud, unit_samples
 from match import match, starts_of
-from surfaces import Floats, Prism, box, cylinder, triangle
+from surfaces import Prism, box, cylinder, triangle
 from thesis_tables import REAL, SIMULATED, TOP_GRASP_SHARES, CloudTable
+
+from taxel.types import FloatArray
 
 TABLES = ((SIMULATED, 2 / 3), (REAL, 1 / 3))
 """Simulated clouds count twice: no noise, tilted object or lost taxel is in them."""
@@ -65,9 +67,9 @@ class Setting:
 class Distances:
     """Matched distances of one source of clouds: f64[3, 3] each, mm, clouds by CAD models."""
 
-    mean: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    rms: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    largest: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    mean: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    rms: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    largest: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 def touches_of(table: CloudTable, setting: Setting) -> list[Touch]:

@@ -20,13 +20,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from taxel.types import FloatArray
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from clouds import BAND_MM, PALM_SHARE
 from objective import CROSS, TABLES, Distances, Setting, Sizes, distances, objective
 from scipy.optimize import Bounds, differential_evolution, minimize
-from surfaces import Floats
 from thesis_tables import OBJECTS, CloudTable
 
 NARROWEST_MM = 35.0
@@ -56,14 +57,14 @@ class Space:
     isosceles: bool
     narrowest: float = NARROWEST_MM
 
-    def bounds(self) -> tuple[Floats, Floats]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest vector."""
         low, high = self.narrowest, WIDEST_MM
         rows = [(low, high), (low, high), self.heights, (low / 2, high / 2), self.heights, (low, high), self.heights]
         table = np.array([*rows, (low, high)] if self.isosceles else rows)
         return table[:, 0], table[:, 1]
 
-    def sizes(self, vector: Floats) -> tuple[Sizes, float]:
+    def sizes(self, vector: FloatArray) -> tuple[Sizes, float]:
         """The nearest sizes within bounds, and a penalty for what was out of them or breaks the text."""
         lowest, highest = self.bounds()
         inside = np.clip(vector, lowest, highest)
@@ -80,7 +81,7 @@ class Space:
 def search(space: Space, setting: Setting, say: Callable[[str], None]) -> Sizes:
     """The best sizes from one seed: differential evolution on few points, then a simplex descent on more."""
 
-    def value(vector: Floats, with_setting: Setting) -> float:
+    def value(vector: FloatArray, with_setting: Setting) -> float:
         sizes, penalty = space.sizes(vector)
         return objective(sizes, with_setting) + penalty
 

@@ -9,17 +9,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 class Profile(Protocol):
     """A convex closed curve about the origin of the plane."""
 
-    def at(self, u: Floats) -> tuple[Floats, Floats]:
+    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Point and outward normal, each f64[n, 2], at the arc lengths u, f64[n], 0 to 1 of the whole."""
         ...
 
-    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Nearest curve point, f64[..., 2], of each point, and whether the point is inside."""
         ...
 
@@ -30,13 +30,13 @@ class Circle:
 
     radius: float
 
-    def at(self, u: Floats) -> tuple[Floats, Floats]:
+    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Profile`."""
         angle = 2 * np.pi * u
         normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return self.radius * normal, normal
 
-    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """See `Profile`. The centre, which has no nearest point, gets one."""
         distance = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
         scale = self.radius / np.maximum(distance, 1e-9)
@@ -47,9 +47,9 @@ class Circle:
 class Polygon:
     """A convex polygon. corners: f64[k, 2], mm, anticlockwise."""
 
-    corners: Floats
+    corners: FloatArray
 
-    def at(self, u: Floats) -> tuple[Floats, Floats]:
+    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Profile`."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         lengths = np.linalg.norm(edges, axis=1)
@@ -60,7 +60,7 @@ class Polygon:
         points = self.corners[index] + along * (arc - ends[index] + lengths[index])[:, None]
         return points, np.stack([along[:, 1], -along[:, 0]], axis=-1)
 
-    def nearest(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """See `Profile`."""
         x, y = points[..., 0], points[..., 1]
         best = np.full(x.shape, np.inf)
@@ -86,7 +86,7 @@ class Prism:
     profile: Profile
     height: float
 
-    def nearest(self, points: Floats) -> Floats:
+    def nearest(self, points: FloatArray) -> FloatArray:
         """Nearest surface point, f64[..., 3], of each point, f64[..., 3], mm."""
         z = points[..., 2]
         side, inside = self.profile.nearest(points[..., :2])

@@ -8,7 +8,8 @@ cylinder). They are kept as printed. The rest agree, but for the real clouds aga
 from dataclasses import dataclass
 
 import numpy as np
-from surfaces import Floats
+
+from taxel.types import FloatArray
 
 OBJECTS = ("rectangular", "cylindrical", "triangular")
 
@@ -21,10 +22,10 @@ class CloudTable:
     """Distances of one source of clouds, "sim" or "real": f64[3, 3] each, mm."""
 
     source: str
-    mean: Floats
-    rms: Floats
-    largest: Floats
-    deviation: Floats
+    mean: FloatArray
+    rms: FloatArray
+    largest: FloatArray
+    deviation: FloatArray
 
 
 SIMULATED = CloudTable(

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, curve_fit
 
 from taxel.hand import Hand, load_hand
 from taxel.link import write_stimulus
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS
 from taxel.skin import open_skin
-
-Floats = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LADDER_N = np.geomspace(0.02, 20.0, 31)
 FIT_RANGE_N = (0.05, 5.0)
@@ -38,10 +36,10 @@ SETTLE_S = 0.4
 class Ladder:
     """What was measured: mean baseline, and the mean drop over boards and its spread between them at each force."""
 
-    force_n: Floats
+    force_n: FloatArray
     baseline_counts: float
-    drop: Floats
-    spread: Floats
+    drop: FloatArray
+    spread: FloatArray
 
 
 def press_ladder(hand: Hand, seed: int) -> Ladder:
@@ -69,7 +67,7 @@ def press_ladder(hand: Hand, seed: int) -> Ladder:
     return Ladder(LADDER_N, float(baseline.mean()), means.mean(axis=1), means.std(axis=1, ddof=1))
 
 
-def saturating(force_n: Floats, full: float, half: float) -> Floats:
+def saturating(force_n: FloatArray, full: float, half: float) -> FloatArray:
     """The form of the dataset's sensor model."""
     return full * force_n / (force_n + half)
 

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
@@ -34,8 +33,7 @@ from taxel.thesis.findings import Finding, findings
 from taxel.thesis.matching import REAL, SIM, SPREAD, ObjectClouds, ObjectResult, measure, treated
 from taxel.thesis.nearness import FACTOR
 from taxel.thesis.printed import OBJECTS, of_dataset, rows_of
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 SPREAD_CUT: Final = 4.0
 """Lengths of the spread's kernel beyond which it is cut off."""
@@ -82,9 +80,9 @@ class Pressed:
     """One simulated grasp. places: f64[n, 3], object's frame. drop, force: f64[n], means over hold."""
 
     object: str
-    places: Array
-    drop: Array
-    force: Array
+    places: FloatArray
+    drop: FloatArray
+    force: FloatArray
 
 
 def grasps_of(path: Path) -> list[Pressed]:
@@ -120,7 +118,7 @@ class Stage:
         self.displaced = [grasps_of(one) for one in displaced]
         self.boards = [np.flatnonzero(self.taxels.sensor == board) for board in np.unique(self.taxels.sensor)]
 
-    def drops(self, force: Array, candidate: Candidate, rng: np.random.Generator) -> Array:
+    def drops(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
         """Counts of a hand with the candidate's spread, coupling, gain, noise and knee, f64[n]."""
         result = np.zeros_like(force)
         for own in self.boards:
@@ -136,7 +134,7 @@ class Stage:
         return np.asarray(result + noise * rng.normal(size=len(result)))
 
 
-Parts = dict[str, list[tuple[Array, Array]]]
+Parts = dict[str, list[tuple[FloatArray, FloatArray]]]
 
 
 def items_of(stage: Stage, candidate: Candidate, seed: int) -> dict[str, ObjectClouds]:

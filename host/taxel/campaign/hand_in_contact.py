@@ -17,8 +17,7 @@ from taxel.hand import Hand
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot
 from taxel.hand.transforms import cross
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 JOINT_INERTIA_KG_M2 = 1.5e-3
 JOINT_DAMPING_NM_S = 0.03
@@ -59,10 +58,10 @@ class HandInContact:
         robot: Robot,
         contact: SkinContact,
         object_index: int,
-        object_pose: Array,
+        object_pose: FloatArray,
         mount: Mount,
-        wrist_pose: Array,
-        angles: Array,
+        wrist_pose: FloatArray,
+        angles: FloatArray,
     ) -> None:
         self._kinematics = Kinematics(robot, hand)
         self._contact, self._index, self._rest_pose, self._mount = contact, object_index, object_pose, mount
@@ -79,7 +78,7 @@ class HandInContact:
         self._diagonal = np.arange(len(self._position))
         self.touched = 0
 
-    def _inertias(self) -> tuple[Array, Array]:
+    def _inertias(self) -> tuple[FloatArray, FloatArray]:
         mount = np.repeat([self._mount.n_per_m, self._mount.nm_per_rad], 3)
         mass = np.repeat([OBJECT_MASS_KG, OBJECT_INERTIA_KG_M2], 3)
         joints = np.ones(self._joints)
@@ -89,39 +88,39 @@ class HandInContact:
         )
 
     @property
-    def angles(self) -> Array:
+    def angles(self) -> FloatArray:
         """Joint angles, radians, f64[j]."""
         return self._position[: self._joints].copy()
 
     @property
-    def velocities(self) -> Array:
+    def velocities(self) -> FloatArray:
         """Joint speeds, radians a second, f64[j]."""
         return self._velocity[: self._joints].copy()
 
-    def object_pose(self) -> Array:
+    def object_pose(self) -> FloatArray:
         """Where the object is believed to be now (its rest pose and how far the mount has given way), f64[4, 4]."""
         return self._object_pose_at(self._position[self._joints :])
 
-    def _object_pose_at(self, yielding: Array) -> Array:
+    def _object_pose_at(self, yielding: FloatArray) -> FloatArray:
         motion = _small_motion(yielding, self._centre)
         return np.asarray(motion @ self._rest_pose)
 
-    def bracket_poses(self) -> Array:
+    def bracket_poses(self) -> FloatArray:
         """Where the brackets are believed to be, f64[s, 4, 4]."""
         return np.asarray(self._wrist @ self._kinematics.sensor_poses(self._position[: self._joints]))
 
-    def hold_wrist(self, pose: Array) -> None:
+    def hold_wrist(self, pose: FloatArray) -> None:
         """The arm has taken the wrist to `pose`, f64[4, 4] in the world."""
         self._wrist = pose
 
-    def step(self, torque_nm: Array, dt_s: float) -> Array:
+    def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
         """Move under motor torques f64[j] for `dt_s` seconds; returns the angles."""
         count = max(1, int(np.ceil(dt_s / SUBSTEP_S - 1e-9))) if self.touched else 1
         for _ in range(count):
             self._substep(torque_nm, dt_s / count)
         return self.angles
 
-    def _substep(self, torque_nm: Array, dt: float) -> None:
+    def _substep(self, torque_nm: FloatArray, dt: float) -> None:
         joints = self._joints
         links = self._wrist @ self._kinematics.link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
@@ -141,7 +140,7 @@ class HandInContact:
         system[self._diagonal, self._diagonal] += self._mass / dt + damping
         self._move(np.linalg.solve(system, self._mass * self._velocity / dt + force), dt)
 
-    def _move(self, velocity: Array, dt: float) -> None:
+    def _move(self, velocity: FloatArray, dt: float) -> None:
         wanted = self._position + dt * velocity
         joints = self._joints
         self._position = wanted.copy()
@@ -149,7 +148,7 @@ class HandInContact:
         stopped = self._position != wanted
         self._velocity = np.where(stopped, 0.0, velocity)
 
-    def _jacobian(self, links: Array, brackets: Array, own: NDArray[np.intp]) -> Array:
+    def _jacobian(self, links: FloatArray, brackets: FloatArray, own: NDArray[np.intp]) -> FloatArray:
         """Motion of true brackets [k] against the object, in their frames, per joint and mount speed, [k, 6, j + 6]."""
         axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]
         arms = brackets[:, None, :3, 3] - links[self._axes.joint_links, :3, 3]
@@ -184,7 +183,7 @@ class _Axes:
                 link = above[link]
 
 
-def _cross_matrices(vectors: Array) -> Array:
+def _cross_matrices(vectors: FloatArray) -> FloatArray:
     """[v]x of each vector [s, 3], f64[s, 3, 3]: v x w = [v]x w."""
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
@@ -193,7 +192,7 @@ def _cross_matrices(vectors: Array) -> Array:
     return matrices
 
 
-def _small_motion(yielding: Array, centre: Array) -> Array:
+def _small_motion(yielding: FloatArray, centre: FloatArray) -> FloatArray:
     """Turn by the last three of `yielding` (rotation vector) about `centre`, then move by the first three, [4, 4]."""
     rx, ry, rz = yielding[3:].tolist()
     angle2 = rx * rx + ry * ry + rz * rz

@@ -13,8 +13,7 @@ from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 VIEW = (18.0, -60.0)
 """Elevation and azimuth of every picture, degrees."""
@@ -87,7 +86,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
     plt.close(figure)
 
 
-def _draw_object(axis: Any, data: GraspDataset, name: str, pose: Array) -> None:
+def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     mesh = data.objects[name]
@@ -95,7 +94,7 @@ def _draw_object(axis: Any, data: GraspDataset, name: str, pose: Array) -> None:
     axis.add_collection3d(Line3DCollection(corners[_outline(mesh.vertices, mesh.faces)], colors=_OBJECT, lw=0.8))
 
 
-def _outline(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
     """What an eye sees as an object: edges [e, 2] where faces meet at an angle, or turn away from `VIEW`."""
     elevation, azimuth = np.radians(VIEW)
     towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
@@ -116,7 +115,7 @@ def _outline(vertices: Array, faces: NDArray[np.int32]) -> NDArray[np.intp]:
     return np.array([edge for edge, own in owners.items() if is_drawn(own)], dtype=np.intp).reshape(-1, 2)
 
 
-def _frame(axis: Any, points: Array) -> None:
+def _frame(axis: Any, points: FloatArray) -> None:
     from matplotlib.ticker import MultipleLocator
 
     low, high = points.min(axis=0), points.max(axis=0)

@@ -23,7 +23,7 @@ from taxel.cli.cloud_inputs import (
 )
 from taxel.cli.stages import stage_bars
 from taxel.cloud.accumulate import accumulate
-from taxel.cloud.contact_cloud import Array, ContactCloud
+from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats, distances_to_cloud, distances_to_mesh
 from taxel.cloud.files import read_cloud, require_free, write_cloud
 from taxel.cloud.first_guess import align_to_mesh_from_anywhere, align_to_points_from_anywhere
@@ -31,6 +31,7 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, PointTarget, align_to_mesh, align_to_points
 from taxel.cloud.sweep import ForceRow, SorRow, as_json, force_sweep, sor_sweep, to_csv
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.types import FloatArray
 
 
 def distance(cloud: CloudFile, target: Target, unit: Unit = "m", as_json: AsJson = False) -> None:
@@ -118,7 +119,7 @@ def _both(cloud: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMe
     return points, there
 
 
-def _distances(points: Array, name: str, there: TriangleMesh | ContactCloud) -> Array:
+def _distances(points: FloatArray, name: str, there: TriangleMesh | ContactCloud) -> FloatArray:
     if isinstance(there, TriangleMesh):
         return distances_to_mesh(points, there, name)
     return distances_to_cloud(points, there.points, name, there.name)

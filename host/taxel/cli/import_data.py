@@ -17,7 +17,7 @@ from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
 from taxel.hand import load_hand
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray, pose
+from taxel.hand.transforms import pose
 from taxel.recording.from_arrays import write_from_arrays
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.importers.active_points import import_active
@@ -29,6 +29,7 @@ from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.rollout_names import load_map
 from taxel.sim.sensing import LEVELS, Sensing
 from taxel.sim.sensor_model import SimSensor
+from taxel.types import FloatArray
 
 __all__ = ["import_app"]
 

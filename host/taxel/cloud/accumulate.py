@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
@@ -15,9 +14,7 @@ from taxel.cloud.propagation import Propagation
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +22,10 @@ class _Felt:
     """One grasp: where the taxels are, f64[n, 3], what they told, f64[n], which were active, which not: bool[n]."""
 
     grasp: Grasp
-    places: Array
-    drop: Array
-    active: Mask
-    quiet: Mask
+    places: FloatArray
+    drop: FloatArray
+    active: BoolArray
+    quiet: BoolArray
 
 
 def accumulate(
@@ -37,7 +34,7 @@ def accumulate(
     threshold: float = ACTIVE_DROP_COUNTS,
     *,
     propagation: Propagation | None = None,
-    taxels: Mask | None = None,
+    taxels: BoolArray | None = None,
     show: Callable[[int, int], None] = lambda done, total: None,
 ) -> ContactCloud:
     """The contact cloud of an object, in the object's nominal frame, metres.
@@ -76,7 +73,7 @@ def _felt(
     object_name: str,
     threshold: float,
     propagation: Propagation | None,
-    counting: Mask,
+    counting: BoolArray,
     show: Callable[[int, int], None],
 ) -> Iterator[_Felt]:
     """The grasps of an object that have a baseline, in order of time."""
@@ -86,7 +83,7 @@ def _felt(
         if frames := baseline_frames(grasp):
             drop = grasp.hold_drop(frames)
             known = counting & ~np.isnan(drop)
-            active: Mask = known & (np.where(known, drop, 0.0) > threshold)
+            active: BoolArray = known & (np.where(known, drop, 0.0) > threshold)
             if propagation is not None and near is not None:
                 reached, drop = propagation.applied(active, drop, near)
                 active = reached & known

@@ -10,17 +10,14 @@ import numpy.typing as npt
 
 from taxel.cloud.errors import CloudError
 from taxel.hand.transforms import apply
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray, IntArray
 
 
-def _no_points() -> Array:
+def _no_points() -> FloatArray:
     return np.empty((0, 3))
 
 
-def _no_index() -> Index:
+def _no_index() -> IntArray:
     return np.empty(0, np.int64)
 
 
@@ -40,15 +37,15 @@ class ContactCloud:
     """
 
     name: str
-    points: Array
-    counts: Array
-    grasp: Index
-    taxel: Index
+    points: FloatArray
+    counts: FloatArray
+    grasp: IntArray
+    taxel: IntArray
     grasps: tuple[str, ...]
-    grasp_approach: Index
+    grasp_approach: IntArray
     approaches: tuple[str, ...]
-    quiet: Array = field(default_factory=_no_points)
-    quiet_grasp: Index = field(default_factory=_no_index)
+    quiet: FloatArray = field(default_factory=_no_points)
+    quiet_grasp: IntArray = field(default_factory=_no_index)
 
     def __post_init__(self) -> None:
         check_points(self.points, self.name)
@@ -72,7 +69,7 @@ class ContactCloud:
         return len(self.points)
 
     @property
-    def approach(self) -> Index:
+    def approach(self) -> IntArray:
         """i64[N], row in `approaches` of each point."""
         return np.asarray(self.grasp_approach[self.grasp])
 
@@ -84,7 +81,7 @@ class ContactCloud:
         values = np.full(n, np.nan) if counts is None else np.asarray(counts, dtype=np.float64)
         return cls(name, places, values, np.zeros(n, np.int64), np.full(n, -1), ("",), np.zeros(1, np.int64), ("",))
 
-    def take(self, chosen: Mask | Index) -> ContactCloud:
+    def take(self, chosen: BoolArray | IntArray) -> ContactCloud:
         """The same cloud with some of its points. chosen: bool[N] or rows."""
         return replace(
             self,
@@ -113,12 +110,12 @@ LARGEST_M: Final = 1e6
 """Largest coordinate: squares and volumes of larger ones lose all meaning, or overflow."""
 
 
-def usable(points: Array) -> Mask:
+def usable(points: FloatArray) -> BoolArray:
     """Which points have coordinates that can be reckoned with, bool[N]. points: f64[N, 3]."""
     return np.asarray((np.abs(points) <= LARGEST_M).all(axis=1))
 
 
-def check_points(points: Array, name: str, what: str = "points") -> None:
+def check_points(points: FloatArray, name: str, what: str = "points") -> None:
     """Refuse an array that is not f64[N, 3] of finite numbers, none above LARGEST_M."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise CloudError(name, what, "shape [N, 3]", str(list(points.shape)), "correct it")
@@ -127,14 +124,14 @@ def check_points(points: Array, name: str, what: str = "points") -> None:
         raise CloudError(name, what, "finite coordinates", unusable(points[wrong]), "remove them")
 
 
-def unusable(points: Array) -> str:
+def unusable(points: FloatArray) -> str:
     """What is wrong with points that cannot be used."""
     if np.isfinite(points).all():
         return f"{len(points)} beyond {LARGEST_M:g} m"
     return f"{int((~np.isfinite(points)).any(axis=1).sum())} with NaN or infinity"
 
 
-def require_points(points: Array, name: str, least: int = 1, why: str = "") -> None:
+def require_points(points: FloatArray, name: str, least: int = 1, why: str = "") -> None:
     """Refuse a cloud with too few points. why: such as ``, N of the filter``."""
     if len(points) < least:
         found = f"{len(points)}" if len(points) else "none: the cloud is empty"

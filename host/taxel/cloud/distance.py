@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from taxel.cloud.contact_cloud import check_points, require_points
 from taxel.cloud.mesh import TriangleMesh
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class DistanceStats:
     rms_m: float
 
     @classmethod
-    def of(cls, distances: Array) -> DistanceStats:
+    def of(cls, distances: FloatArray) -> DistanceStats:
         """distances: f64[N], one or more, unsigned."""
         return cls(
             len(distances),
@@ -40,19 +38,21 @@ class DistanceStats:
         return asdict(self)
 
 
-def distances_to_mesh(points: Array, mesh: TriangleMesh, name: str = "cloud") -> Array:
+def distances_to_mesh(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> FloatArray:
     """Of each point to the mesh's surface, exact, f64[N]. Raises CloudError for points that are not finite, or none."""
     _check(points, name)
     return mesh.closest(points).distance
 
 
-def distances_to_cloud(points: Array, target: Array, name: str = "cloud", target_name: str = "target") -> Array:
+def distances_to_cloud(
+    points: FloatArray, target: FloatArray, name: str = "cloud", target_name: str = "target"
+) -> FloatArray:
     """Of each point to the nearest point of another cloud, f64[N]. Raises CloudError as `distances_to_mesh`."""
     _check(points, name)
     _check(target, target_name)
     return np.asarray(cKDTree(target).query(points)[0])
 
 
-def _check(points: Array, name: str) -> None:
+def _check(points: FloatArray, name: str) -> None:
     check_points(points, name)
     require_points(points, name)

@@ -9,10 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.cloud.mesh import TriangleMesh
-
-Array = npt.NDArray[np.float64]
-Array32 = npt.NDArray[np.float32]
-Bins = npt.NDArray[np.uint8]
+from taxel.types import ByteArray, Float32Array, FloatArray
 
 LOW_M: Final = -0.010
 HIGH_M: Final = 0.014
@@ -40,8 +37,8 @@ AT_ONCE: Final = 30_000
 class DistanceGrid:
     """Bins of cells, u8[x, y, z], of edge cell_m; the grid begins at `low`, f64[3], metres."""
 
-    bins: Bins
-    low: Array
+    bins: ByteArray
+    low: FloatArray
     cell_m: float
 
     @classmethod
@@ -63,7 +60,7 @@ class DistanceGrid:
             bins[row] = np.clip((distance - LOW_M) / BIN_M, 0.0, BINS - 1.0)
         return cls(bins, low, cell)
 
-    def counted(self, places: Array32, first: int, turns: Array, shifts: Array) -> npt.NDArray[np.int64]:
+    def counted(self, places: Float32Array, first: int, turns: FloatArray, shifts: FloatArray) -> npt.NDArray[np.int64]:
         """How many of the places f32[n, 3] lie in each bin when they are turned by turns f64[P, 3, 3] about the origin
         and shifted by shifts f64[P, 3]: i64[P, 2 BINS], the `first` of them and then the others.
         """
@@ -71,7 +68,9 @@ class DistanceGrid:
         parts = [slice(low, low + step) for low in range(0, len(turns), step)]
         return np.concatenate([self._counted(places, first, turns[part], shifts[part]) for part in parts])
 
-    def _counted(self, places: Array32, first: int, turns: Array, shifts: Array) -> npt.NDArray[np.int64]:
+    def _counted(
+        self, places: Float32Array, first: int, turns: FloatArray, shifts: FloatArray
+    ) -> npt.NDArray[np.int64]:
         moved = (turns / self.cell_m).astype(np.float32)
         begin = ((shifts - self.low) / self.cell_m).astype(np.float32)
         cell = np.zeros((len(turns), len(places)), np.float32)
@@ -88,7 +87,7 @@ class DistanceGrid:
         return np.bincount(found.ravel(), minlength=2 * BINS * len(turns)).reshape(len(turns), 2 * BINS)
 
 
-def _linear(cells: int, step: float, nodes: int) -> Array32:
+def _linear(cells: int, step: float, nodes: int) -> Float32Array:
     """Weights of nodes 0, 1 ... in the middles of cells of width `step`, by linear interpolation: f32[cells, nodes]."""
     middle = (np.arange(cells) + 0.5) * step
     return np.asarray(np.maximum(1.0 - np.abs(middle[:, None] - np.arange(nodes)), 0.0), np.float32)

@@ -23,16 +23,14 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance_grid import BIN_M, BINS, HIGH_M, LOW_M, Array32, DistanceGrid
+from taxel.cloud.distance_grid import BIN_M, BINS, HIGH_M, LOW_M, DistanceGrid
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.pose_average import ARM_M, ASIDE_M, average_over_poses, log_sum
-
-Array = npt.NDArray[np.float64]
+from taxel.types import Float32Array, FloatArray
 
 REACH_M: Final = tuple(0.001 + 0.00075 * step for step in range(9))
 """1 to 7 mm: a thin layer that is touched lightly, a thick one that contact spreads in."""
@@ -55,7 +53,7 @@ class Explainer:
         self._bounds = mesh.bounds
         self._middle = mesh.bounds.mean(axis=0)
 
-    def by_grasp(self, cloud: ContactCloud) -> Array:
+    def by_grasp(self, cloud: ContactCloud) -> FloatArray:
         """The likelihood of each grasp, averaged over poses, as natural logarithm: f64[G, K], for K pairs of reach and
         blur. A grasp that touched nothing tells nothing: 0.
 
@@ -70,7 +68,7 @@ class Explainer:
             result[row] = average_over_poses(partial(self._told, places, len(felt)), int(row))
         return result
 
-    def _told(self, places: Array32, felt: int, poses: Array) -> Array:
+    def _told(self, places: Float32Array, felt: int, poses: FloatArray) -> FloatArray:
         """Logarithm of the likelihood of places f32[n, 3] about the middle, the first `felt` of them active, in poses
         f64[P, 6]: f64[P, K].
         """
@@ -90,14 +88,14 @@ def explainer(mesh: TriangleMesh) -> Explainer:
     return _KNOWN[mesh]
 
 
-def evidence(by_grasp: Array, times: Array | None = None) -> Array:
+def evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> FloatArray:
     """Ln marginal likelihood of grasps f64[G, K], each counted `times` f64[D, G] times: f64[D]; None: once, f64[1]."""
     together = np.atleast_2d(by_grasp.sum(axis=0) if times is None else times @ by_grasp)
     return np.asarray(log_sum(together, axis=1) - np.log(by_grasp.shape[1]))
 
 
 @cache
-def _table() -> Array:
+def _table() -> FloatArray:
     """Ln likelihood of an active taxel in each bin of distance, then of a silent one, f64[2 BINS, K].
 
     A silent taxel far away counts 0, so that it does not matter how many of them there are.

@@ -12,15 +12,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from taxel.cloud.contact_cloud import ContactCloud, require_points
 from taxel.cloud.errors import CloudError
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 TREE_NEIGHBOURS: Final = 256
 """With more neighbours than this, sorting all distances is faster than asking a tree."""
@@ -45,18 +42,18 @@ def without_outliers(cloud: ContactCloud, k: int, n_sigma: float) -> ContactClou
     return cloud.take(sor_mask(cloud.points, k, n_sigma, cloud.name))
 
 
-def sor_mask(points: Array, k: int, n_sigma: float, name: str = "cloud") -> Mask:
+def sor_mask(points: FloatArray, k: int, n_sigma: float, name: str = "cloud") -> BoolArray:
     """Which points stay, bool[N]. points: f64[N, 3]. Raises CloudError for k below 2 or above N."""
     return kept(mean_neighbour_distances(points, [k], name)[0], n_sigma)
 
 
-def kept(mean_distance: Array, n_sigma: float) -> Mask:
+def kept(mean_distance: FloatArray, n_sigma: float) -> BoolArray:
     """Which points stay, bool[N], by the mean distance of each to its neighbours, f64[N]."""
     limit = mean_distance.mean() + n_sigma * mean_distance.std()
     return np.asarray(mean_distance <= limit * (1.0 + SAME))
 
 
-def mean_neighbour_distances(points: Array, ks: Sequence[int], name: str = "cloud") -> Array:
+def mean_neighbour_distances(points: FloatArray, ks: Sequence[int], name: str = "cloud") -> FloatArray:
     """Mean distance of each point to its k - 1 nearest others, f64[len(ks), N], for several k at once."""
     for k in ks:
         if k < 2:
@@ -69,7 +66,7 @@ def mean_neighbour_distances(points: Array, ks: Sequence[int], name: str = "clou
     return _means(np.asarray(cKDTree(points).query(points, max(ks))[0]), ks)
 
 
-def _means(distances: Array, ks: Sequence[int]) -> Array:
+def _means(distances: FloatArray, ks: Sequence[int]) -> FloatArray:
     """Mean over each row's k smallest but the smallest, the point itself: f64[len(ks), rows]."""
     order = sorted(set(ks))
     parted = np.partition(distances, [k - 1 for k in order], axis=1)[:, : order[-1]]

@@ -11,7 +11,6 @@ from itertools import permutations, product
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import (
@@ -22,8 +21,7 @@ from taxel.cloud.registration import (
     align_to_points,
     check_alignable,
 )
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 TRIAL_POINTS: Final = 400
 TRIAL_STEPS: Final = 12
@@ -34,7 +32,7 @@ SAMPLES: Final = 2000
 """Points on a mesh, for its centre and axes."""
 
 
-def principal_guesses(points: Array, target: Array) -> list[Array]:
+def principal_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:
     """The unmoved cloud, then 24 transforms that lay its principal axes on the target's, each f64[4, 4]."""
     here, there = points.mean(axis=0), target.mean(axis=0)
     own, other = _axes(points - here), _axes(target - there)
@@ -49,32 +47,34 @@ def principal_guesses(points: Array, target: Array) -> list[Array]:
     return guesses
 
 
-def align_to_mesh_from_anywhere(points: Array, mesh: TriangleMesh, name: str = "cloud") -> Alignment:
+def align_to_mesh_from_anywhere(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> Alignment:
     """The best alignment of points f64[N, 3] to a mesh over all guesses. Raises RegistrationError."""
     check_alignable(points, name)
 
-    def align(some: Array, start: Array, iterations: int) -> Alignment:
+    def align(some: FloatArray, start: FloatArray, iterations: int) -> Alignment:
         return align_to_mesh(some, mesh, start, iterations=iterations, name=name)
 
     return _best(points, principal_guesses(points, mesh.sample(SAMPLES)), align)
 
 
-def align_to_points_from_anywhere(points: Array, target: PointTarget, name: str = "cloud") -> Alignment:
+def align_to_points_from_anywhere(points: FloatArray, target: PointTarget, name: str = "cloud") -> Alignment:
     """The best alignment of points f64[N, 3] to the points of a target over all guesses. Raises RegistrationError."""
     check_alignable(points, name)
 
-    def align(some: Array, start: Array, iterations: int) -> Alignment:
+    def align(some: FloatArray, start: FloatArray, iterations: int) -> Alignment:
         return align_to_points(some, target, start, iterations=iterations, name=name)
 
     return _best(points, principal_guesses(points, target.points), align)
 
 
-def _best(points: Array, guesses: list[Array], align: Callable[[Array, Array, int], Alignment]) -> Alignment:
+def _best(
+    points: FloatArray, guesses: list[FloatArray], align: Callable[[FloatArray, FloatArray, int], Alignment]
+) -> Alignment:
     some = points[:: max(1, len(points) // TRIAL_POINTS)]
     tried = sorted((align(some, guess, TRIAL_STEPS) for guess in guesses), key=lambda one: one.rms_m)
     return min((align(points, one.transform, ITERATIONS) for one in tried[:FINISHED]), key=lambda one: one.rms_m)
 
 
-def _axes(arms: Array) -> Array:
+def _axes(arms: FloatArray) -> FloatArray:
     """Principal axes as columns, the longest first, f64[3, 3]."""
     return np.linalg.eigh(arms.T @ arms)[1][:, ::-1]

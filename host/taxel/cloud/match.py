@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats
@@ -22,8 +21,8 @@ from taxel.cloud.first_guess import align_to_mesh_from_anywhere
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, align_to_mesh
 from taxel.hand.transforms import apply
+from taxel.types import FloatArray
 
-Array = npt.NDArray[np.float64]
 Show = Callable[[int, int], None]
 
 DRAWS: Final = 200
@@ -108,7 +107,7 @@ def match(
     models: Mapping[str, TriangleMesh],
     *,
     placed: bool = True,
-    likelihoods: Mapping[str, Array] | None = None,
+    likelihoods: Mapping[str, FloatArray] | None = None,
     draws: int = DRAWS,
     seed: int = 0,
     show: Show = lambda done, total: None,
@@ -122,14 +121,16 @@ def match(
     Raises RegistrationError for a cloud that cannot be aligned.
     """
     fits: list[Fit] = []
-    parts: list[Array] = []
+    parts: list[FloatArray] = []
     for done, (name, mesh) in enumerate(models.items()):
         show(done, len(models))
         align = align_to_mesh if placed else align_to_mesh_from_anywhere
         alignment = align(cloud.points, mesh, name=cloud.name)
         distance = mesh.closest(apply(alignment.transform, cloud.points)).distance
         if not len(cloud.quiet):
-            told: Array = -np.bincount(cloud.grasp, distance)[:, None].astype(np.float64)  # all models have as many
+            told: FloatArray = -np.bincount(cloud.grasp, distance)[:, None].astype(
+                np.float64
+            )  # all models have as many
         elif likelihoods is None:
             told = explainer(mesh).by_grasp(cloud if placed else cloud.moved(alignment.transform))
         else:
@@ -146,7 +147,7 @@ def match(
 
 def likelihoods_of(
     cloud: ContactCloud, models: Mapping[str, TriangleMesh], show: Show = lambda done, total: None
-) -> dict[str, Array]:
+) -> dict[str, FloatArray]:
     """Of each model, what each grasp of a cloud says for it, f64[G, K] (`evidence`): for many matches of its parts."""
     result = {}
     for done, (name, mesh) in enumerate(models.items()):
@@ -156,7 +157,7 @@ def likelihoods_of(
     return result
 
 
-def _bootstrap(parts: list[Array], draws: int, seed: int) -> Array:
+def _bootstrap(parts: list[FloatArray], draws: int, seed: int) -> FloatArray:
     """Share of draws of whole grasps in which each model is best, f64[models]. parts: of each, f64[g, K]."""
     count = len(parts[0])
     times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(np.float64)

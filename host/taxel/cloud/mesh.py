@@ -12,8 +12,9 @@ import igl
 import numpy as np
 import numpy.typing as npt
 
-from taxel.cloud.contact_cloud import Array, Index, unusable, usable
+from taxel.cloud.contact_cloud import unusable, usable
 from taxel.cloud.errors import MeshError
+from taxel.types import FloatArray, IntArray
 
 ON_SURFACE: Final = 1e-9
 """Share of the mesh's size; a point nearer than this lies on the surface, and the surface's normal is that of its
@@ -41,10 +42,10 @@ class Closest:
     own where the point lies on the surface. face: i64[N], on which the nearest point lies.
     """
 
-    distance: Array
-    point: Array
-    normal: Array
-    face: Index
+    distance: FloatArray
+    point: FloatArray
+    normal: FloatArray
+    face: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class TriangleMesh:
     """
 
     name: str
-    vertices: Array
+    vertices: FloatArray
     faces: npt.NDArray[np.signedinteger[Any]]
 
     def __post_init__(self) -> None:
@@ -73,11 +74,11 @@ class TriangleMesh:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces if volume > 0 else np.ascontiguousarray(faces[:, ::-1]))
 
-    def __reduce__(self) -> tuple[type[TriangleMesh], tuple[str, Array, Index]]:
+    def __reduce__(self) -> tuple[type[TriangleMesh], tuple[str, FloatArray, IntArray]]:
         return TriangleMesh, (self.name, self.vertices, self.faces)  # without the tree, which cannot be pickled
 
     @cached_property
-    def bounds(self) -> Array:
+    def bounds(self) -> FloatArray:
         """Smallest and largest coordinates, f64[2, 3]."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
@@ -87,17 +88,17 @@ class TriangleMesh:
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property
-    def _crosses(self) -> Array:
+    def _crosses(self) -> FloatArray:
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return np.cross(b - a, c - a)
 
     @cached_property
-    def areas(self) -> Array:
+    def areas(self) -> FloatArray:
         """f64[f], square metres."""
         return np.asarray(0.5 * np.linalg.norm(self._crosses, axis=1))
 
     @cached_property
-    def normals(self) -> Array:
+    def normals(self) -> FloatArray:
         """Outward unit normals of the faces, f64[f, 3]; 0 for a face without an area."""
         twice = 2.0 * self.areas[:, None]
         return np.divide(self._crosses, twice, out=np.zeros_like(self._crosses), where=twice > 0)
@@ -109,7 +110,7 @@ class TriangleMesh:
         _WITH_TREE.add(self)
         return tree
 
-    def closest(self, points: Array) -> Closest:
+    def closest(self, points: FloatArray) -> Closest:
         """The nearest points of the surface to points f64[N, 3], exact. Points must be finite."""
         squared, face, nearest = self._tree.squared_distance(
             self.vertices, self.faces, np.ascontiguousarray(points, dtype=np.float64)
@@ -120,7 +121,7 @@ class TriangleMesh:
         normal /= np.where(on, 1.0, distance)[:, None]
         return Closest(distance, nearest, normal, face)
 
-    def on_edges(self, near: Closest) -> tuple[Index, Array, Index]:
+    def on_edges(self, near: Closest) -> tuple[IntArray, FloatArray, IntArray]:
         """Which nearest points lie on an edge, i64[e], and its unit direction, f64[e, 3]; which on a corner, i64[c].
 
         Those inside a face are neither; a point on the surface itself counts as such.
@@ -135,7 +136,7 @@ class TriangleMesh:
         direction = ends[1] - ends[0]
         return edge, direction / np.linalg.norm(direction, axis=1)[:, None], np.flatnonzero(outside & (zeros == 2))
 
-    def signed_distance(self, points: Array) -> Array:
+    def signed_distance(self, points: FloatArray) -> FloatArray:
         """Distance to the surface, negative inside, f64[N], metres. points: f64[N, 3], finite."""
         if not len(points):
             return np.empty(0)
@@ -143,7 +144,7 @@ class TriangleMesh:
         kind = igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
         return np.asarray(igl.signed_distance(places, self.vertices, self.faces, kind)[0])
 
-    def sample(self, count: int, seed: int = 0) -> Array:
+    def sample(self, count: int, seed: int = 0) -> FloatArray:
         """Points spread evenly over the surface at random, f64[count, 3]; the same seed gives the same points."""
         rng = np.random.default_rng(seed)
         faces = self.faces[rng.choice(len(self.faces), count, p=self.areas / self.areas.sum())]
@@ -152,12 +153,12 @@ class TriangleMesh:
         a, b, c = (self.vertices[faces[:, corner]] for corner in range(3))
         return np.asarray((1.0 - root) * a + root * (1.0 - along) * b + root * along * c)
 
-    def moved(self, transform: Array) -> TriangleMesh:
+    def moved(self, transform: FloatArray) -> TriangleMesh:
         """The mesh mapped by a rigid transform, f64[4, 4]."""
         return TriangleMesh(self.name, self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
 
 
-def _weights(corners: Array, points: Array) -> Array:
+def _weights(corners: FloatArray, points: FloatArray) -> FloatArray:
     """Barycentric coordinates of points f64[N, 3] in their triangles f64[N, 3, 3]: f64[N, 3]."""
     one, two, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((one, one), (one, two), (two, two)))
@@ -168,7 +169,7 @@ def _weights(corners: Array, points: Array) -> Array:
     return np.stack([1.0 - second - third, second, third], axis=1)
 
 
-def _check_arrays(name: str, vertices: Array, faces: Index) -> None:
+def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         found = f"{list(vertices.shape)} and {list(faces.shape)}"
         raise MeshError(name, "mesh", "vertices [v, 3] and faces [f, 3]", found, "correct it")
@@ -182,7 +183,7 @@ def _check_arrays(name: str, vertices: Array, faces: Index) -> None:
         raise MeshError(name, "faces", f"vertex numbers from 0 to {len(vertices) - 1}", found, "correct the mesh")
 
 
-def _check_closed(name: str, faces: Index) -> None:
+def _check_closed(name: str, faces: IntArray) -> None:
     """Every edge of two faces, which pass along it in opposite directions."""
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ahead = ahead[ahead[:, 0] != ahead[:, 1]]  # a face with a corner twice has no area and bounds nothing
@@ -201,6 +202,6 @@ def _check_closed(name: str, faces: Index) -> None:
         raise MeshError(name, "faces", "faces wound alike", found, "mend the mesh")
 
 
-def _volume(vertices: Array, faces: Index) -> float:
+def _volume(vertices: FloatArray, faces: IntArray) -> float:
     a, b, c = (vertices[faces[:, corner]] - vertices[0] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

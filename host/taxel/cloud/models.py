@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
-from taxel.cloud.contact_cloud import Array
 from taxel.cloud.errors import MeshError
 from taxel.cloud.files import read_mesh
 from taxel.cloud.mesh import TriangleMesh
 from taxel.grasp.objects import EDGE_RADIUS_M, thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
+from taxel.types import FloatArray
 
 SPHERE_RADIUS_M: Final = 0.035
 HEXAGON_SIDE_M: Final = 0.030
@@ -82,7 +82,7 @@ def hexagonal_prism(side: float, height: float) -> TriangleMesh:
     return TriangleMesh("hexagonal_prism", *ConvexPolytope(normals, offsets).rounded(EDGE_RADIUS_M).mesh())
 
 
-def _turned(name: str, rings: Array, height: float) -> TriangleMesh:
+def _turned(name: str, rings: FloatArray, height: float) -> TriangleMesh:
     """A solid of revolution from the origin over rings (radius, z), f64[r, 2], to its tip at `height`."""
     angles = 2.0 * np.pi * np.arange(AROUND) / AROUND
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)

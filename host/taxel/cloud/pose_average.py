@@ -15,10 +15,9 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtri
 
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 ASIDE_M: Final = (0.001, 0.0035)
 """Standard deviations of each of the six numbers, equally likely: an object put there by a machine, or by hand. Turns
@@ -41,11 +40,11 @@ WIDER: Final = 1.3
 NARROWEST_M: Final = 0.0002
 """What is drawn from next: the covariance times WIDER, and at least this standard deviation."""
 
-LogLikelihood = Callable[[Array], Array]
+LogLikelihood = Callable[[FloatArray], FloatArray]
 """Of poses f64[n, 6]: f64[n, K], natural logarithms, for K settings of something else."""
 
 
-def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> Array:
+def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
     """Natural logarithm of the mean of a likelihood over the prior of poses, f64[K].
 
     seed: of the draws; where each of some grasps that are alike has its own, their errors do not add up.
@@ -68,7 +67,7 @@ def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> Array:
     return np.asarray(log_sum(told + _ratio(densities, counts)[:, None], axis=0) - np.log(len(poses)))
 
 
-def log_sum(logs: Array, axis: int) -> Array:
+def log_sum(logs: FloatArray, axis: int) -> FloatArray:
     """Logarithm of the sum of what these are the logarithms of, all finite. SciPy's takes six times as long."""
     most = logs.max(axis=axis, keepdims=True)
     return np.asarray(np.log(np.exp(logs - most).sum(axis=axis)) + most.squeeze(axis))
@@ -77,17 +76,17 @@ def log_sum(logs: Array, axis: int) -> Array:
 class _Normal:
     """A normal distribution by its mean f64[6] and the root of its covariance, f64[6, 6], lower triangular."""
 
-    def __init__(self, mean: Array, root: Array) -> None:
+    def __init__(self, mean: FloatArray, root: FloatArray) -> None:
         self._mean, self._root = mean, root
         self._inverse = np.linalg.inv(root).T
         self._scale = float(np.log(np.diag(root)).sum())
 
-    def log_density(self, poses: Array) -> Array:
+    def log_density(self, poses: FloatArray) -> FloatArray:
         """At poses f64[n, 6]: f64[n], without the power of 2 pi, which cancels."""
         scaled = (poses - self._mean) @ self._inverse
         return np.asarray(-0.5 * np.einsum("ij,ij->i", scaled, scaled) - self._scale)
 
-    def of(self, normal: Array) -> Array:
+    def of(self, normal: FloatArray) -> FloatArray:
         """Draws f64[n, 6] of standard normal ones."""
         return np.asarray(self._mean + normal @ self._root.T)
 
@@ -95,7 +94,7 @@ class _Normal:
 _PRIOR: Final = tuple(_Normal(np.zeros(6), scale * np.eye(6)) for scale in ASIDE_M)
 
 
-def _ratio(densities: Array, counts: Array) -> Array:
+def _ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
     """Logarithm of the prior over the density of all that was drawn from, f64[n]. densities: of each distribution at
     each draw, those of the prior first; counts: of draws from each.
     """
@@ -104,7 +103,7 @@ def _ratio(densities: Array, counts: Array) -> Array:
     return np.asarray(prior - drawn)
 
 
-def _where_it_does_well(poses: Array, ratio: Array, told: Array) -> _Normal:
+def _where_it_does_well(poses: FloatArray, ratio: FloatArray, told: FloatArray) -> _Normal:
     """Fitted to weighted draws, the likelihood to such a power that ENOUGH of them share the weight."""
     power, step = 1.0, 0.5
     weights = _shares(ratio + told)
@@ -117,21 +116,21 @@ def _where_it_does_well(poses: Array, ratio: Array, told: Array) -> _Normal:
         weights = _shares(ratio + power * told)
     mean = weights @ poses
     arms = poses - mean
-    covariance: Array = WIDER * (arms * weights[:, None]).T @ arms + NARROWEST_M**2 * np.eye(6)
+    covariance: FloatArray = WIDER * (arms * weights[:, None]).T @ arms + NARROWEST_M**2 * np.eye(6)
     return _Normal(mean, np.asarray(np.linalg.cholesky(covariance), np.float64))
 
 
-def _shares(logs: Array) -> Array:
+def _shares(logs: FloatArray) -> FloatArray:
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
 
-def _effective(weights: Array) -> float:
+def _effective(weights: FloatArray) -> float:
     return float(1.0 / (weights @ weights))
 
 
 @lru_cache(maxsize=256)
-def _standard(count: int, seed: int) -> Array:
+def _standard(count: int, seed: int) -> FloatArray:
     """Standard normal draws f64[count, 6], evenly spread (Sobol, scrambled), and so is each 64 of them."""
     from scipy.stats import qmc  # half a second, which commands that draw nothing need not wait
 

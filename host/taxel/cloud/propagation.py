@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from taxel.recording.grasp_tables import TaxelTable
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 NEIGHBOUR_M: Final = 0.0055
 """Taxels of one board that lie nearer are neighbours: the four at the pitch of 5 mm, not the diagonal ones."""
@@ -44,7 +41,7 @@ class Propagation:
         rows, columns = np.concatenate([found, found[:, ::-1]]).T
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))
 
-    def applied(self, active: Mask, drop: Array, near: csr_array) -> tuple[Mask, Array]:
+    def applied(self, active: BoolArray, drop: FloatArray, near: csr_array) -> tuple[BoolArray, FloatArray]:
         """Activity after contact has propagated, and its counts: bool[n], f64[n].
 
         A neighbour has the counts of the strongest active taxel beside it: what it felt itself is below the threshold.

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import small_gicp
 
 from taxel.cloud.contact_cloud import check_points
 from taxel.cloud.errors import RegistrationError
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.surface_steps import SurfaceSteps
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 ITERATIONS: Final = 1000
 """At most, as in the thesis (5.6)."""
@@ -55,16 +53,16 @@ class Alignment:
     there. iterations: steps taken. converged: False where they were not enough.
     """
 
-    transform: Array
+    transform: FloatArray
     rms_m: float
     iterations: int
     converged: bool
 
 
 def align_to_mesh(
-    points: Array,
+    points: FloatArray,
     mesh: TriangleMesh,
-    start: Array | None = None,
+    start: FloatArray | None = None,
     *,
     iterations: int = ITERATIONS,
     still: float = STILL,
@@ -90,7 +88,7 @@ class PointTarget:
     Raises RegistrationError for fewer than three points, or points on a line.
     """
 
-    def __init__(self, points: Array, name: str = "target") -> None:
+    def __init__(self, points: FloatArray, name: str = "target") -> None:
         check_alignable(points, name)
         self.points = points
         self.cloud = small_gicp.PointCloud(np.ascontiguousarray(points, dtype=np.float64))
@@ -103,9 +101,9 @@ class PointTarget:
 
 
 def align_to_points(
-    points: Array,
+    points: FloatArray,
     target: PointTarget,
-    start: Array | None = None,
+    start: FloatArray | None = None,
     *,
     iterations: int = ITERATIONS,
     name: str = "cloud",
@@ -130,7 +128,7 @@ def align_to_points(
     return _checked(np.array(found.T_target_source), rms, int(found.iterations), bool(found.converged), name)
 
 
-def check_alignable(points: Array, name: str) -> None:
+def check_alignable(points: FloatArray, name: str) -> None:
     """Refuse points that fix no turn: fewer than three, or on a line. Raises RegistrationError, CloudError for NaN."""
     check_points(points, name)
     expected = "three or more that do not lie on one line"
@@ -141,17 +139,17 @@ def check_alignable(points: Array, name: str) -> None:
         raise RegistrationError(name, "points", expected, f"{len(points)} on one line", "use points of a surface")
 
 
-def _on_a_line(points: Array) -> bool:
+def _on_a_line(points: FloatArray) -> bool:
     arms = points - points.mean(axis=0)
     extent = np.sqrt(np.maximum(np.linalg.eigvalsh(arms.T @ arms), 0.0))
     return bool(extent[1] <= ON_A_LINE * extent[2])
 
 
-def _first(start: Array | None) -> Array:
+def _first(start: FloatArray | None) -> FloatArray:
     return np.eye(4) if start is None else np.array(start, dtype=np.float64)
 
 
-def _checked(transform: Array, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
+def _checked(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
     if not (np.isfinite(transform).all() and np.isfinite(rms)):
         expected, remedy = "one that converges", "give a better first guess"
         raise RegistrationError(name, "alignment", expected, "one that runs away", remedy)

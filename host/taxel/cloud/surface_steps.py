@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.mesh import Closest, TriangleMesh
 from taxel.hand.transforms import apply, cross, from_rotation_vector
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_SHARE: Final = 1e-4
 FALL, RISE = 0.25, 5.0
@@ -41,8 +39,8 @@ class SurfaceSteps:
     """
 
     mesh: TriangleMesh
-    transform: Array
-    points: Array
+    transform: FloatArray
+    points: FloatArray
     near: Closest
     cost: float
     still: float
@@ -52,7 +50,7 @@ class SurfaceSteps:
     gained: float = 0.0
 
     @classmethod
-    def begin(cls, points: Array, mesh: TriangleMesh, start: Array, still: float) -> SurfaceSteps:
+    def begin(cls, points: FloatArray, mesh: TriangleMesh, start: FloatArray, still: float) -> SurfaceSteps:
         """From the transform `start`. still: share of the cost; a step that gains less is the last."""
         moved = apply(start, points)
         near = mesh.closest(moved)
@@ -65,7 +63,7 @@ class SurfaceSteps:
         blend = self.share * self._fixed + (1.0 - self.share) * self._exact
         # Solved in units of the cloud's size, with a grain on the diagonal: what the surface leaves free stays.
         whole = blend + 1e-12 * self._fixed
-        motion: Array = np.asarray(-np.linalg.solve(whole, self._slope), dtype=np.float64)
+        motion: FloatArray = np.asarray(-np.linalg.solve(whole, self._slope), dtype=np.float64)
         predicted = -float(self._slope @ motion)
         tried = self._moved(self.stretch * motion)
         points = apply(tried, self.points)
@@ -80,7 +78,7 @@ class SurfaceSteps:
         else:
             self.share = min(self.share * RISE, 1.0)
 
-    def _take(self, transform: Array, points: Array, near: Closest, gain: float, predicted: float) -> None:
+    def _take(self, transform: FloatArray, points: FloatArray, near: Closest, gain: float, predicted: float) -> None:
         small = gain < SMALL * self.cost
         self.done = gain < self.still * self.cost and self.stretch <= 1.0 and self.share < 0.5
         if self.stretch > 1.0:
@@ -112,14 +110,14 @@ class SurfaceSteps:
         self._fixed[:3, :3] = np.trace(spread) * np.eye(3) - spread
         self._fixed[3:, 3:] = len(arms) * np.eye(3)
 
-    def _moved(self, motion: Array) -> Array:
+    def _moved(self, motion: FloatArray) -> FloatArray:
         """The transform of a turn about the cloud's centre, and a shift."""
         transform = from_rotation_vector(motion[:3])
         transform[:3, 3] = self._centre + motion[3:] - transform[:3, :3] @ self._centre
         return transform
 
 
-def _rows(arms: Array, directions: Array) -> Array:
+def _rows(arms: FloatArray, directions: FloatArray) -> FloatArray:
     """How far points move along directions, by each turn and shift, f64[N, 6]."""
     return np.concatenate([cross(arms, directions), directions], axis=1)
 

@@ -7,14 +7,13 @@ from itertools import combinations
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain
 from taxel.gap.held_out import HeldOut, scatter2
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, root, shrink
+from taxel.types import FloatArray
 
-Array = NDArray[np.float64]
 Names = frozenset[str]
 
 
@@ -25,8 +24,8 @@ class Attribution:
     """
 
     names: tuple[str, ...]
-    gap2: dict[Names, Array]
-    promised: dict[Names, Array]
+    gap2: dict[Names, FloatArray]
+    promised: dict[Names, FloatArray]
 
     def shapley(self) -> dict[str, float]:
         """Each effect's share of what all of them take from the squared gap (Shapley 1953); they add to 1. None where
@@ -88,8 +87,8 @@ def attribute(judge: Judge, names: tuple[str, ...], held: HeldOut) -> Attributio
     inside = [Judge(state, real.only(stay), judge.layout) for stay in leave_one_out(count)] if count > 1 else [judge]
     floor = [scatter2(own.sessions, scale) for own in inside]
     start = [max(own.excess(state.mean), 0.0) + one for own, one in zip(inside, floor, strict=True)]
-    gap2: dict[Names, Array] = {}
-    promised: dict[Names, Array] = {}
+    gap2: dict[Names, FloatArray] = {}
+    promised: dict[Names, FloatArray] = {}
     for size in range(len(names) + 1):
         for chosen in combinations(names, size):
             squares, shrinks = [], []

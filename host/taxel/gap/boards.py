@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.recording.grasp_tables import TaxelTable
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 PIECES: Final = 3
 """Pieces along a taxel's side: an edge that passes over a taxel presses a part of it."""
@@ -24,9 +23,9 @@ class BoardLayout:
     """
 
     taxels: NDArray[np.intp]
-    apart_m: Array
+    apart_m: FloatArray
     pitch_m: float
-    pieces: Array
+    pieces: FloatArray
 
     @cached_property
     def columns(self) -> NDArray[np.intp] | slice:
@@ -45,7 +44,7 @@ def layouts_of(sensor: NDArray[np.intp], table: TaxelTable) -> tuple[BoardLayout
     return tuple(layouts)
 
 
-def _pieces(position: Array, normal: Array, pitch: float) -> Array:
+def _pieces(position: FloatArray, normal: FloatArray, pitch: float) -> FloatArray:
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -68,7 +67,7 @@ def columns_of(taxels: NDArray[np.intp]) -> NDArray[np.intp] | slice:
     return slice(first, last + 1) if together else taxels
 
 
-def pitch_m(position: Array, size: Array) -> float:
+def pitch_m(position: FloatArray, size: FloatArray) -> float:
     """Distance of neighbouring taxels of a board, metres. position: f64[m, 3], size: f64[m]."""
     if len(position) < 2:
         return float(size.mean())

@@ -7,13 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.gap.effects.effect import Effect
 from taxel.gap.state import Signal, State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +17,7 @@ class Link:
     """An effect and its values, f64[P, G]."""
 
     effect: Effect
-    values: Array
+    values: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +44,11 @@ class Chain:
         """Names of the effects, in order of action."""
         return tuple(link.effect.name for link in self.links)
 
-    def with_values(self, values: Sequence[Array]) -> Chain:
+    def with_values(self, values: Sequence[FloatArray]) -> Chain:
         """The same effects with other values."""
         return Chain(tuple(replace(link, values=new) for link, new in zip(self.links, values, strict=True)))
 
-    def features(self, state: State) -> Array:
+    def features(self, state: State) -> FloatArray:
         """The simulator's features with these effects, f64[C, F, n]."""
         features = state.predicted(_signal_of(state, self.links))
         for link in self.links:

@@ -18,8 +18,7 @@ from taxel.gap.features import SessionMeans, known_mean
 from taxel.gap.metric import jackknife
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 SOFT_COUNTS: Final = 20.0
 """Width of the threshold: a repeat whose drop lies this far above it is active in five of six cases."""
@@ -32,7 +31,7 @@ LIKELY: Final = 0.02
 """Taxels that are active in fewer repeats are left out of a cloud."""
 
 
-def cloud_gap(pair: Pair, real: SessionMeans, model: Array, seed: int) -> dict[str, Any]:
+def cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> dict[str, Any]:
     """The report's `gap.mm`; a floor that nobody knows is 0, as in counts. model: of the simulator, f64[C, F, n]."""
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     sessions = real.value.shape[1]
@@ -65,7 +64,7 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: Array, seed: int) -> dict[s
     }
 
 
-def chamfer_mm(places: Array, first: Array, second: Array) -> float:
+def chamfer_mm(places: FloatArray, first: FloatArray, second: FloatArray) -> float:
     """Mean of both directions' mean distance, millimetres. places: f64[n, 3]; first, second: f64[n], probabilities."""
     a, b = np.flatnonzero(first > LIKELY), np.flatnonzero(second > LIKELY)
     if not len(a) and not len(b):
@@ -78,7 +77,7 @@ def chamfer_mm(places: Array, first: Array, second: Array) -> float:
     return 0.5 * float(np.average(there, weights=first[a]) + np.average(back, weights=second[b]))
 
 
-def _nearest(apart: Array, probability: Array) -> Array:
+def _nearest(apart: FloatArray, probability: FloatArray) -> FloatArray:
     """Expected distance to the nearest point that is there, f64[rows]."""
     order = np.argsort(apart, axis=1)
     ordered, chance = np.take_along_axis(apart, order, axis=1), probability[order]
@@ -86,7 +85,7 @@ def _nearest(apart: Array, probability: Array) -> Array:
     return np.asarray((ordered * chance * none_before[:, :-1]).sum(axis=1) + FARTHEST_MM * none_before[:, -1])
 
 
-def _denser(simulated: Array, real: Array, sensor: NDArray[np.intp], rng: np.random.Generator) -> Array:
+def _denser(simulated: FloatArray, real: FloatArray, sensor: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
     """The simulator's cloud with taxels at random until it has as many as the hand's."""
     missing = round(float(real.sum() - simulated.sum()))
     touched = np.isin(sensor, np.unique(sensor[(simulated > 0.5) | (real > 0.5)]))
@@ -97,6 +96,6 @@ def _denser(simulated: Array, real: Array, sensor: NDArray[np.intp], rng: np.ran
     return result
 
 
-def _world(pair: Pair, cell: int) -> Array:
+def _world(pair: Pair, cell: int) -> FloatArray:
     pose = pair.sensor_poses[cell][pair.groups.sensor]
     return np.asarray(np.einsum("nij,nj->ni", pose[:, :3, :3], pair.taxels.position) + pose[:, :3, 3])

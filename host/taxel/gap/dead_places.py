@@ -10,8 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from taxel.gap.features import SessionMeans, known_mean
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LOADED_COUNTS: Final = 120.0
 """A taxel that is never expected to drop by more may be dead without anybody knowing."""
@@ -33,7 +32,9 @@ PATCH: Final = 3
 """Dead taxels that hang together, and taxels beside them that answer, from which on that is seen at a glance."""
 
 
-def patches(state: State, answer: Array, mute: NDArray[np.bool_], expected: Array) -> tuple[NDArray[np.bool_], bool]:
+def patches(
+    state: State, answer: FloatArray, mute: NDArray[np.bool_], expected: FloatArray
+) -> tuple[NDArray[np.bool_], bool]:
     """Which of the mute taxels, bool[n], are dead: those that hang together with one of which much is expected. But
     where all of that is one press, and a neighbour answers faintly, the object may as well be elsewhere. And whether
     some show nothing at all, and all beside them what they should.
@@ -95,7 +96,7 @@ def _beside(state: State, own: NDArray[np.intp]) -> NDArray[np.bool_]:
     return np.asarray((steps[:, :, 0] == 0) & (steps[:, :, 1:].sum(axis=2) == 1))
 
 
-def is_evident(state: State, answer: Array, line: tuple[int, str, int]) -> bool:
+def is_evident(state: State, answer: FloatArray, line: tuple[int, str, int]) -> bool:
     """Whether a line shows nothing at all between lines that answer. answer: f64[n], NaN where nothing is expected.
 
     An object that is elsewhere leaves whole lines untouched too, but not between two that it touches, nor beside one
@@ -104,7 +105,7 @@ def is_evident(state: State, answer: Array, line: tuple[int, str, int]) -> bool:
     board, axis, index = line
     usual = _usual(answer[state.pair.groups.sensor == board])
 
-    def shown(number: int) -> Array:
+    def shown(number: int) -> FloatArray:
         own = answer[on_line(state, (board, axis, number))]
         return own[np.isfinite(own)]
 
@@ -115,7 +116,7 @@ def is_evident(state: State, answer: Array, line: tuple[int, str, int]) -> bool:
     return bool(answers and (np.abs(shown(index)) < NOTHING).all())
 
 
-def _usual(answer: Array) -> float:
+def _usual(answer: FloatArray) -> float:
     """What the taxels of a board that answer usually show."""
     answers = answer[answer > SURE]
     return float(np.median(answers)) if len(answers) else 1.0
@@ -129,7 +130,7 @@ def touched_lines(state: State, taxels: NDArray[np.bool_]) -> list[tuple[int, st
 
 
 def answers_elsewhere(
-    state: State, real: SessionMeans, features: Array, line: tuple[int, str, int], mute: NDArray[np.bool_]
+    state: State, real: SessionMeans, features: FloatArray, line: tuple[int, str, int], mute: NDArray[np.bool_]
 ) -> bool:
     """Whether another line of the board shows what was expected here: then it is not dead, but somewhere else. mute:
     bool[n]; what does not answer on the other line tells nothing of that.

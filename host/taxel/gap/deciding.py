@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout
@@ -15,8 +14,7 @@ from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Effect
 from taxel.gap.standing import Standing
 from taxel.gap.trial import LEVEL, Round, Trial, as_good
 from taxel.gap.weighing import Weighed
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_SHARE: Final = 0.03
 """Of the whole score, and of the excess in counts^2, that the first effect must explain to be named."""
@@ -39,7 +37,7 @@ MANY: Final = 4
 """Values of a board, as of its place or its wires, from which on all boards together could learn a press by heart."""
 
 
-def asked_of(standing: Standing) -> tuple[float, Array]:
+def asked_of(standing: Standing) -> tuple[float, FloatArray]:
     """The share that an effect must explain to be named, and the score of each family f64[5] below which that says
     nothing.
     """

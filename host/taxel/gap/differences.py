@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.recording.grasp_tables import ObjectMesh, TaxelTable
+from taxel.types import FloatArray
 
-Array = NDArray[np.float64]
-Poses = tuple[Array, Array]
+Poses = tuple[FloatArray, FloatArray]
 
 SIZE_M: Final = 1e-4
 """By so much a mesh or an electrode may be larger in one of the files."""
@@ -68,12 +67,12 @@ def _poses(real: Poses, sim: Poses, cells: Sequence[tuple[str, str]]) -> list[st
     return [f"in {len(wrong)} of {len(cells)} approaches the simulator has the object elsewhere than the hand: {size}"]
 
 
-def _seen(brackets: Array, objects: Array) -> tuple[Array, Array]:
+def _seen(brackets: FloatArray, objects: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Places f64[C, s, 3] and rotations f64[C, s, 3, 3] of objects in the frames of brackets."""
     turn = brackets[..., :3, :3].swapaxes(-1, -2)
     way = objects[:, None, :3, 3] - brackets[..., :3, 3]
     return np.einsum("csij,csj->csi", turn, way), turn @ objects[:, None, :3, :3]
 
 
-def _degrees(cosine: Array) -> Array:
+def _degrees(cosine: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

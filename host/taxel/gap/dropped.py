@@ -21,8 +21,7 @@ from taxel.gap.effects.dropout import Dropped
 from taxel.gap.features import COUNTS_MISSING, SessionMeans, known_mean
 from taxel.gap.shorts import find_shorts
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 FAINT_COUNTS: Final = 40.0
 """Largest drop that is expected of a taxel, from which on it tells something beside one of which more is expected."""
@@ -47,7 +46,9 @@ STUCK: Final = 0.1
 """Noise below this share of the board's usual noise: the taxel does not even read noise."""
 
 
-def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArray[np.bool_] | None = None) -> Dropped:
+def find_dropped(
+    state: State, real: SessionMeans, features: FloatArray, part: NDArray[np.bool_] | None = None
+) -> Dropped:
     """Look at some taxels of some cells, bool[C, n]; None: at all. features: f64[C, F, n], what is expected."""
     n, sensor = state.pair.n, state.pair.groups.sensor
     real, features = _less_common(state, real, features)
@@ -83,7 +84,7 @@ def find_dropped(state: State, real: SessionMeans, features: Array, part: NDArra
     return Dropped(dead & ~lined, tuple(lines), missing, dead | lined, stuck, shorts, evident)
 
 
-def _less_common(state: State, real: SessionMeans, features: Array) -> tuple[SessionMeans, Array]:
+def _less_common(state: State, real: SessionMeans, features: FloatArray) -> tuple[SessionMeans, FloatArray]:
     """Both less what is expected where nothing touches the board: a drift is on taxels that do not answer as well, and
     is no part of an answer.
     """
@@ -95,7 +96,9 @@ def _less_common(state: State, real: SessionMeans, features: Array) -> tuple[Ses
     return SessionMeans(real.value - common[:, None], real.count, real.spread), features - common
 
 
-def _answers(state: State, real: SessionMeans, features: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+def _answers(
+    state: State, real: SessionMeans, features: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
     """The share of its expected drop that each taxel shows, f64[n]; those that surely do not answer, bool[n]; and the
     largest drop that is expected of each in each cell, f64[C, n].
     """
@@ -117,7 +120,7 @@ def _answers(state: State, real: SessionMeans, features: Array) -> tuple[Array, 
     return mean, silent, np.asarray(expected.max(axis=1))
 
 
-def _median_of_board(noise: Array, sensor: NDArray[np.intp]) -> Array:
+def _median_of_board(noise: FloatArray, sensor: NDArray[np.intp]) -> FloatArray:
     """Of each taxel's board, f64[n]; NaN where nothing is known."""
     result = np.full(len(noise), np.nan)
     for board in np.unique(sensor):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +21,10 @@ class Problem:
     """
 
     state: State
-    target: Array
-    weight: Array
+    target: FloatArray
+    weight: FloatArray
 
-    def cost(self, features: Array) -> float:
+    def cost(self, features: FloatArray) -> float:
         """Weighted sum of squares."""
         return float(np.sum(self.weight * (self.target - features) ** 2))
 
@@ -36,13 +35,13 @@ class Column:
     the number of blocks. precision: of its prior, f64[count].
     """
 
-    change: Array
+    change: FloatArray
     blocks: NDArray[np.intp]
     count: int
-    precision: Array
+    precision: FloatArray
 
 
-def system_of(problem: Problem, columns: Sequence[Column]) -> Array:
+def system_of(problem: Problem, columns: Sequence[Column]) -> FloatArray:
     """Matrix of the normal equations over all blocks of all columns, f64[p, p]."""
     starts = _starts(columns)
     system = np.diag(np.concatenate([column.precision for column in columns]))
@@ -56,10 +55,10 @@ def system_of(problem: Problem, columns: Sequence[Column]) -> Array:
     return system
 
 
-def _blockwise(product: Array, one: Column, other: Column) -> Array:
+def _blockwise(product: FloatArray, one: Column, other: Column) -> FloatArray:
     """Sums of f64[C, n] over the blocks of two columns, f64[count, count]."""
     if one.blocks is other.blocks:  # each block meets itself alone
-        result: Array = np.zeros((one.count, one.count))
+        result: FloatArray = np.zeros((one.count, one.count))
         np.fill_diagonal(result, np.bincount(one.blocks.ravel(), product.ravel(), one.count))
         return result
     pairs = one.blocks.ravel() * other.count + other.blocks.ravel()
@@ -67,7 +66,7 @@ def _blockwise(product: Array, one: Column, other: Column) -> Array:
     return sums.reshape(one.count, other.count)
 
 
-def gradient_of(problem: Problem, columns: Sequence[Column], features: Array) -> Array:
+def gradient_of(problem: Problem, columns: Sequence[Column], features: FloatArray) -> FloatArray:
     """Right side of the normal equations for a step from `features`, f64[p], without priors."""
     weighted = problem.weight * (problem.target - features)
     parts = [
@@ -84,13 +83,13 @@ def _starts(columns: Sequence[Column]) -> list[int]:
 class Steps:
     """Damped steps of one system; each damping is factorised once."""
 
-    def __init__(self, system: Array) -> None:
+    def __init__(self, system: FloatArray) -> None:
         diagonal = np.diag(system)
         self._scale = np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max()), 1e-300)))
         self._scaled = system / np.outer(self._scale, self._scale)
-        self._known: dict[float, tuple[Array, bool]] = {}
+        self._known: dict[float, tuple[FloatArray, bool]] = {}
 
-    def step(self, gradient: Array, damping: float) -> Array:
+    def step(self, gradient: FloatArray, damping: float) -> FloatArray:
         """f64[p]."""
         if damping not in self._known:
             scaled = self._scaled.copy()

@@ -14,8 +14,7 @@ from taxel.gap.clock import Clock
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Recording
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 COUNTS_PER_SECOND: Final = 300.0
 """An onset a tenth of a second late is as wrong as 30 counts on every taxel of the board."""
@@ -48,7 +47,7 @@ class Layout:
     """
 
     phase: NDArray[np.uint8]
-    weight: Array
+    weight: FloatArray
     bins: int
 
     @property
@@ -82,7 +81,7 @@ class Layout:
         single = (self.missing, self.onset, self.wander)
         return (slice(0, self.bins), self.noise, *(slice(one, one + 1) for one in single))
 
-    def scale(self, cells: int, taxels: int) -> Array:
+    def scale(self, cells: int, taxels: int) -> FloatArray:
         """What a squared difference in a cell, feature and taxel adds to the squared gap, f64[F, 1]."""
         return self.weight[:, None] / (cells * taxels)
 
@@ -105,9 +104,9 @@ class SessionMeans:
     spread: f64[C, F, n], variance of one grasp about its session's mean, pooled; NaN for cells without repeats.
     """
 
-    value: Array
+    value: FloatArray
     count: NDArray[np.int64]
-    spread: Array
+    spread: FloatArray
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
@@ -115,12 +114,12 @@ class SessionMeans:
         return np.isfinite(self.value)
 
     @cached_property
-    def mean(self) -> Array:
+    def mean(self) -> FloatArray:
         """Over sessions, f64[C, F, n]; NaN where nothing is known."""
         return known_mean(self.value, 1)
 
     @cached_property
-    def variance(self) -> Array:
+    def variance(self) -> FloatArray:
         """Of one session, f64[C, F, n]; of a cell made once that of its repeats, or else that of other cells."""
         count = self.known.sum(axis=1)
         squares = np.where(self.known, (self.value - self.mean[:, None]) ** 2, 0.0).sum(axis=1)
@@ -129,7 +128,7 @@ class SessionMeans:
         result = np.where(np.isfinite(between), between, within)
         return np.where(np.isfinite(result), result, known_mean(result, 0))
 
-    def residual(self, features: Array) -> Array:
+    def residual(self, features: FloatArray) -> FloatArray:
         """Less features f64[C, F, n], f64[C, S, F, n]; 0 where unknown."""
         return np.where(self.known, self.value - features[:, None], 0.0)
 
@@ -139,7 +138,7 @@ class SessionMeans:
         return bool((self.known == self.known.any(axis=1, keepdims=True)).all())
 
     @cached_property
-    def pairing(self) -> Array:
+    def pairing(self) -> FloatArray:
         """All pairs of sessions over those of which both know it, f64[C, F, n]: products of sessions, weighted so, add
         up as if every session knew everything. 0 where fewer than two do; 1 with one session.
         """
@@ -148,7 +147,7 @@ class SessionMeans:
             return np.ones(count.shape)
         return np.where(count > 1, sessions * (sessions - 1) / np.maximum(count * (count - 1), 1), 0.0)
 
-    def excesses(self, features: Array) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
+    def excesses(self, features: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
         """Squared difference from features f64[C, F, n] less what scatters, counts^2, and where that is known, of the
         same form: of all sessions, then without each. The mean of the products of two sessions that know it; where one
         does, its square less the variance of a session.
@@ -156,7 +155,9 @@ class SessionMeans:
         residual, variance = self.residual(features), np.nan_to_num(self.variance)
         total, squares, count = residual.sum(axis=1), np.square(residual).sum(axis=1), self.known.sum(axis=1)
 
-        def told(total: Array, squares: Array, count: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
+        def told(
+            total: FloatArray, squares: FloatArray, count: NDArray[np.intp]
+        ) -> tuple[FloatArray, NDArray[np.bool_]]:
             once = np.where(count == 1, squares - variance, 0.0)
             return np.where(count > 1, mean_product(total, squares, count), once), count > 0
 
@@ -165,7 +166,7 @@ class SessionMeans:
             own = residual[:, session]
             yield told(total - own, squares - own**2, count - self.known[:, session])
 
-    def square(self, session: int, features: Array, scale: Array) -> float:
+    def square(self, session: int, features: FloatArray, scale: FloatArray) -> float:
         """Sum of a session's squared differences from features f64[C, F, n], times scale; of one that does not know
         everything, as if the rest were like what it knows.
         """
@@ -189,7 +190,7 @@ class SessionMeans:
         return SessionMeans(self.value[:, sessions], self.count[:, sessions], self.spread)
 
 
-def mean_product(total: Array, squares: Array, count: NDArray[np.intp]) -> Array:
+def mean_product(total: FloatArray, squares: FloatArray, count: NDArray[np.intp]) -> FloatArray:
     """Of two different sessions, from sums over the sessions that know something and over their squares; 0 where fewer
     than two do.
     """
@@ -215,7 +216,7 @@ def features_of(pair: Pair, recording: Recording, layout: Layout, untouched: NDA
     return values
 
 
-def known_mean(values: Array, axis: int) -> Array:
+def known_mean(values: FloatArray, axis: int) -> FloatArray:
     """Mean over what is known; NaN where nothing is."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)

@@ -12,15 +12,13 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.equations import Column, Problem, Steps, gradient_of, system_of
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 STEP: Final = 2e-3
 """Of a parameter, relative to its scale, for the numeric derivative."""
@@ -60,7 +58,7 @@ class Fit:
     """chain: with the fitted values. features: f64[C, F, n]. cost: of the problem, without priors."""
 
     chain: Chain
-    features: Array
+    features: FloatArray
     cost: float
 
 
@@ -71,7 +69,7 @@ class Start:
     """
 
     chain: Chain
-    features: Array
+    features: FloatArray
     columns: tuple[Column, ...]
 
 
@@ -81,7 +79,7 @@ def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
     return Start(chain, features, _columns(state, chain, free_links(chain, fixed), features))
 
 
-def near_their_end(state: State, chain: Chain, features: Array, fixed: Sequence[str] = ()) -> Known:
+def near_their_end(state: State, chain: Chain, features: FloatArray, fixed: Sequence[str] = ()) -> Known:
     """Derivatives of a chain's effects, each by its name, for fits that hardly move them. features: of the chain."""
     free = free_links(chain, fixed)
     found = in_copies(state, lambda index: _columns(state, chain, [index], features), free)
@@ -145,12 +143,12 @@ class _Point:
     """Where a search stands. cost: of the problem; prior: of the values."""
 
     chain: Chain
-    features: Array
+    features: FloatArray
     cost: float
     prior: float
 
     @classmethod
-    def of(cls, problem: Problem, chain: Chain, free: list[int], features: Array | None = None) -> _Point:
+    def of(cls, problem: Problem, chain: Chain, free: list[int], features: FloatArray | None = None) -> _Point:
         """features: of the chain, if they are known."""
         features = chain.features(problem.state) if features is None else features
         return cls(chain, features, problem.cost(features), _prior_cost(chain, free))
@@ -161,7 +159,7 @@ class _Point:
         return self.cost + self.prior
 
 
-def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: list[int]) -> Array:
+def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: list[int]) -> FloatArray:
     return gradient_of(problem, columns, point.features) + _pull(point.chain, free)
 
 
@@ -170,7 +168,7 @@ def started(state: State, effect: Effect) -> Link:
     return Link(effect, effect.starts(state))
 
 
-def _scale(parameter: Parameter, values: Array) -> Array:
+def _scale(parameter: Parameter, values: FloatArray) -> FloatArray:
     """A typical size of each value."""
     expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
     span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))
@@ -178,7 +176,7 @@ def _scale(parameter: Parameter, values: Array) -> Array:
 
 
 def _columns(
-    state: State, chain: Chain, free: list[int], features: Array, known: Known = NOTHING_KNOWN
+    state: State, chain: Chain, free: list[int], features: FloatArray, known: Known = NOTHING_KNOWN
 ) -> tuple[Column, ...]:
     columns: list[Column] = []
     for index in free:
@@ -200,7 +198,7 @@ def _columns(
     return tuple(columns)
 
 
-def moved(chain: Chain, free: list[int], step: Array) -> Chain:
+def moved(chain: Chain, free: list[int], step: FloatArray) -> Chain:
     """A chain whose free values went by a step f64[p], within their bounds."""
     links = list(chain.links)
     first = 0
@@ -225,7 +223,7 @@ def _prior_cost(chain: Chain, free: list[int]) -> float:
     return total
 
 
-def _pull(chain: Chain, free: list[int]) -> Array:
+def _pull(chain: Chain, free: list[int]) -> FloatArray:
     """Of the priors on the values as they are, f64[p]."""
     parts = []
     for link in (chain.links[index] for index in free):

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.features import SessionMeans
@@ -14,8 +13,7 @@ from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, shrink
 from taxel.gap.rounds import FIXED
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +23,10 @@ class HeldOut:
     predicted: shrink that the other sessions promised, f64[S]. links: fitted without each session.
     """
 
-    before2: Array
-    after2: Array
+    before2: FloatArray
+    after2: FloatArray
     floor2: float
-    predicted: Array
+    predicted: FloatArray
     links: tuple[tuple[Link, ...], ...]
 
     @property
@@ -65,7 +63,7 @@ class HeldOut:
             return None
         return float(1.0 - (self.after2.mean() - self.floor2) / room)
 
-    def _left(self, of: Callable[[float, float], float]) -> Array:
+    def _left(self, of: Callable[[float, float], float]) -> FloatArray:
         stays = leave_one_out(len(self.before2)) if len(self.before2) > 1 else []
         return np.array([of(float(self.before2[k].mean()), float(self.after2[k].mean())) for k in stays])
 
@@ -93,6 +91,6 @@ def held_out(judge: Judge, chain: Chain, fixed: Sequence[str] = FIXED, inside: S
     return HeldOut(np.array(firsts), np.array(seconds), scatter2(real, scale), np.array(promised), tuple(links))
 
 
-def scatter2(real: SessionMeans, scale: Array) -> float:
+def scatter2(real: SessionMeans, scale: FloatArray) -> float:
     """Squared gap of one session that its scatter alone makes, counts^2."""
     return float(np.sum(scale * np.nan_to_num(real.variance)))

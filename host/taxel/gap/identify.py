@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 
@@ -25,8 +24,7 @@ from taxel.gap.effects.latency import Latency
 from taxel.gap.equations import Column, Problem, gradient_of, system_of
 from taxel.gap.fit import fit, start_of, started
 from taxel.gap.judge import REFITS, Judge
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 EXCITED, CLEAR = 1.0, 25.0
 """Squared length of what an effect does, or of what sets it off from another: one and five standard deviations."""
@@ -153,15 +151,15 @@ def _typical_link(judge: Judge, form: Effect) -> Link:
     return Link(form, form.typical(judge.state))
 
 
-def _plain(judge: Judge, form: Effect) -> Array:
+def _plain(judge: Judge, form: Effect) -> FloatArray:
     return _of_link(judge, _typical_link(judge, form))
 
 
-def _of_link(judge: Judge, link: Link) -> Array:
+def _of_link(judge: Judge, link: Link) -> FloatArray:
     return np.nan_to_num(Chain((link,)).features(judge.state) - judge.state.mean)
 
 
-def _length2(judge: Judge, vector: Array) -> float:
+def _length2(judge: Judge, vector: FloatArray) -> float:
     return float(np.sum(judge.weight * vector**2))
 
 
@@ -176,7 +174,7 @@ class Subspace:
         factor, order, rank, _ = dpstrf(system / np.outer(self._scale, self._scale), tol=LEAST_PIVOT, lower=1)
         self._factor, self._kept = factor[:rank, :rank], order[:rank] - 1
 
-    def left(self, vector: Array) -> float:
+    def left(self, vector: FloatArray) -> float:
         """Squared length of what it leaves of a vector, f64[C, F, n]."""
         problem = Problem(self._judge.state, vector, self._judge.weight)
         gradient = gradient_of(problem, self._columns, np.zeros_like(vector)) / self._scale
@@ -184,11 +182,11 @@ class Subspace:
         return max(_length2(self._judge, vector) - float(done @ done), 0.0)
 
 
-def linear_left(judge: Judge, vector: Array, columns: Sequence[Column]) -> float:
+def linear_left(judge: Judge, vector: FloatArray, columns: Sequence[Column]) -> float:
     """Squared length of what a subspace leaves of a vector, for one that is asked once."""
     return Subspace(judge, columns).left(vector)
 
 
-def _fitted_left(judge: Judge, vector: Array, form: Effect) -> float:
+def _fitted_left(judge: Judge, vector: FloatArray, form: Effect) -> float:
     problem = Problem(judge.state, judge.state.mean + vector, judge.weight)
     return fit(problem, Chain((started(judge.state, form),)), iterations=2 * REFITS).cost

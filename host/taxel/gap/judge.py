@@ -22,8 +22,7 @@ from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.score import Score, scatter2
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 FOLDS: Final = 16
 """Parts of the cells, at most; each is predicted by what the others tell."""
@@ -70,7 +69,7 @@ class Judge:
         return self.out is not None
 
     @property
-    def noticeable(self) -> Array:
+    def noticeable(self) -> FloatArray:
         """Score of each family of features, f64[5], below which a good simulator may just be imperfect."""
         return NOTICEABLE * self._counted
 
@@ -80,7 +79,7 @@ class Judge:
         return IMPERFECT * float(self._counted.sum())
 
     @property
-    def _counted(self) -> Array:
+    def _counted(self) -> FloatArray:
         """Of each family of features, f64[5], how many count, with their weights."""
         counting = (self.layout.weight[:, None] * (self.weight > 0)).sum(axis=(0, 2))
         return np.array([counting[own].sum() for own in self.layout.families])
@@ -93,10 +92,10 @@ class Judge:
         """A judge of a simulation that is so much later."""
         return Judge(self.state.shifted(seconds), self.sessions, self.layout, self.out)
 
-    def _counting(self, weight: Array) -> Array:
+    def _counting(self, weight: FloatArray) -> FloatArray:
         return weight if self.out is None else np.where(self.out, 0.0, weight)
 
-    def _weights(self, real: SessionMeans) -> Array:
+    def _weights(self, real: SessionMeans) -> FloatArray:
         """One over the variance, f64[C, F, n]. The features of a taxel in a press scatter together: by the layout's
         weights, which add to 1, all of them tell as much as one that is known by itself. What is called information or
         standard deviations elsewhere is of these.
@@ -112,7 +111,7 @@ class Judge:
         weight = self.weight if part is None else np.where(part[:, None], self.weight, 0.0)
         return Problem(self.state, self.target, weight)
 
-    def score(self, features: Array, weight: Array | None = None) -> Score:
+    def score(self, features: FloatArray, weight: FloatArray | None = None) -> Score:
         """Of features f64[C, F, n]."""
         weight = self.weight if weight is None else weight
         if not self.sessions.is_complete:  # as a rule they are, and one product of matrices serves
@@ -125,11 +124,11 @@ class Judge:
         left = [off_diagonal(cells[:, stay][:, :, stay]) for stay in leave_one_out(cells.shape[1])]
         return Score(float(families.sum()), np.array(left), families, self.together)
 
-    def _score_of_some(self, features: Array, weight: Array) -> Score:
+    def _score_of_some(self, features: FloatArray, weight: FloatArray) -> Score:
         """As `score`, where sessions lack cells: what is known stands for its like."""
         every = weight.sum(axis=(0, 2))
 
-        def families(told: Array, known: NDArray[np.bool_]) -> Array:
+        def families(told: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
             """Of each family and cell, f64[5, C]."""
             sums, parts = np.einsum("cfn,cfn->fc", weight, told), np.einsum("cfn,cfn->f", weight, known)
             own = [(sums[one].sum(axis=0), parts[one].sum(), every[one].sum()) for one in self.layout.families]
@@ -155,15 +154,15 @@ class Judge:
         several = np.array([1.0 - 1.0 / cells for *_, cells in found])  # one cell says nothing of two
         return float(max(several @ ratio / several.sum(), 1.0)) if several.sum() > 0 else 1.0
 
-    def excess(self, features: Array) -> float:
+    def excess(self, features: FloatArray) -> float:
         """Of features f64[C, F, n], counts^2 as in the report: not weighted by what scatters."""
         return self._in_counts(features).value
 
-    def noise_excess(self, features: Array) -> float:
+    def noise_excess(self, features: FloatArray) -> float:
         """That of the noise alone."""
         return float(self._in_counts(features).families[NOISE])
 
-    def _in_counts(self, features: Array) -> Score:
+    def _in_counts(self, features: FloatArray) -> Score:
         scale = self.layout.scale(features.shape[0], features.shape[2])
         return self.score(features, self._counting(np.broadcast_to(scale, features.shape)))
 
@@ -175,14 +174,14 @@ class Judge:
 
     def cross_validated(
         self, chains: Sequence[Chain], fixed: tuple[str, ...] = ()
-    ) -> list[tuple[Array, tuple[Chain, ...]]]:
+    ) -> list[tuple[FloatArray, tuple[Chain, ...]]]:
         """For each chain, fitted to all parts: each part as predicted by a fit to the others, f64[C, F, n], and these
         fits. They are shared out at once, for those of some chains take far longer.
         """
         starts = in_copies(self.state, lambda chain: start_of(self.state, chain, fixed), chains)
         numbers = range(int(self.parts.max()) + 1)
 
-        def without(job: tuple[Start, int]) -> tuple[Array, Chain]:
+        def without(job: tuple[Start, int]) -> tuple[FloatArray, Chain]:
             start, number = job
             held = self.parts == number
             fitted = fit(self.problem(~held), start.chain, fixed, REFITS, start)
@@ -199,13 +198,13 @@ class Judge:
         return found
 
 
-def _products(first: Array, other: Array) -> Array:
+def _products(first: FloatArray, other: FloatArray) -> FloatArray:
     """Of all pairs of sessions, added in each cell, f64[C, S, S]. first, other: f64[C, S, F, n]."""
     shape = (*first.shape[:2], first.shape[2] * first.shape[3])
     return np.asarray(first.reshape(shape) @ other.reshape(shape).transpose(0, 2, 1))
 
 
-def tolerance2(layout: Layout, model: Array, expected: Array) -> Array:
+def tolerance2(layout: Layout, model: FloatArray, expected: FloatArray) -> FloatArray:
     """Squared error of an imperfect solver, counts^2, f64[C, F, n]. model, expected: features, of the simulator and of
     what it should be.
     """

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.chances import student_quantile, student_tail
 from taxel.gap.features import Layout, SessionMeans
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_MARGIN_COUNTS: Final = 3.0
 """An excess of fewer counts is no gap, however small the floor is or if nobody knows it: no simulator is nearer."""
@@ -35,11 +34,11 @@ class Terms:
     and floor^2.
     """
 
-    gap2: Array
-    floor2: Array
+    gap2: FloatArray
+    floor2: FloatArray
 
     @property
-    def excess(self) -> Array:
+    def excess(self) -> FloatArray:
         """f64[C, F, n]."""
         return self.gap2 - self.floor2
 
@@ -66,7 +65,7 @@ class Interval:
         """Of what cannot be below 0."""
         return replace(self, low=None if self.low is None else max(self.low, 0.0))
 
-    def at_least(self, draws: Array) -> Interval:
+    def at_least(self, draws: FloatArray) -> Interval:
         """On each side as wide as what holds 95 % of draws f64[d] of the value: what scatters is in them as well, so
         that they are no further error. No draws, or no interval: the same.
         """
@@ -76,7 +75,7 @@ class Interval:
         return replace(self, low=min(self.low, self.value - below), high=max(self.high, self.value + above))
 
 
-def terms(real: SessionMeans, model: Array, layout: Layout) -> Terms:
+def terms(real: SessionMeans, model: FloatArray, layout: Layout) -> Terms:
     """Terms of gap and floor. model: f64[C, F, n], counts.
 
     A feature that is unknown on either side tells nothing: its terms are 0.
@@ -88,7 +87,7 @@ def terms(real: SessionMeans, model: Array, layout: Layout) -> Terms:
     return Terms(gap2, floor2)
 
 
-def off_diagonal(gram: Array) -> Array:
+def off_diagonal(gram: FloatArray) -> FloatArray:
     """Mean over s != t of products f64[..., S, S]: the excess, f64[...]. With one session, the product itself."""
     sessions = gram.shape[-1]
     if sessions < 2:
@@ -101,18 +100,18 @@ def leave_one_out(sessions: int) -> list[NDArray[np.bool_]]:
     return [np.arange(sessions) != s for s in range(sessions)]
 
 
-def total(term: Array) -> float:
+def total(term: FloatArray) -> float:
     """Sum over features, mean over cells and taxels, counts^2."""
     return float(term.sum(axis=1).mean())
 
 
-def jackknife_error(values: Array) -> Array:
+def jackknife_error(values: FloatArray) -> FloatArray:
     """Standard error of what was worked out without one of its S parts each (Tukey 1958). values: f64[S, ...]."""
     count = len(values)
     return np.asarray(np.sqrt((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
 
 
-def jackknife(values: Array, whole: float) -> Interval:
+def jackknife(values: FloatArray, whole: float) -> Interval:
     """T interval on the jackknife over sessions (Tukey 1958). values: f64[S], each without one session."""
     count = len(values)
     if count < 3:
@@ -169,7 +168,7 @@ class Gap:
     terms: Terms
 
 
-def measure(real: SessionMeans, model: Array, layout: Layout) -> Gap:
+def measure(real: SessionMeans, model: FloatArray, layout: Layout) -> Gap:
     """Gap, floor and excess of a model, f64[C, F, n], against the real sessions."""
     whole = terms(real, model, layout)
     sessions = real.value.shape[1]
@@ -185,7 +184,7 @@ def shrink(before2: float, after2: float) -> float:
     return float(1.0 - np.sqrt(after2 / before2)) if before2 > 0 else 0.0
 
 
-def shrink_by(real: SessionMeans, before: Array, after: Array, layout: Layout) -> Interval:
+def shrink_by(real: SessionMeans, before: FloatArray, after: FloatArray, layout: Layout) -> Interval:
     """Shrink of the gap from one model to another, f64[C, F, n] each, with its interval."""
 
     def of(sessions: SessionMeans) -> float:

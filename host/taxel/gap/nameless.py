@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
@@ -21,8 +20,6 @@ from taxel.gap.identify import is_alike, linear_left
 from taxel.gap.judge import Judge
 from taxel.gap.told import ENOUGH_TOLD, told_of
 from taxel.gap.uneven import odd_pattern
-
-Array = NDArray[np.float64]
 
 AMPLITUDE = ("gain_mismatch", "stiffness")
 """A gain is a plain change of amplitude, and is asked whether it might be one that fades. Both together are asked

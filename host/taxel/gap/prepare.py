@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.align import common_shift
 from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
@@ -14,8 +13,6 @@ from taxel.gap.metric import terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Recording
 from taxel.gap.state import State, state_of
-
-Array = NDArray[np.float64]
 
 
 class Prepared(NamedTuple):

@@ -16,8 +16,8 @@ from taxel.gap.errors import GapInputError
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import BASELINE_FRAMES, SIM, Phase
+from taxel.types import FloatArray
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 LEAST_BASELINE = 10
@@ -51,12 +51,12 @@ class Recording:
     session: NDArray[np.int64]
     iteration: NDArray[np.int64]
     nodes: NDArray[np.float32]
-    hold: Array
+    hold: FloatArray
     noise: NDArray[np.float32]
-    common: Array
-    missing: Array
-    onset: Array
-    baseline: Array
+    common: FloatArray
+    missing: FloatArray
+    onset: FloatArray
+    baseline: FloatArray
     force: NDArray[np.float32] | None
     separation: NDArray[np.float32] | None
     frames: NDArray[np.intp]
@@ -156,7 +156,7 @@ def _reduce(
     }
 
 
-def since_phase_began(time_s: Array, phase: NDArray[np.uint8]) -> Array:
+def since_phase_began(time_s: FloatArray, phase: NDArray[np.uint8]) -> FloatArray:
     """Seconds since the first frame of each frame's phase, f64[T]."""
     since = np.zeros(len(time_s))
     for value in np.unique(phase):
@@ -203,7 +203,7 @@ def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) 
     return int(min(counts[~poor].min(initial=BASELINE_FRAMES), BASELINE_FRAMES)) if present.any() else 0, poor
 
 
-def _masked_mean(values: Array, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> Array:
+def _masked_mean(values: FloatArray, frames: NDArray[np.bool_], sensor: NDArray[np.intp]) -> FloatArray:
     """Mean over the frames of each taxel's sensor, f64[n]; NaN without one."""
     weight = frames[:, sensor]
     count = frames.sum(axis=0)[sensor]
@@ -211,7 +211,9 @@ def _masked_mean(values: Array, frames: NDArray[np.bool_], sensor: NDArray[np.in
         return np.asarray(np.einsum("tn,tn->n", values, weight.astype(np.float64)) / np.where(count, count, np.nan))
 
 
-def _node_means(values: Array, inside: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]) -> Array:
+def _node_means(
+    values: FloatArray, inside: NDArray[np.bool_], valid: NDArray[np.bool_], sensor: NDArray[np.intp]
+) -> FloatArray:
     """Mean in each node, f64[K, n]; NaN where no frame of the taxel's sensor lies in it."""
     chosen = inside.astype(np.float64)
     if valid.all():
@@ -222,7 +224,7 @@ def _node_means(values: Array, inside: NDArray[np.bool_], valid: NDArray[np.bool
     return np.asarray(chosen @ np.where(good, values, 0.0) / np.where(count, count, np.nan))
 
 
-def _changes(raw: Array, frames: NDArray[np.bool_], groups: Groups) -> tuple[Array, Array]:
+def _changes(raw: FloatArray, frames: NDArray[np.bool_], groups: Groups) -> tuple[FloatArray, FloatArray]:
     """Noise from differences of successive frames (von Neumann et al. 1941): f64[n], and covariances f64[3]."""
     rows = np.flatnonzero(frames.any(axis=1))
     if len(rows) < 3:
@@ -238,7 +240,7 @@ def _changes(raw: Array, frames: NDArray[np.bool_], groups: Groups) -> tuple[Arr
     return deviation, _covariances(steps, groups)
 
 
-def _covariances(steps: Array, groups: Groups) -> Array:
+def _covariances(steps: FloatArray, groups: Groups) -> FloatArray:
     """Mean covariance of pairs on a TX line, on an RX line, and on the board's others, counts^2, f64[3]."""
     sums, pairs = [], []
     square = float(np.sum(steps**2))
@@ -253,13 +255,13 @@ def _covariances(steps: Array, groups: Groups) -> Array:
 
 
 def _onsets(
-    drop: Array,
-    hold: Array,
-    since: Array,
+    drop: FloatArray,
+    hold: FloatArray,
+    since: FloatArray,
     phase: NDArray[np.uint8],
     valid: NDArray[np.bool_],
     sensor: NDArray[np.intp],
-) -> Array:
+) -> FloatArray:
     """When each board's summed drop first passes half its hold level, seconds after closing began, f64[s]."""
     sensors = valid.shape[1]
     onset = np.full(sensors, np.nan)
@@ -274,15 +276,15 @@ def _onsets(
     still = np.flatnonzero(phase == Phase.BASELINE)
     for board in np.flatnonzero(level > ONSET_LEAST_COUNTS):
         own, rows = np.flatnonzero((sensor == board) & (touched > 0)), part[np.asarray(valid[part, board])]
-        rest: Array = drop[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
+        rest: FloatArray = drop[np.ix_(still[np.asarray(valid[still, board])], own)].sum(axis=1)
         if level[board] < ONSET_NOISES * float(np.std(rest)):
             continue
-        sums: Array = drop[np.ix_(rows, own)].sum(axis=1)
+        sums: FloatArray = drop[np.ix_(rows, own)].sum(axis=1)
         onset[board] = _crossing(time[np.asarray(valid[part, board])], sums, 0.5 * float(level[board]))
     return onset
 
 
-def _crossing(time: Array, values: Array, level: float) -> float:
+def _crossing(time: FloatArray, values: FloatArray, level: float) -> float:
     """When values f64[T] rise over a level: halfway between the first time and the last, since noise makes the one
     early and the other late. NaN if they begin above it or never pass it.
     """

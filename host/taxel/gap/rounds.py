@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain, Link
@@ -23,8 +22,7 @@ from taxel.gap.score import Score
 from taxel.gap.standing import Standing
 from taxel.gap.trial import ALIKE, Round, Trial
 from taxel.gap.weighing import MOST_OF_LEFT, Weighed, is_noise_told, much_is_left
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 SHORTLIST: Final = 4
 """Forms that are cross-validated in a round: those that gain most where they were fitted, one of each effect and scope.
@@ -158,7 +156,7 @@ def cross_validated_each(judge: Judge, trials: Sequence[Trial]) -> list[Trial]:
     return [_judged(judge, trial, *found) for trial, found in zip(trials, each, strict=True)]
 
 
-def _judged(judge: Judge, trial: Trial, held: Array, parts: tuple[Chain, ...]) -> Trial:
+def _judged(judge: Judge, trial: Trial, held: FloatArray, parts: tuple[Chain, ...]) -> Trial:
     """held, parts: as `Judge.cross_validated` gives them."""
     alone = all(name in (DROPOUT, Noise.name, BaselineDrift.name) for name in trial.chain.names)
     if trial.name == DROPOUT and not alone and not is_evident(trial):
@@ -166,7 +164,7 @@ def _judged(judge: Judge, trial: Trial, held: Array, parts: tuple[Chain, ...]) -
     return Trial(trial.name, trial.chain, trial.features, trial.inside, judge.score(held), held, parts)
 
 
-def _found_elsewhere(judge: Judge, parts: tuple[Chain, ...], held: Array) -> Array:
+def _found_elsewhere(judge: Judge, parts: tuple[Chain, ...], held: FloatArray) -> FloatArray:
     """Each part with what does not answer in the others: beside another effect on drops, what does not answer in one
     press alone may be what that effect leaves. parts, held: as `Judge.cross_validated` gives them.
     """

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chances import student_tail
 from taxel.gap.metric import jackknife_error
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_FAMILY: Final = 1e-3
 """Share of the score below which a family of features says nothing."""
@@ -34,11 +32,11 @@ class Score:
     """
 
     value: float
-    left: Array
-    families: Array
+    left: FloatArray
+    families: FloatArray
     together: float = 1.0
 
-    def share_of(self, start: Score, base: Score, least: Array | float = 0.0) -> float:
+    def share_of(self, start: Score, base: Score, least: FloatArray | float = 0.0) -> float:
         """The greatest share of what a family was at the start that has gone since `base`: noise must not hide what
         else is there by being so clear. least: f64[5], of a family at the start; what is smaller says nothing.
         """
@@ -62,7 +60,7 @@ class Score:
         return gain, student_tail(gain / error, freedom)
 
 
-def moderated_error(left: Array, together: float) -> tuple[float, float]:
+def moderated_error(left: FloatArray, together: float) -> tuple[float, float]:
     """Standard error of a sum over cells, and its degrees of freedom. left: f64[S, C], without each session."""
     own, apart, cells = scatter2(left)
     sessions = len(left) - 1.0
@@ -71,7 +69,7 @@ def moderated_error(left: Array, together: float) -> tuple[float, float]:
     return float(np.sqrt((sessions * own + grasps * max(together, 1.0) * apart) / freedom)), freedom
 
 
-def scatter2(left: Array) -> tuple[float, float, float]:
+def scatter2(left: FloatArray) -> tuple[float, float, float]:
     """Squared standard error of a sum over cells, from what the sessions' sums scatter; from what each cell scatters;
     and how many cells make the latter, as if all were alike. left: f64[S, C], without each session.
     """

@@ -12,7 +12,6 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect
@@ -20,8 +19,6 @@ from taxel.gap.equations import Column
 from taxel.gap.fit import start_of
 from taxel.gap.identify import linear_left
 from taxel.gap.judge import Judge
-
-Array = NDArray[np.float64]
 
 BEST_PAIRS: Final = 4
 """Pairs to which a third effect is added."""

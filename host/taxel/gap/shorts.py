@@ -11,8 +11,7 @@ from taxel.gap.dead_places import LOADED_COUNTS
 from taxel.gap.effects.dropout import Short, crossings
 from taxel.gap.features import SessionMeans, known_mean
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 ALIKE: Final = 0.03
 """Share of the expected squared difference of two lines below which they show the same."""
@@ -24,7 +23,7 @@ GAINS: Final = tuple(np.geomspace(0.5, 3.0, 8).tolist())
 """Sensitivities relative to the expected one that lines whose counts end may have."""
 
 
-def find_shorts(state: State, real: SessionMeans, features: Array) -> tuple[Short, ...]:
+def find_shorts(state: State, real: SessionMeans, features: FloatArray) -> tuple[Short, ...]:
     """Neighbouring lines whose crossings all show the same where they should differ."""
     bins = state.layout.bins
     expected = features[:, :bins]
@@ -57,9 +56,9 @@ def find_shorts(state: State, real: SessionMeans, features: Array) -> tuple[Shor
 
 
 def _only_ends(
-    seen: Array,
-    expected: Array,
-    weight: Array,
+    seen: FloatArray,
+    expected: FloatArray,
+    weight: FloatArray,
     lines: tuple[NDArray[np.intp], NDArray[np.intp]],
     share: float,
     end: float,

@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
 from taxel.gap.judge import Judge
 from taxel.gap.score import Score
 from taxel.gap.trial import Trial
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +21,8 @@ class Standing:
 
     judge: Judge
     chain: Chain
-    features: Array
-    held: Array
+    features: FloatArray
+    held: FloatArray
     base: Score
     start: Score
     parts: tuple[Chain, ...] = ()

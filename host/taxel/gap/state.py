@@ -15,8 +15,7 @@ from taxel.gap.features import COUNTS_PER_SECOND, Layout, untouched_cells
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import SensorModel
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST_VALUES: Final = 800_000
 """Numbers in one array: a few repeats of each cell of a small hand, one or two of a large one."""
@@ -37,28 +36,28 @@ class Signal:
     f64[Q, K, n], counts; None until force has become counts. law_scale: factor on the sensor model's half force.
     """
 
-    force: Array | None
-    separation: Array | None
-    drop: Array | None
-    law_scale: Array | float = 1.0
+    force: FloatArray | None
+    separation: FloatArray | None
+    drop: FloatArray | None
+    law_scale: FloatArray | float = 1.0
 
-    def mapped(self, change: Callable[[Array], Array]) -> Signal:
+    def mapped(self, change: Callable[[FloatArray], FloatArray]) -> Signal:
         """The same with every array changed."""
         force, separation, drop = (
             None if part is None else change(part) for part in (self.force, self.separation, self.drop)
         )
         return Signal(force, separation, drop, self.law_scale)
 
-    def with_force(self, force: Array) -> Signal:
+    def with_force(self, force: FloatArray) -> Signal:
         """The same with other forces."""
         return replace(self, force=force)
 
-    def with_drop(self, drop: Array) -> Signal:
+    def with_drop(self, drop: FloatArray) -> Signal:
         """The same with other drops."""
         return replace(self, drop=drop)
 
 
-def delayed(values: Array, time_s: Array, delay_s: Array) -> Array:
+def delayed(values: FloatArray, time_s: FloatArray, delay_s: FloatArray) -> FloatArray:
     """Values f64[Q, K, n] of `delay_s` f64[Q, n] ago, linear between nodes; before the first node it was as there."""
     result = values.copy()
     own = delay_s[0] if (delay_s == delay_s[0]).all() else None  # as a rule every press has the same delays
@@ -88,7 +87,7 @@ class State:
     clock: Clock
     cell: NDArray[np.intp]
     base: Signal
-    mean: Array
+    mean: FloatArray
     shift_s: float = 0.0
 
     @cached_property
@@ -118,18 +117,18 @@ class State:
         return self.base.force is not None and self.pair.sensor_model is not None
 
     @cached_property
-    def full_scale(self) -> Array | float:
+    def full_scale(self) -> FloatArray | float:
         """Counts that no drop exceeds: by the sensor model, or so much above the largest."""
         if self.pair.sensor_model is not None:
             return np.asarray(self.model.full_scale_drop_counts, np.float64)
         return ABOVE * max(float(np.abs(self.mean[:, : self.layout.bins]).max(initial=0.0)), 1.0)
 
     @cached_property
-    def drop(self) -> Array:
+    def drop(self) -> FloatArray:
         """Drops without effects, f64[Q, K, n]."""
         return self.to_drop(self.base)
 
-    def to_drop(self, signal: Signal) -> Array:
+    def to_drop(self, signal: Signal) -> FloatArray:
         """Counts of a signal, f64[Q, K, n]."""
         if signal.drop is not None:
             return signal.drop
@@ -144,18 +143,18 @@ class State:
         return np.unique(self.pair.groups.sensor[drop > TOUCHED_COUNTS])
 
     @cached_property
-    def since(self) -> Array:
+    def since(self) -> FloatArray:
         """Middle of each node, seconds after closing began, f64[K]."""
         return self.clock.since_start
 
     @cached_property
-    def _average(self) -> Array:
+    def _average(self) -> FloatArray:
         """Mean over the presses of each cell, f64[C, Q]."""
         matrix = np.zeros((len(self.pair.cells), len(self.cell)))
         matrix[self.cell, np.arange(len(self.cell))] = 1.0
         return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
-    def binned(self, drop: Array) -> Array:
+    def binned(self, drop: FloatArray) -> FloatArray:
         """Cell means of the bins' drops, f64[C, B, n]."""
         presses, nodes, taxels = drop.shape
         average, bins = self._average, self.clock.to_bins
@@ -163,14 +162,14 @@ class State:
         return np.asarray(np.matmul(bins, cells))
 
     @cached_property
-    def _base_bins(self) -> Array:
+    def _base_bins(self) -> FloatArray:
         return self.binned(self.drop)
 
     @cached_property
-    def _base_onsets(self) -> Array:
+    def _base_onsets(self) -> FloatArray:
         return self._onsets(self.drop)
 
-    def predicted(self, signal: Signal) -> Array:
+    def predicted(self, signal: Signal) -> FloatArray:
         """The simulator's features with what a signal adds to the base, f64[C, F, n]; exactly `mean` for the base."""
         if signal is self.base:
             return self.mean
@@ -181,7 +180,7 @@ class State:
         result[:, self.layout.onset] += shift[:, self.pair.groups.sensor]
         return result
 
-    def _onsets(self, drop: Array) -> Array:
+    def _onsets(self, drop: FloatArray) -> FloatArray:
         """When each board's summed drop passes half its hold level, in the feature's counts, f64[C, s]."""
         clock = self.clock
         presses, nodes, taxels = drop.shape
@@ -201,12 +200,12 @@ class State:
         return COUNTS_PER_SECOND * np.asarray(self._average @ time)
 
     @cached_property
-    def _boards(self) -> Array:
+    def _boards(self) -> FloatArray:
         sensor = self.pair.groups.sensor
         return np.asarray(sensor[:, None] == np.arange(len(self.pair.sensors.address))).astype(np.float64)
 
 
-def state_of(pair: Pair, layout: Layout, mean: Array) -> State:
+def state_of(pair: Pair, layout: Layout, mean: FloatArray) -> State:
     """Choose the presses of each cell that effects are worked out on. mean: f64[C, F, n]."""
     size = len(pair.cells) * pair.clock.nodes * pair.n
     repeats = max(1, min(MOST_REPEATS, int(MOST_VALUES // size)))
@@ -224,7 +223,7 @@ def state_of(pair: Pair, layout: Layout, mean: Array) -> State:
     return State(pair, layout, pair.clock, sim.cell[rows], base, mean)
 
 
-def _filled(values: NDArray[np.float32]) -> Array:
+def _filled(values: NDArray[np.float32]) -> FloatArray:
     """Nodes without a frame take the node before, f64."""
     result = values.astype(np.float64)
     for node in range(1, result.shape[1]):

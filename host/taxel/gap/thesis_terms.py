@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
@@ -30,9 +29,7 @@ from taxel.gap.pair import Pair
 from taxel.gap.rounds import GLANCE
 from taxel.gap.trial import Selection
 from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 GRASPS: Final = 10.0
 """Points that a taxel leaves in the cloud of all grasps of an object if it is always active: the thesis made ten
@@ -77,7 +74,7 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
     return [*steps, last]
 
 
-def activity(drop: Array, threshold: float) -> Array:
+def activity(drop: FloatArray, threshold: float) -> FloatArray:
     """Probability that a repeat's drop lies above a threshold, of the drop's shape; 0 where it is unknown."""
     return np.where(np.isfinite(drop), ndtr((drop - threshold) / SOFT_COUNTS), 0.0)
 
@@ -87,32 +84,32 @@ class Clouds:
     """The hand's clouds, and what is done to clouds. drop: f64[C, S, n], of the hand in hold."""
 
     pair: Pair
-    drop: Array
+    drop: FloatArray
 
-    def active(self, threshold: float) -> Array:
+    def active(self, threshold: float) -> FloatArray:
         """The hand's probabilities, f64[C, S, n]."""
         return activity(self.drop, threshold)
 
     @cached_property
-    def made(self) -> Mask:
+    def made(self) -> BoolArray:
         """Sessions that tell something of a cell, bool[C, S]."""
         return np.asarray(np.isfinite(self.drop).any(axis=2))
 
     @cached_property
-    def places(self) -> Array:
+    def places(self) -> FloatArray:
         """Taxels as the grasped object sees them, f64[C, n, 3]: distances are those in the world."""
         pose = self.pair.sensor_poses[:, self.pair.groups.sensor]
         world = np.einsum("cnij,nj->cni", pose[..., :3, :3], self.pair.taxels.position) + pose[..., :3, 3]
         own = self.pair.object_poses
         return np.asarray(np.einsum("cji,cnj->cni", own[:, :3, :3], world - own[:, None, :3, 3]))
 
-    def mean(self, cloud: Array) -> Array:
+    def mean(self, cloud: FloatArray) -> FloatArray:
         """Over the sessions that made a cell, f64[C, n]. cloud: f64[C, S, n], or f64[C, n] of the simulator."""
         if cloud.ndim == 2:
             return cloud
         return np.nan_to_num(known_mean(np.where(self.made[..., None], cloud, np.nan), 1))
 
-    def without_outliers(self, cloud: Array) -> Array:
+    def without_outliers(self, cloud: FloatArray) -> FloatArray:
         """A cloud less the outliers of each object's cloud of all grasps; of the same shape."""
         mean = self.mean(cloud)
         outlier = np.zeros(mean.shape, bool)
@@ -123,7 +120,7 @@ class Clouds:
             outlier[own] = found.reshape(-1, mean.shape[1])
         return np.where(outlier[:, None] if cloud.ndim == 3 else outlier, 0.0, cloud)
 
-    def distance_mm(self, real: Array, sim: Array) -> float | None:
+    def distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
         """Mean over cells, then sessions; None if no session tells anything. real: f64[C, S, n], sim: f64[C, n]."""
         apart = np.full(self.made.shape, np.nan)
         for cell, session in np.argwhere(self.made):
@@ -131,7 +128,7 @@ class Clouds:
         whole = float(known_mean(known_mean(apart, 0), 0))
         return whole if np.isfinite(whole) else None
 
-    def entry(self, step: str, real: Array, sim: Array, unfiltered: Array, note: str) -> dict[str, Any]:
+    def entry(self, step: str, real: FloatArray, sim: FloatArray, unfiltered: FloatArray, note: str) -> dict[str, Any]:
         """One step. real: f64[C, S, n]; sim, unfiltered: of the simulator with filters and without, f64[C, n]."""
         mm = self.distance_mm(real, sim)
         return {
@@ -144,7 +141,7 @@ class Clouds:
         }
 
 
-def outliers(places: Array, probability: Array, rule: Sor) -> Mask:
+def outliers(places: FloatArray, probability: FloatArray, rule: Sor) -> BoolArray:
     """Which points are statistical outliers (Rusu et al. 2008), bool[m].
 
     A point whose mean distance to its nearest neighbours lies more than some standard deviations above the cloud's mean
@@ -168,7 +165,7 @@ def outliers(places: Array, probability: Array, rule: Sor) -> Mask:
     return result
 
 
-def _mean_distance(places: Array, points: Array, wanted: float) -> Array:
+def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> FloatArray:
     """Mean distance of each place's points to their `wanted` nearest others, f64[m]; NaN where there are fewer."""
     tree, number = cKDTree(places), len(places)
     result = np.full(number, np.nan)
@@ -189,7 +186,7 @@ def _mean_distance(places: Array, points: Array, wanted: float) -> Array:
     return result
 
 
-def _propagation(judge: Judge, selection: Selection) -> tuple[Link, Array] | str:
+def _propagation(judge: Judge, selection: Selection) -> tuple[Link, FloatArray] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
     reasons = [form.unavailable(state) for form in catalogue.CATALOGUE[NAME]]

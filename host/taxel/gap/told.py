@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.effects.effect import TAXEL, Effect
 from taxel.gap.judge import Judge
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 TOLD: Final = 4.0
 """Information of presses over that of the prior, from which on they tell a value."""
@@ -37,7 +36,7 @@ class Told:
     share: float
 
 
-def amplitude_information(judge: Judge) -> Array:
+def amplitude_information(judge: Judge) -> FloatArray:
     """On the log amplitude of each taxel in each cell, f64[C, n]; on a stiffness, which drops follow the less the
     harder a press, at most as much.
     """

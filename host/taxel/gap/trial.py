@@ -6,15 +6,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.judge import Judge
 from taxel.gap.score import Score
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEVEL: Final = 0.01
 """Of a corrected p-value under which a gain is believed."""
@@ -31,10 +27,10 @@ class Trial:
 
     name: str
     chain: Chain
-    features: Array
+    features: FloatArray
     inside: Score
     held: Score | None = None
-    held_features: Array | None = None
+    held_features: FloatArray | None = None
     parts: tuple[Chain, ...] = ()
 
     @property
@@ -66,11 +62,11 @@ class Selection:
     """
 
     judge: Judge
-    before: Array
+    before: FloatArray
     chain: Chain
     rounds: tuple[Round, ...]
-    features: Array
-    held: Array
+    features: FloatArray
+    held: FloatArray
     start: Score
     end: Score
     fitted: Score

@@ -21,8 +21,7 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.judge import Judge
 from taxel.gap.told import amplitude_information
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEVEL: Final = 0.01
 """Of a pattern being chance."""
@@ -87,7 +86,7 @@ def _goes_round(link: Link) -> bool:
     return bool(middle > 0.0 and abs(tx - rx) < BESIDE * middle and size[:2].max() < ALONG * size[2:].max())
 
 
-def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -> str | None:
+def _pattern_of_boards(judge: Judge, logs: FloatArray, at_limit: NDArray[np.bool_]) -> str | None:
     information = amplitude_information(judge).sum(axis=0)
     told = np.bincount(judge.state.pair.groups.sensor, information, len(logs)) * TELLING**2 > 1.0
     if (at_limit & told).any():
@@ -97,13 +96,13 @@ def _pattern_of_boards(judge: Judge, logs: Array, at_limit: NDArray[np.bool_]) -
     return None
 
 
-def _mean_is_sure(values: Array) -> bool:
+def _mean_is_sure(values: FloatArray) -> bool:
     """Whether their mean is not 0 (two-sided t test)."""
     error = float(values.std(ddof=1)) / np.sqrt(len(values))
     return error == 0.0 or 2.0 * student_tail(abs(float(values.mean())) / error, len(values) - 1) < LEVEL
 
 
-def _pattern_of_taxels(judge: Judge, logs: Array, prior: float) -> str | None:
+def _pattern_of_taxels(judge: Judge, logs: FloatArray, prior: float) -> str | None:
     known = amplitude_information(judge).sum(axis=0) * prior**2 > 1.0
     boards = [one.taxels[known[one.taxels]] for one in judge.state.pair.boards]
     boards = [own for own in boards if len(own) >= LEAST_TAXELS]
@@ -123,7 +122,7 @@ def _stands_alone(variances: list[float], counts: list[int]) -> bool:
     return ratio > ALONE**2 and chance < LEVEL
 
 
-def _is_patchy(judge: Judge, logs: Array, known: NDArray[np.bool_]) -> bool:
+def _is_patchy(judge: Judge, logs: FloatArray, known: NDArray[np.bool_]) -> bool:
     """Whether neighbours of a board are alike, beyond what an exchange of its taxels gives."""
     pairs, groups = [], []
     centred = np.zeros_like(logs)
@@ -141,7 +140,7 @@ def _is_patchy(judge: Judge, logs: Array, known: NDArray[np.bool_]) -> bool:
     first, second = np.concatenate(pairs, axis=1)
     everyone = np.concatenate(groups)
 
-    def alike(values: Array) -> float:
+    def alike(values: FloatArray) -> float:
         return float((values[first] * values[second]).mean() / max((values[everyone] ** 2).mean(), 1e-12))
 
     found, rng = alike(centred), np.random.default_rng(0)

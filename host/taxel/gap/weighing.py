@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.gap.catalogue import DROPOUT
 from taxel.gap.chain import Chain
 from taxel.gap.effects.noise import Noise
@@ -18,8 +15,7 @@ from taxel.gap.score import Score
 from taxel.gap.standing import Standing
 from taxel.gap.told import told_of
 from taxel.gap.trial import Trial
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST_OF_LEFT: Final = 0.55
 """Share of what the effects before have left, from which on a further one counts however small it is beside them."""
@@ -115,7 +111,7 @@ class Weighed:
         return tuple((judge.excess(before), judge.excess(after)) for before, after in self._pairs)
 
     @property
-    def _pairs(self) -> tuple[tuple[Array, Array], ...]:
+    def _pairs(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
         """Features before and after, where it was not fitted and where it was."""
         assert self.trial.held_features is not None
         return (self.standing.held, self.trial.held_features), (self.standing.features, self.trial.features)
@@ -164,7 +160,7 @@ class Weighed:
         return inside > MOST_OF_LEFT and self.share > PLAIN_BESIDE
 
 
-def is_noise_told(judge: Judge, before: Array, after: Array) -> bool:
+def is_noise_told(judge: Judge, before: FloatArray, after: FloatArray) -> bool:
     """Whether noise that makes features f64[C, F, n] of others takes enough of the gap to be told."""
     if judge.excess(before) - judge.excess(after) > NOISE_MARGIN * margin2(judge.floor2):
         return True

@@ -17,8 +17,7 @@ from taxel.gap.features import Layout, SessionMeans, known_mean
 from taxel.gap.metric import off_diagonal
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 DRAWS: Final = 4000
 PHASES: Final = {
@@ -37,13 +36,13 @@ class Products:
     centred_*: the same of the residuals about their mean over sessions.
     """
 
-    cells: Array
-    taxels: Array
-    centred_cells: Array
-    centred_taxels: Array
+    cells: FloatArray
+    taxels: FloatArray
+    centred_cells: FloatArray
+    centred_taxels: FloatArray
 
 
-def products(real: SessionMeans, model: Array, layout: Layout) -> Products:
+def products(real: SessionMeans, model: FloatArray, layout: Layout) -> Products:
     """model: f64[C, F, n], counts."""
     scale = np.sqrt(layout.scale(real.value.shape[0], real.value.shape[3]) * real.pairing)[:, None]
     residual = real.residual(model)
@@ -56,7 +55,7 @@ def products(real: SessionMeans, model: Array, layout: Layout) -> Products:
     return Products(parts[0], parts[1], parts[2], parts[3])
 
 
-def p_values(gram: Array, centred: Array, seed: int) -> Array:
+def p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatArray:
     """Corrected p-values of G places, f64[G]. gram, centred: f64[G, S, S]."""
     groups, sessions = gram.shape[0], gram.shape[-1]
     if sessions < 2:
@@ -77,14 +76,14 @@ def p_values(gram: Array, centred: Array, seed: int) -> Array:
     return result
 
 
-def shares(excess: Array) -> Array:
+def shares(excess: FloatArray) -> FloatArray:
     """Shares that add to 1; what is below 0 has none."""
     positive = np.maximum(excess, 0.0)
     total = positive.sum()
     return np.asarray(positive / total if total > 0 else np.full(len(excess), 1.0 / max(len(excess), 1)))
 
 
-def summed(gram: Array, index: NDArray[np.intp], count: int) -> Array:
+def summed(gram: FloatArray, index: NDArray[np.intp], count: int) -> FloatArray:
     """Sums of f64[k, S, S] over the groups that index [k] tells, f64[count, S, S]."""
     result = np.zeros((count, *gram.shape[1:]))
     np.add.at(result, index, gram)
@@ -109,12 +108,12 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
     objects = pair.object_names
     of_object = np.array([objects.index(item) for item, _ in pair.cells], dtype=np.intp)
 
-    def table(labels: list[dict[str, Any]], gram: Array, centred: Array) -> list[dict[str, Any]]:
+    def table(labels: list[dict[str, Any]], gram: FloatArray, centred: FloatArray) -> list[dict[str, Any]]:
         share, p = _judged(gram, centred, seed)
         rows = [{**label, "share": float(share[k]), "p_value": float(p[k])} for k, label in enumerate(labels)]
         return sorted(rows, key=lambda one: -one["share"])
 
-    def grouped(group: NDArray[np.intp], number: int) -> tuple[Array, Array]:
+    def grouped(group: NDArray[np.intp], number: int) -> tuple[FloatArray, FloatArray]:
         return summed(found.taxels, group, number), summed(found.centred_taxels, group, number)
 
     lines: list[dict[str, Any]] = []
@@ -141,5 +140,5 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
     }
 
 
-def _judged(gram: Array, centred: Array, seed: int) -> tuple[Array, Array]:
+def _judged(gram: FloatArray, centred: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
     return shares(off_diagonal(gram)), p_values(gram, centred, seed)

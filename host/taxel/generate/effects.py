@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.catalogue import CATALOGUE, DROPOUT
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Parameter
@@ -16,8 +15,7 @@ from taxel.gap.report.reading import MOST_NOISE_COUNTS, ReportedEffect, Reported
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range
 from taxel.hand import Hand
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 NORMAL_95: Final = 1.959964
 """Half the width of a 95 % interval, in standard deviations."""
@@ -36,9 +34,9 @@ class PlannedEffect:
 
     found: ReportedEffect
     share: float
-    std: Array
-    low: Array
-    high: Array
+    std: FloatArray
+    low: FloatArray
+    high: FloatArray
     ranges: Mapping[str, Range] = field(default_factory=dict)
     source: str = ""
 
@@ -123,7 +121,7 @@ def _std(found: ReportedEffect, name: str, label: str, value: float) -> float:
     return 0.0 if bounds is None else (bounds[1] - bounds[0]) / (2.0 * NORMAL_95)
 
 
-def _bounds(found: ReportedEffect) -> tuple[Array, Array]:
+def _bounds(found: ReportedEffect) -> tuple[FloatArray, FloatArray]:
     known = {one.name: one for one in _parameters(found)}
     rows = [known[name] for name in found.parameters]
     return np.array([one.low for one in rows], np.float64), np.array([one.high for one in rows], np.float64)

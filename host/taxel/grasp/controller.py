@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Timeline
-
-FloatArray = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 TORQUE_LIMIT_NM: Final = 0.7  # of every joint (Wonik's data sheet of the Allegro hand)
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.grasp.shape import FaceArray, FloatArray, ShapeError, as_points, check_sizes
+from taxel.grasp.shape import ShapeError, as_points, check_sizes
+from taxel.types import FloatArray, Int32Array
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Cylinder:
         r = self.radius
         return np.array([[-r, -r, 0.0], [r, r, self.height]])
 
-    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
         """See `Shape`. `resolution`: corners of each cap, which lie on the circle; at least 3 (ShapeError)."""
         if resolution < 3:
             raise ShapeError("cylinder", "a resolution of at least 3", str(resolution))

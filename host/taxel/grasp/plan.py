@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from taxel.grasp.objects import GraspObject, thesis_objects
 from taxel.hand import Hand, load_hand
-
-FloatArray = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 PALM_BOARD: Final = "palm"  # of the hand "allegro": its layer touches the object
 

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from taxel.grasp.shape import FaceArray, FloatArray, ShapeError, as_points, check_sizes, read_only
+from taxel.grasp.shape import ShapeError, as_points, check_sizes, read_only
+from taxel.types import FloatArray, Int32Array
 
 # Share of the solid's size within which two vertices are one: far above rounding, far below what can be made.
 _MERGE = 1e-9
@@ -130,7 +131,7 @@ class ConvexPolytope:
                 faces.setdefault(frozenset(on.tolist()), on[_around(self.vertices[on], normal)])
         return list(faces.values())
 
-    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
         """See `Shape`. A flat face needs no `resolution`."""
         fans = [[face[0], face[i], face[i + 1]] for face in self._faces for i in range(1, len(face) - 1)]
         return self.vertices.copy(), np.array(fans, dtype=np.int32)

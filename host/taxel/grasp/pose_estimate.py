@@ -16,7 +16,8 @@ from scipy import stats
 from taxel.grasp.calibration_errors import Place
 from taxel.grasp.pose_fit import check_points, cofactor_of, kabsch, studentised
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray, apply, check_rigid, from_quaternion, to_quaternion
+from taxel.hand.transforms import apply, check_rigid, from_quaternion, to_quaternion
+from taxel.types import FloatArray
 
 __all__ = ["MeasuredPoints", "PoseEstimate", "fit_pose", "given_pose"]
 

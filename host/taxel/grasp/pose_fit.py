@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.grasp.calibration_errors import Place
-from taxel.hand.transforms import FloatArray, apply, rotate
+from taxel.hand.transforms import apply, rotate
+from taxel.types import FloatArray
 
 __all__ = ["check_points", "cofactor_of", "kabsch", "studentised"]
 

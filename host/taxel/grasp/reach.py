@@ -11,7 +11,8 @@ import numpy.typing as npt
 from taxel.errors import TaxelError
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot
-from taxel.hand.transforms import FloatArray, to_rotation_vector
+from taxel.hand.transforms import to_rotation_vector
+from taxel.types import FloatArray
 
 POSITION_TOLERANCE_M: Final = 1e-9
 ROTATION_TOLERANCE_RAD: Final = 1e-8

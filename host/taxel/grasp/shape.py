@@ -12,9 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.errors import TaxelError
-
-FloatArray = npt.NDArray[np.float64]
-FaceArray = npt.NDArray[np.int32]
+from taxel.types import FloatArray, Int32Array
 
 
 class ShapeError(TaxelError, ValueError):
@@ -43,7 +41,7 @@ class Shape(Protocol):
         """Smallest and largest coordinates, f64[2, 3]."""
         ...
 
-    def mesh(self, resolution: int = 64) -> tuple[FloatArray, FaceArray]:
+    def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
         """Vertices f64[v, 3] and triangles i32[f, 3], wound so that normals point outward."""
         ...
 

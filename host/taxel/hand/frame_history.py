@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.transforms import FloatArray, interpolate
+from taxel.hand.transforms import interpolate
+from taxel.types import FloatArray
 
 _FIRST_CAPACITY = 16  # transforms
 

@@ -21,7 +21,8 @@ from taxel.hand.frame_errors import (
     UnknownFrameError,
 )
 from taxel.hand.frame_history import TransformHistory
-from taxel.hand.transforms import FloatArray, check_rigid, inverse
+from taxel.hand.transforms import check_rigid, inverse
+from taxel.types import FloatArray
 
 __all__ = ["HISTORY_S", "FrameBuffer"]
 

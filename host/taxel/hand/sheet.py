@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.hand.description import Board, BoardKind, Hand
 from taxel.hand.geometry import Surface
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 _STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 _FLAT = 1e-9
@@ -34,9 +33,9 @@ class Sheet:
     name: str
     boards: tuple[Board, ...]
     layer_m: float | None
-    position: Array
-    normal: Array
-    distal: Array
+    position: FloatArray
+    normal: FloatArray
+    distal: FloatArray
     board_index: NDArray[np.intp]
 
     @property
@@ -64,7 +63,7 @@ def sheet_of(hand: Hand, parts: int = 1) -> Sheet:
     return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], owner)
 
 
-def _bends(kind: BoardKind, surface: Surface) -> Array:
+def _bends(kind: BoardKind, surface: Surface) -> FloatArray:
     """Curvature along the distal and the left direction at every taxel, 1/m, f64[count, 2]; 0 without neighbours.
 
     By how much the normals of the neighbours on both sides lean apart, over their distance.
@@ -81,7 +80,7 @@ def _bends(kind: BoardKind, surface: Surface) -> Array:
     return bends
 
 
-def _cut(table: Array, bends: Array, parts: int, pitch_m: float) -> Array:
+def _cut(table: FloatArray, bends: FloatArray, parts: int, pitch_m: float) -> FloatArray:
     if parts == 1:
         return table
     offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
@@ -99,14 +98,14 @@ def _cut(table: Array, bends: Array, parts: int, pitch_m: float) -> Array:
     return np.asarray(pieces.reshape(-1, table.shape[1]))
 
 
-def margin_of(kind: BoardKind, surface: Surface, pitch_m: float) -> Array:
+def margin_of(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
     """Squares of bare sheet at every place beside a taxel, in the map or just outside it, that has none.
 
     Each is carried on from its neighbours along the sheet's curvature. f64[m, 9]: centre (metres), normal, and the
     direction of the distal side, bracket frame.
     """
     place = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
-    found: dict[tuple[int, int], list[Array]] = {}
+    found: dict[tuple[int, int], list[FloatArray]] = {}
     for (tx, rx), index in place.items():
         for step in _STEPS:
             beside = (tx + step[0], rx + step[1])
@@ -123,7 +122,7 @@ def margin_of(kind: BoardKind, surface: Surface, pitch_m: float) -> Array:
     return rows
 
 
-def _carried_on(surface: Surface, index: int, behind: int | None, step: tuple[int, int], pitch: float) -> Array:
+def _carried_on(surface: Surface, index: int, behind: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
     """One pitch beyond taxel `index`, on a circle through it that bends as from the taxel on its other side."""
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     left = np.cross(normal, distal)

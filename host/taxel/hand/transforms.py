@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from taxel.types import FloatArray
+
 __all__ = [
     "apply",
     "check_rigid",
@@ -24,7 +26,6 @@ __all__ = [
     "to_rpy",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-9  # largest entry of R^T R - 1; far above rounding, far below what a sensor resolves
 

@@ -18,9 +18,7 @@ from taxel.recording.grasp_format import (
     needs,
 )
 from taxel.recording.grasp_hdf5 import Node, read_only, scalar
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from taxel.types import BoolArray, FloatArray
 
 
 class Grasp:

@@ -13,8 +13,7 @@ from taxel.hand.errors import HandGeometryError
 from taxel.hand.kinematics import Kinematics, kinematics_of
 from taxel.hand.transforms import inverse, to_quaternion
 from taxel.hand.urdf import urdf_text
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 def stamp_of(time_ns: int) -> dict[str, int]:
@@ -28,7 +27,7 @@ def header(time_ns: int, frame: str) -> dict[str, Any]:
     return {"stamp": stamp_of(time_ns), "frame_id": frame}
 
 
-def _transform(parent: str, child: str, matrix: Array) -> dict[str, Any]:
+def _transform(parent: str, child: str, matrix: FloatArray) -> dict[str, Any]:
     """A geometry_msgs/TransformStamped without its header but for the frame."""
     w, x, y, z = to_quaternion(matrix).tolist()
     translation = dict(zip("xyz", matrix[:3, 3].tolist(), strict=True))
@@ -52,10 +51,10 @@ class FrameTree:
         self._kinematics = _kinematics(hand)
         self._names = _bracket_names(hand, self._kinematics)
         self._joints = joints
-        self._angles: Array = np.zeros(0)
-        self._poses: Array = np.zeros((0, 4, 4))
+        self._angles: FloatArray = np.zeros(0)
+        self._poses: FloatArray = np.zeros((0, 4, 4))
         self._moving: list[dict[str, Any]] = []
-        self._taxels: tuple[Array, Array] | None = None
+        self._taxels: tuple[FloatArray, FloatArray] | None = None
         if self._kinematics is not None:
             self._update()
 
@@ -120,7 +119,7 @@ class FrameTree:
         names = list(self._require().robot.joint_names)
         return {"header": header(time_ns, ""), "name": names, "position": self._angles, "velocity": [], "effort": []}
 
-    def taxels(self) -> tuple[Array, Array]:
+    def taxels(self) -> tuple[FloatArray, FloatArray]:
         """Centres (metres) and outward normals of all taxels in the root frame, f64[n, 3] each."""
         self._update()
         if self._taxels is None:

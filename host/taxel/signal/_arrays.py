@@ -5,15 +5,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from taxel.types import BoolArray, CountArray
+
 RAW_COUNT_MAX = 65_535  # a raw count is an unsigned 16-bit number
 
-BoolArray = npt.NDArray[np.bool_]
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-RawArray = npt.NDArray[np.uint16]
 
-
-def raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None = None) -> RawArray:
+def raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None = None) -> CountArray:
     """raw_counts as uint16 with `ndim` axes and, when given, `n_taxels` columns; else ValueError."""
     raw = np.asarray(raw_counts)
     check_shape("raw_counts", raw, (ndim,), n_taxels)

@@ -5,15 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import (
-    RAW_COUNT_MAX,
-    BoolArray,
-    FloatArray,
-    check_shape,
-    positive,
-    raw_count_array,
-    validity_mask,
-)
+from taxel.signal._arrays import RAW_COUNT_MAX, check_shape, positive, raw_count_array, validity_mask
+from taxel.types import BoolArray, FloatArray
 
 # Counts. Source: thesis section 3.4, a taxel whose raw count varies by more than 150 counts is active.
 ACTIVATION_THRESHOLD_COUNTS = 150.0

@@ -5,17 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    RawArray,
-    positive,
-    raw_count_array,
-    validity_mask,
-)
+from taxel.signal._arrays import positive, raw_count_array, validity_mask
 from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, disturbed_taxels
 from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
+from taxel.types import BoolArray, CountArray, FloatArray, IntArray
 
 # Samples per taxel. Source: thesis, section 5.4 ("100 sampled readings").
 BASELINE_SAMPLES = 100
@@ -75,7 +68,7 @@ class Baseline:
 
     def reset(self) -> None:
         """Forget all samples and start again."""
-        self._kept: RawArray = np.zeros((self.samples, self.n_taxels), dtype=np.uint16)
+        self._kept: CountArray = np.zeros((self.samples, self.n_taxels), dtype=np.uint16)
         self._count: IntArray = np.zeros(self.n_taxels, dtype=np.int64)
 
     def update(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> bool:
@@ -165,7 +158,7 @@ def baseline_of(
     return _summary(kept, count, limit)
 
 
-def _summary(kept: RawArray, count: IntArray, limit: float) -> BaselineResult:
+def _summary(kept: CountArray, count: IntArray, limit: float) -> BaselineResult:
     worst = int(np.argmin(count))
     if count[worst] < kept.shape[0]:
         raise TooFewSamplesError(worst, needed=kept.shape[0], found=int(count[worst]))
@@ -173,7 +166,7 @@ def _summary(kept: RawArray, count: IntArray, limit: float) -> BaselineResult:
     return BaselineResult(mean, noise, disturbed_taxels(kept, limit), count.copy())
 
 
-def _mean_and_noise(kept: RawArray) -> tuple[FloatArray, FloatArray]:
+def _mean_and_noise(kept: CountArray) -> tuple[FloatArray, FloatArray]:
     k = kept.shape[0]
     counts = kept.astype(np.int64)
     total = counts.sum(axis=0)

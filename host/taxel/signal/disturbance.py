@@ -37,7 +37,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from taxel.signal._arrays import BoolArray, IntArray, RawArray, positive, raw_count_array
+from taxel.signal._arrays import positive, raw_count_array
+from taxel.types import BoolArray, CountArray, IntArray
 
 # Counts; 0.6 of the activation threshold. Derived at the top of this file.
 DISTURBANCE_LIMIT_COUNTS = 90.0
@@ -74,7 +75,7 @@ def disturbed_taxels(samples: npt.ArrayLike, max_disturbance_counts: float = DIS
     return disturbed
 
 
-def _running_medians(raw: RawArray) -> IntArray:
+def _running_medians(raw: CountArray) -> IntArray:
     window = min(MEDIAN_WINDOW_SAMPLES, raw.shape[0])
     # The end joins the start, so that rest split in two by a long touch still fills a window.
     ring = np.concatenate([raw, raw[: window - 1]])

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import BoolArray
 from taxel.signal.activation import Activation
+from taxel.types import BoolArray
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import BoolArray, FloatArray, IntArray, raw_count_array, validity_mask
+from taxel.signal._arrays import raw_count_array, validity_mask
+from taxel.types import BoolArray, FloatArray, IntArray
 
 # 1 / (third quartile of the standard normal): Rousseeuw and Croux, J. Am. Stat. Assoc. 88 (1993) 1273.
 MAD_TO_SIGMA = 1.482602218505602

@@ -13,12 +13,13 @@ from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import standing_pose
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Phase, Timeline
-from taxel.hand.transforms import FloatArray, to_quaternion
+from taxel.hand.transforms import to_quaternion
 from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, board_wrenches, read_contacts
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import STEP_S, Scene
 from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
+from taxel.types import FloatArray
 
 RATE_HZ: Final = 20.0
 SETTLE_S: Final = 0.3  # before closing: an object that was placed against the open hand comes to rest

@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.kinematics import taxel_normals, taxel_positions
-from taxel.hand.transforms import FloatArray, inverse
+from taxel.hand.transforms import inverse
+from taxel.types import FloatArray
 
 __all__ = ["CONE_HEIGHT_M", "CONTACT_OFFSET_M", "NOMINAL_FORCE_N", "ConeSensing", "base_radius", "nominal_forces"]
 

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.transforms import FloatArray
 from taxel.sim.scene import Scene
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

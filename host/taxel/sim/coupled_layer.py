@@ -16,13 +16,12 @@ import numpy.typing as npt
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.transforms import FloatArray
 from taxel.sim.layer import MAX_TILT_RAD, STIFFNESS_N_PER_M, LayerResult, checked, press_layer, report, settle
 from taxel.sim.touching import TILT_ARM_M, Touching, touching_boards
+from taxel.types import BoolArray, FloatArray
 
 __all__ = ["DECAY_M", "press_coupled_layer"]
 
-BoolArray = npt.NDArray[np.bool_]
 
 DECAY_M = 0.003
 """Length over which a press falls off in the layer, metres. Assumed: a few times its thickness."""

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.transforms import FloatArray
+from taxel.types import FloatArray, IndexArray
 
 __all__ = ["Springs", "rest_positions"]
 
-IntArray = npt.NDArray[np.intp]
 
 MAX_STEPS = 60
 ROUND = 4
@@ -42,7 +41,7 @@ class Springs:
     N/m. load: f64[G, 3], newtons; the first, along the approach, above 0. low, high: f64[G, 2], bounds of the tilts.
     """
 
-    group: IntArray
+    group: IndexArray
     rows: FloatArray
     gap: FloatArray
     stiffness: FloatArray
@@ -51,7 +50,7 @@ class Springs:
     high: FloatArray
 
     @property
-    def starts(self) -> IntArray:
+    def starts(self) -> IndexArray:
         """First spring of each board, [G]."""
         return np.searchsorted(self.group, np.arange(len(self.load)))
 
@@ -114,7 +113,7 @@ def _steps(
     return x, damping, unbalanced > TOLERANCE * springs.load[:, 0]
 
 
-def _energy(springs: Springs, starts: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _energy(springs: Springs, starts: IndexArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """E f64[G], its gradient f64[G, 3] and its second derivative f64[G, 3, 3]."""
     pressing = springs.pressing(x)
     force = springs.stiffness * pressing
@@ -148,7 +147,7 @@ def _stopped(springs: Springs, x: FloatArray, slope: FloatArray) -> npt.NDArray[
     return np.column_stack([np.zeros(len(x), dtype=bool), held])
 
 
-def _mask(indices: IntArray, length: int) -> npt.NDArray[np.bool_]:
+def _mask(indices: IndexArray, length: int) -> npt.NDArray[np.bool_]:
     mask = np.zeros(length, dtype=bool)
     mask[indices] = True
     return mask

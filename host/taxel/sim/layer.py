@@ -19,10 +19,10 @@ import numpy.typing as npt
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import Sheet
-from taxel.hand.transforms import FloatArray
 from taxel.sim.equilibrium import Springs, rest_positions
 from taxel.sim.separation import separations
 from taxel.sim.touching import TILT_ARM_M, Touching, touching_boards
+from taxel.types import FloatArray
 
 __all__ = ["MAX_TILT_RAD", "STIFFNESS_N_PER_M", "LayerResult", "press_layer"]
 

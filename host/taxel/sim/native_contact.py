@@ -14,9 +14,9 @@ from taxel.errors import TaxelError
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import sheet_of
-from taxel.hand.transforms import FloatArray
 from taxel.native_library import load_library
 from taxel.sim.soft_contact import DEEPEST_M, PARTS, LayerLaw, SoftLoad
+from taxel.types import FloatArray
 
 NEAR_M = 0.001
 """Pieces whose layer is farther from the object are left out until their board has moved by as much against it."""

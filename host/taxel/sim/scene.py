@@ -24,7 +24,8 @@ from taxel.hand import Board, Hand
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
 from taxel.hand.robot import Joint, Robot, Shape, load_robot
 from taxel.hand.sheet import sheet_of
-from taxel.hand.transforms import FloatArray, to_quaternion
+from taxel.hand.transforms import to_quaternion
+from taxel.types import FloatArray
 
 STEP_S: Final = 0.002
 # MuJoCo's contact: time constant and damping ratio, impedance. Stiffer ones chatter at this step when a finger's edge

@@ -8,13 +8,13 @@ from typing import Literal, NamedTuple
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import sheet_of
-from taxel.hand.transforms import FloatArray
 from taxel.sim.closing import GraspMotion
 from taxel.sim.cone_sensing import CONTACT_OFFSET_M, ConeSensing, base_radius, nominal_forces
 from taxel.sim.coupled_layer import press_coupled_layer
 from taxel.sim.layer import STIFFNESS_N_PER_M, press_layer
 from taxel.sim.separation import layer_thickness, separations
 from taxel.sim.soft_contact import LayerLaw
+from taxel.types import FloatArray
 
 PARTS = 2
 """Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""

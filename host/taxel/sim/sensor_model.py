@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.hand.transforms import FloatArray
 from taxel.recording.grasp_sensor_model import SensorModel
+from taxel.types import FloatArray
 
 __all__ = ["FULL_SCALE_DROP_COUNTS", "HALF_FORCE_N", "REST_COUNTS", "SensorModelError", "SimSensor"]
 

@@ -10,7 +10,8 @@ from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.kinematics import taxel_normals, taxel_positions
 from taxel.hand.sheet import Sheet
-from taxel.hand.transforms import FloatArray, inverse
+from taxel.hand.transforms import inverse
+from taxel.types import FloatArray
 
 __all__ = ["DEEPEST_M", "MISS_M", "LayerThicknessError", "distances", "layer_thickness", "separations"]
 

@@ -18,7 +18,8 @@ import numpy.typing as npt
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import Sheet, sheet_of
-from taxel.hand.transforms import FloatArray, cross, inverse
+from taxel.hand.transforms import cross, inverse
+from taxel.types import FloatArray
 
 PARTS = 3
 """Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""

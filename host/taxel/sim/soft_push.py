@@ -12,9 +12,10 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from taxel.hand.transforms import FloatArray, cross, inverse, rotate
+from taxel.hand.transforms import cross, inverse, rotate
 from taxel.sim.scene import JOINT_FRICTION_NM, Scene
 from taxel.sim.soft_contact import LayerContact
+from taxel.types import FloatArray
 
 SOFT_STEP_S: Final = 0.004
 """Not the emulated hand's step, and not that of rigid contact."""

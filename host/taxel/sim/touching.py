@@ -10,12 +10,12 @@ import numpy.typing as npt
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import Sheet
-from taxel.hand.transforms import FloatArray, apply, from_rotation_vector, inverse, rotate
+from taxel.hand.transforms import apply, from_rotation_vector, inverse, rotate
 from taxel.sim.separation import DEEPEST_M, layer_thickness
+from taxel.types import FloatArray, IndexArray
 
 __all__ = ["TILT_ARM_M", "Touching", "touching_boards"]
 
-IntArray = npt.NDArray[np.intp]
 
 REACH_M = 0.010
 """Farthest separation of a taxel that may come to bear: more than any press or tilt closes."""
@@ -40,14 +40,14 @@ class Touching:
     that a newton on the taxel makes.
     """
 
-    frame: IntArray
-    board: IntArray
+    frame: IndexArray
+    board: IndexArray
     force_n: FloatArray
     pose: FloatArray
     centre: FloatArray
     axes: FloatArray
-    group: IntArray
-    taxel: IntArray
+    group: IndexArray
+    taxel: IndexArray
     rows: FloatArray
 
     def take(self, wanted: npt.NDArray[np.bool_]) -> Touching:
@@ -118,8 +118,8 @@ def touching_boards(
 
 
 def _bearing(
-    hand: Hand | Sheet, shape: Shape, pose: FloatArray, board: IntArray, approach: FloatArray
-) -> tuple[IntArray, IntArray]:
+    hand: Hand | Sheet, shape: Shape, pose: FloatArray, board: IndexArray, approach: FloatArray
+) -> tuple[IndexArray, IndexArray]:
     """Board and taxel of every taxel that faces the load and the object and is near, [m] each."""
     group, taxel = _all_taxels(hand, board)
     facing = np.sum(hand.normal[taxel] * approach[group], axis=1) >= LEAST_COSINE
@@ -132,7 +132,7 @@ def _bearing(
     return group[bears], taxel[bears]
 
 
-def _all_taxels(hand: Hand | Sheet, board: IntArray) -> tuple[IntArray, IntArray]:
+def _all_taxels(hand: Hand | Sheet, board: IndexArray) -> tuple[IndexArray, IndexArray]:
     """Every taxel of the boards [G], one board after the other: index in [G] and taxel, [m] each."""
     order = np.argsort(hand.board_index, kind="stable")  # a sheet's bare squares come after all taxels
     first = np.searchsorted(hand.board_index[order], np.arange(len(hand.boards) + 1))
@@ -141,7 +141,7 @@ def _all_taxels(hand: Hand | Sheet, board: IntArray) -> tuple[IntArray, IntArray
     return group, order[np.arange(len(group)) - np.repeat(np.cumsum(size) - size - first[board], size)]
 
 
-def _rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxel: IntArray) -> FloatArray:
+def _rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxel: IndexArray) -> FloatArray:
     """`Touching.rows` of taxels [m], from the centre f64[m, 3] and the axes f64[m, 3, 3] in the bracket's frame."""
     normal = hand.normal[taxel]
     moment = np.cross(_surface(hand, taxel) - centre, normal)
@@ -149,7 +149,7 @@ def _rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxel: IntAr
     return np.column_stack([np.sum(axes[:, 0] * normal, axis=1), tilts])
 
 
-def _surface(hand: Hand | Sheet, taxel: IntArray) -> FloatArray:
+def _surface(hand: Hand | Sheet, taxel: IndexArray) -> FloatArray:
     return hand.position[taxel] + layer_thickness(hand) * hand.normal[taxel]
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.mesh import TriangleMesh
@@ -16,8 +15,7 @@ from taxel.hand.transforms import apply
 from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectClouds, ObjectResult
 from taxel.thesis.printed import OBJECTS, STAGES, rows_of
 from taxel.thesis.tables import contributions
-
-Array = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 COLOURS: Final = {REAL: "#d9772b", SIM: "#5d3a9b", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
 EDGE, PALE, INK = "#9aa1ad", 0.35, "#1b1d22"
@@ -65,7 +63,7 @@ def _figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _clouds(axis: Any, clouds: Mapping[str, tuple[Array, str]], mesh: TriangleMesh | None, title: str) -> None:
+def _clouds(axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str) -> None:
     every = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
     low, high = (1e3 * f(np.concatenate(every), axis=0) for f in (np.min, np.max))
     middle, half = 0.5 * (low + high), 0.5 * float((high - low).max())
@@ -86,7 +84,7 @@ def _clouds(axis: Any, clouds: Mapping[str, tuple[Array, str]], mesh: TriangleMe
 SHARP_COS: Final = 0.9
 
 
-def _edges(mesh: TriangleMesh) -> list[Array]:
+def _edges(mesh: TriangleMesh) -> list[FloatArray]:
     """Edges between faces of different directions, f64[2, 3] each: of a round side only the rims."""
     owners: dict[tuple[int, int], list[int]] = {}
     for number, face in enumerate(mesh.faces.tolist()):
@@ -136,7 +134,7 @@ def _on_sim(items: Sequence[ObjectClouds]) -> Any:
     return figure
 
 
-def _placed(cloud: ContactCloud, transform: Array) -> Array:
+def _placed(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
     return np.asarray(apply(transform, cloud.points))
 
 

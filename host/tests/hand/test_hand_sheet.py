@@ -6,14 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from taxel.hand import BoardKind, Hand, load_hand
 from taxel.hand.errors import HandGeometryError
 from taxel.hand.geometry import Surface
 from taxel.hand.sheet import Sheet, margin_of, sheet_of
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 HAND = load_hand("allegro")
 HANDS = [HAND, load_hand("flat8")]
@@ -24,14 +22,14 @@ DOME_RADIUS_M = 0.017
 PITCH = 0.005
 
 
-def margin(kind: BoardKind) -> tuple[Array, Array, Array]:
+def margin(kind: BoardKind) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Centres, normals and distal directions of a kind's bare squares."""
     assert kind.surface is not None
     rows = margin_of(kind, kind.surface, PITCH)
     return rows[:, :3], rows[:, 3:6], rows[:, 6:]
 
 
-def nearest_taxel_m(kind: BoardKind) -> Array:
+def nearest_taxel_m(kind: BoardKind) -> FloatArray:
     assert kind.surface is not None
     return np.asarray(np.linalg.norm(margin(kind)[0][:, None] - kind.surface.position, axis=2).min(axis=1))
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from taxel.grasp.objects import GraspObject
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 SIZE_M = (0.015, 0.060)
 """Of every side of an object."""
@@ -35,9 +34,9 @@ class Feature(NamedTuple):
     """
 
     kind: FeatureKind
-    outward: Array
-    along: Array
-    middle: Array
+    outward: FloatArray
+    along: FloatArray
+    middle: FloatArray
     reach_m: float
 
 

@@ -24,8 +24,7 @@ from taxel.hand.sheet import sheet_of
 from taxel.hand.transforms import from_rotation_vector
 from taxel.sim.sensor_model import SimSensor
 from taxel.sim.soft_contact import LayerLaw
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 NEIGHBOURS_M = 0.025
 """Two boards nearer than this may be pressed together."""
@@ -77,13 +76,13 @@ class Skin:
     """
 
     hand: Hand
-    bracket_poses: Array
-    surface: Array
-    normal: Array
+    bracket_poses: FloatArray
+    surface: FloatArray
+    normal: FloatArray
     board: NDArray[np.intp]
 
     @classmethod
-    def of(cls, hand: Hand, bracket_poses: Array) -> Skin:
+    def of(cls, hand: Hand, bracket_poses: FloatArray) -> Skin:
         """`hand` with brackets at `bracket_poses` f64[s, 4, 4]."""
         sheet = sheet_of(hand)
         poses = bracket_poses[sheet.board_index]
@@ -106,7 +105,7 @@ class Skin:
         ]
 
 
-def travel_to(skin: Skin, shape: Shape, pose: Array, direction: Array) -> Array:
+def travel_to(skin: Skin, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
     """How far the object may move along `direction` until it touches the middle of each square, metres, f64[m];
     infinite if it never does.
     """
@@ -124,8 +123,8 @@ class _Trial(NamedTuple):
     """How far in the object rests, metres; where, f64[4, 4]; the force on every taxel, newtons, f64[n]."""
 
     sunk_m: float
-    pose: Array
-    force: Array
+    pose: FloatArray
+    force: FloatArray
 
 
 class Placer:
@@ -155,7 +154,7 @@ class Placer:
             pose = self._between(shape, pose, -outward, line, boards)
         return self._tried(thing, pose, -outward, boards, force_n)
 
-    def _spot(self, boards: tuple[int, ...]) -> tuple[Array, Array, Array | None]:
+    def _spot(self, boards: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray | None]:
         """Where to press, the direction out of the skin there, and for two boards the line of the valley between."""
         skin = self._skin
         first = self._rng.choice(skin.taxels_of(boards[0]))
@@ -171,7 +170,9 @@ class Placer:
         second = others[np.argmin(np.abs(away @ line) + np.abs(away @ outward))]
         return 0.5 * (skin.surface[first] + skin.surface[second]), outward, line
 
-    def _between(self, shape: Shape, pose: Array, direction: Array, line: Array, boards: tuple[int, ...]) -> Array:
+    def _between(
+        self, shape: Shape, pose: FloatArray, direction: FloatArray, line: FloatArray, boards: tuple[int, ...]
+    ) -> FloatArray:
         """Moved sideways until both boards are touched at once, if they can be."""
         side = np.cross(direction, line)
         own = [self._skin.board == board for board in boards]
@@ -190,7 +191,7 @@ class Placer:
         return _moved(pose, high * side)
 
     def _tried(
-        self, thing: PressObject, pose: Array, direction: Array, boards: tuple[int, ...], force_n: float
+        self, thing: PressObject, pose: FloatArray, direction: FloatArray, boards: tuple[int, ...], force_n: float
     ) -> PressApproach | None:
         shape, skin = thing.item.shape, self._skin
         travel = travel_to(skin, shape, pose, direction)
@@ -214,7 +215,7 @@ class Placer:
         names = tuple(skin.hand.boards[board].name for board in boards)
         return PressApproach(thing.item.name, "", names, direction, touch, found.pose, force_n)
 
-    def _pressed(self, shape: Shape, touch: Array, direction: Array, force_n: float) -> _Trial | None:
+    def _pressed(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Trial | None:
         rest = SoftRest(self._layer, shape, self._mount, touch, direction)
         try:
             moved = rest.press(force_n, TRIAL_LEVELS).motion
@@ -226,7 +227,9 @@ class Placer:
             return None
         return _Trial(sunk, rest.pose(moved), rest.taxel_forces(moved))
 
-    def _is_delicate(self, found: _Trial, shape: Shape, touch: Array, direction: Array, force_n: float) -> bool:
+    def _is_delicate(
+        self, found: _Trial, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
+    ) -> bool:
         signs = self._rng.choice([-1.0, 1.0], FACTORS)
         offset, strength = PRESS_SCATTER.moved(signs)
         other = self._pressed(shape, touch @ offset, direction, strength * force_n)
@@ -238,29 +241,29 @@ class Placer:
         """Do the layer's springs stand close enough for what is pressed into them?"""
         return _difference(found.force, self._felt(self._fine, shape, found.pose)) < MOST_GRAIN
 
-    def _felt(self, layer: StandingLayer, shape: Shape, pose: Array) -> Array:
+    def _felt(self, layer: StandingLayer, shape: Shape, pose: FloatArray) -> FloatArray:
         return layer.taxel_forces(layer.near(shape, pose), shape, pose)
 
-    def _presses(self, force: Array, boards: tuple[int, ...]) -> bool:
+    def _presses(self, force: FloatArray, boards: tuple[int, ...]) -> bool:
         felt = force > FELT_N
         each = [int(felt[self._skin.taxels_of(board)].sum()) for board in boards]
         return min(each) >= FEWEST_EACH and FEWEST <= int(felt.sum()) <= MOST and float(force.max()) < HARDEST_N
 
 
-def _difference(one: Array, other: Array) -> float:
+def _difference(one: FloatArray, other: FloatArray) -> float:
     """Between the drops that forces f64[n] make on taxels that either presses, counts RMS."""
     felt = np.maximum(one, other) > FELT_N
     change = SimSensor().drop(other[felt]) - SimSensor().drop(one[felt])
     return float(np.sqrt(np.mean(change**2)))
 
 
-def _moved(pose: Array, by: Array) -> Array:
+def _moved(pose: FloatArray, by: FloatArray) -> FloatArray:
     result = pose.copy()
     result[:3, 3] += by
     return result
 
 
-def _facing(feature: Feature, direction: Array, line: Array, spot: Array, slide: float) -> Array:
+def _facing(feature: Feature, direction: FloatArray, line: FloatArray, spot: FloatArray, slide: float) -> FloatArray:
     """The object's pose with its feature at `spot`, facing along `direction`, its own line along `line`."""
     line = line - (line @ direction) * direction
     line = line / np.linalg.norm(line)

@@ -8,14 +8,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.campaign.setup import Setup
 from taxel.grasp.objects import GraspObject
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -48,9 +46,9 @@ class PressApproach:
     object: str
     name: str
     boards: tuple[str, ...]
-    direction: Array
-    touch_pose: Array
-    held_pose: Array
+    direction: FloatArray
+    touch_pose: FloatArray
+    held_pose: FloatArray
     force_n: float
 
 
@@ -79,7 +77,7 @@ class PressPlan:
     """
 
     hand: Hand
-    bracket_poses: Array
+    bracket_poses: FloatArray
     objects: Mapping[str, GraspObject]
     approaches: tuple[PressApproach, ...]
     presses: tuple[PlannedPress, ...]
@@ -91,7 +89,7 @@ class PressPlan:
         """The hand and the objects as every campaign has them."""
         return Setup(self.hand, self.objects)
 
-    def centre(self, name: str) -> Array:
+    def centre(self, name: str) -> FloatArray:
         """The point of an object at which the mount holds it, f64[3], object frame."""
         return np.asarray(self.objects[name].shape.bounds.mean(axis=0))
 

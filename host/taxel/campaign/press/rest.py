@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.campaign.press.errors import PressError
 from taxel.campaign.press.plan import PressMount
 from taxel.emulated.contact import SkinContact
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 FORCE_SHARES = (0.01, 0.03, 0.07, 0.13, 0.2, 0.3, 0.42, 0.55, 0.7, 0.85, 1.0)
 """Of the nominal force: where rest is solved for. Denser where the layer is soft."""
@@ -39,8 +37,8 @@ FARTHEST_SEARCH_M = 0.02
 class Pressed(NamedTuple):
     """Rest from touch to hold. travel_m: of the mount, f64[k], rising; pose: of the object, world, f64[k, 4, 4]."""
 
-    travel_m: Array
-    pose: Array
+    travel_m: FloatArray
+    pose: FloatArray
 
 
 class EmulatedRest:
@@ -54,11 +52,11 @@ class EmulatedRest:
         self,
         contact: SkinContact,
         index: int,
-        bracket_poses: Array,
+        bracket_poses: FloatArray,
         mount: PressMount,
-        centre: Array,
-        touch_pose: Array,
-        direction: Array,
+        centre: FloatArray,
+        touch_pose: FloatArray,
+        direction: FloatArray,
     ) -> None:
         self._contact, self._index, self._brackets = contact, index, bracket_poses
         self._rest, self._direction = touch_pose, direction
@@ -88,7 +86,7 @@ class EmulatedRest:
         # Where the object snaps into place, the mount waits.
         return Pressed(np.maximum.accumulate(travels), np.stack(poses))
 
-    def _pose(self, state: Array) -> Array:
+    def _pose(self, state: FloatArray) -> FloatArray:
         """The object moved by state[:3] and turned by state[3:] (rotation vector) about the mount's point."""
         turn = _turn(state[3:])
         pose = self._rest.copy()
@@ -118,7 +116,7 @@ class EmulatedRest:
             free, touching = (free, middle) if self._touches(middle) else (middle, touching)
         return touching
 
-    def _sunk(self, touch: float, force: float) -> Array:
+    def _sunk(self, touch: float, force: float) -> FloatArray:
         """Rigidly so far in that the skin bears at least `force`: from there Newton's method comes back safely."""
         sink = FIRST_SINK_M
         while sink < FARTHEST_SEARCH_M:
@@ -129,7 +127,7 @@ class EmulatedRest:
             sink *= 1.6
         raise PressError("meets no skin that bears it")
 
-    def _balance(self, state: Array, force: float) -> tuple[Array, Array]:
+    def _balance(self, state: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
         """What is left over of force and moment about the mount's point f64[6], and how it falls with motion."""
         load = self._contact.load(self._index, self._pose(state), self._brackets)
         own = np.flatnonzero(load.wrench.any(axis=1))
@@ -141,7 +139,7 @@ class EmulatedRest:
         residual[:3] += force * self._direction
         return residual, stiffness + self._springs
 
-    def _solve(self, state: Array, force: float) -> Array:
+    def _solve(self, state: FloatArray, force: float) -> FloatArray:
         residual, system = self._balance(state, force)
         left = _size(residual)
         best, least = state, left
@@ -172,11 +170,11 @@ SCALE = np.array([1.0] * 3 + [1.0 / ARM_M**2] * 3)
 """Turns weigh in a secant update as the motion that they make at the arm."""
 
 
-def _size(residual: Array) -> float:
+def _size(residual: FloatArray) -> float:
     return float(np.sqrt(residual[:3] @ residual[:3] + residual[3:] @ residual[3:] / ARM_M**2))
 
 
-def _solved(system: Array, residual: Array) -> Array:
+def _solved(system: FloatArray, residual: FloatArray) -> FloatArray:
     # Force and moment differ in unit: scaled, or the solution would lose digits.
     scale = np.array([1.0] * 3 + [ARM_M] * 3)
     scaled = system / scale[:, None] / scale
@@ -186,7 +184,7 @@ def _solved(system: Array, residual: Array) -> Array:
         raise PressError("loses the skin") from None
 
 
-def _wrench_map(pose: Array) -> Array:
+def _wrench_map(pose: FloatArray) -> FloatArray:
     """From a wrench in a bracket's frame, about its origin, to the world's, about the world's origin, f64[6, 6]."""
     rotation = pose[:3, :3]
     result = np.zeros((6, 6))
@@ -195,7 +193,7 @@ def _wrench_map(pose: Array) -> Array:
     return result
 
 
-def _turn(vector: Array) -> Array:
+def _turn(vector: FloatArray) -> FloatArray:
     """The rotation by |vector| radians about its direction, f64[3, 3] (Rodrigues' formula)."""
     angle = float(np.sqrt(vector @ vector))
     skew = _cross_matrix(vector)
@@ -203,6 +201,6 @@ def _turn(vector: Array) -> Array:
     return np.asarray(np.eye(3) + sine * skew + cosine * (skew @ skew))
 
 
-def _cross_matrix(v: Array) -> Array:
+def _cross_matrix(v: FloatArray) -> FloatArray:
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.campaign.press.errors import PressError
 from taxel.campaign.press.plan import PlannedPress, PressApproach, PressPlan
@@ -24,8 +23,7 @@ from taxel.recording.grasp_record import GraspRecord
 from taxel.sim.layer import STIFFNESS_N_PER_M
 from taxel.sim.separation import separations
 from taxel.sim.soft_contact import LayerLaw
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 CHUNK = 4
 """Presses that a process takes at a time."""
@@ -117,8 +115,8 @@ def simulate_press(setup: Setup, press: PlannedPress, work: Work) -> GraspRecord
 
 
 def _sensed(
-    plan: PressPlan, approach: PressApproach, rest: SoftRest, pressed: SoftPress, times: Array
-) -> tuple[Array, Array]:
+    plan: PressPlan, approach: PressApproach, rest: SoftRest, pressed: SoftPress, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Force on every taxel and its separation at every row, each f64[T, n]: made once for each place of the mount."""
     stroke = Stroke.through(plan.timeline, float(pressed.path.x[0]), pressed.travel_m)
     travel, row = np.unique(stroke.travel_at(times), return_inverse=True)

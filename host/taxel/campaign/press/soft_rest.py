@@ -10,7 +10,6 @@ from bisect import bisect_left
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import root
 
@@ -19,8 +18,7 @@ from taxel.campaign.press.plan import PressMount
 from taxel.campaign.press.standing_layer import StandingLayer
 from taxel.grasp.shapes import Shape
 from taxel.hand.transforms import from_rotation_vector
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEVELS = (0.02, 0.07, 0.17, 0.33, 0.6, 1.0)
 """Shares of the force at which rest is solved for; between them it is interpolated over the travel."""
@@ -44,10 +42,10 @@ class SoftPress(NamedTuple):
     """
 
     travel_m: float
-    motion: Array
+    motion: FloatArray
     path: PchipInterpolator
 
-    def motions(self, travel_m: Array, direction: Array) -> Array:
+    def motions(self, travel_m: FloatArray, direction: FloatArray) -> FloatArray:
         """The object's motion at `travel_m` f64[k] of the mount, f64[k, 6]; before the touch the mount is at rest."""
         loaded = np.asarray(self.path(np.clip(travel_m, self.path.x[0], self.travel_m)))
         loaded[:, :3] += np.minimum(travel_m - self.path.x[0], 0.0)[:, None] * direction
@@ -62,7 +60,7 @@ class SoftRest:
     """
 
     def __init__(
-        self, layer: StandingLayer, shape: Shape, mount: PressMount, touch_pose: Array, direction: Array
+        self, layer: StandingLayer, shape: Shape, mount: PressMount, touch_pose: FloatArray, direction: FloatArray
     ) -> None:
         self._layer, self._shape, self._mount = layer, shape, mount
         self._touch, self._direction = touch_pose, direction
@@ -94,14 +92,14 @@ class SoftRest:
         path = PchipInterpolator(np.array(travels)[rising], np.stack(motions)[rising], axis=0)
         return SoftPress(travels[-1], motion, path)
 
-    def pose(self, motion: Array) -> Array:
+    def pose(self, motion: FloatArray) -> FloatArray:
         """The object after a motion f64[6], world, f64[4, 4]."""
         turn = from_rotation_vector(motion[3:])
         turned = turn @ self._touch
         turned[:3, 3] = motion[:3] + self._pivot + turn[:3, :3] @ self._arm
         return np.asarray(turned)
 
-    def taxel_forces(self, motion: Array) -> Array:
+    def taxel_forces(self, motion: FloatArray) -> FloatArray:
         """Normal force on every taxel after a motion f64[6], newtons, f64[n]."""
         return self._layer.taxel_forces(self._near, self._shape, self.pose(motion))
 
@@ -115,10 +113,10 @@ class SoftRest:
             raise PressError("meets no skin")
         return first
 
-    def _first(self, force: float, touch_m: float) -> Array:
+    def _first(self, force: float, touch_m: float) -> FloatArray:
         """The rigid object so far in that the layer bears at least `force`."""
 
-        def motion(sink: float) -> Array:
+        def motion(sink: float) -> FloatArray:
             return np.concatenate([(touch_m + sink) * self._direction, np.zeros(3)])
 
         def pushed(sink: float) -> float:
@@ -130,7 +128,7 @@ class SoftRest:
             raise PressError("meets no skin that bears it")
         return motion(SINKS_M[place])
 
-    def _left_over(self, scaled: Array, force: float) -> tuple[Array, Array]:
+    def _left_over(self, scaled: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
         """Force and moment about the mount's point that nothing balances, and their rise with the motion, scaled."""
         motion = scaled * self._unit
         depth = self._layer.depth(self._near, self._shape, self.pose(motion))
@@ -145,11 +143,11 @@ class SoftRest:
         weight = np.array([1.0] * 3 + [1.0 / ARM_M] * 3) / force
         return weight * left, weight[:, None] * rise * self._unit
 
-    def _balanced(self, guess: Array, last: Array, force: float) -> Array:
+    def _balanced(self, guess: FloatArray, last: FloatArray, force: float) -> FloatArray:
         """Rest under `force`, from a first guess or else from the last rest; Levenberg and Marquardt's method is slower
         and gets where Powell's stops at a kink.
         """
-        attempts: tuple[tuple[Array, Literal["hybr", "lm"]], ...] = ((guess, "hybr"), (last, "hybr"), (last, "lm"))
+        attempts: tuple[tuple[FloatArray, Literal["hybr", "lm"]], ...] = ((guess, "hybr"), (last, "hybr"), (last, "lm"))
         results = []
         for start, method in attempts:
             found = root(

@@ -15,8 +15,7 @@ from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import sheet_of
 from taxel.sim.soft_contact import DEEPEST_M, LayerLaw
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 PARTS = 5
 """Springs along each side of a taxel. Under rounded edges the counts are then 4 RMS from those of 9; with 3: 12."""
@@ -30,9 +29,9 @@ class Standing(NamedTuple):
     f64[m, 3], of the normal about the origin; taxel: [m], whose it is, n and more for the bare margin.
     """
 
-    point: Array
-    normal: Array
-    moment: Array
+    point: FloatArray
+    normal: FloatArray
+    moment: FloatArray
     taxel: NDArray[np.intp]
 
     def some(self, which: NDArray[np.bool_]) -> Standing:
@@ -43,7 +42,7 @@ class Standing(NamedTuple):
 class StandingLayer:
     """The layer of `hand` with brackets at `bracket_poses` f64[s, 4, 4], parts x parts springs a taxel."""
 
-    def __init__(self, hand: Hand, bracket_poses: Array, law: LayerLaw, parts: int = PARTS) -> None:
+    def __init__(self, hand: Hand, bracket_poses: FloatArray, law: LayerLaw, parts: int = PARTS) -> None:
         sheet = sheet_of(hand, parts)
         pose = bracket_poses[sheet.board_index]
         point = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.position) + pose[:, :3, 3]
@@ -54,7 +53,7 @@ class StandingLayer:
         self.n_taxels = hand.n_taxels
         self._law, self._share = law, 1.0 / parts**2
 
-    def near(self, shape: Shape, object_pose: Array) -> Standing:
+    def near(self, shape: Shape, object_pose: FloatArray) -> Standing:
         """The springs that an object which just touches at `object_pose` f64[4, 4] may reach."""
         low, high = shape.bounds
         middle = object_pose[:3, :3] @ (0.5 * (low + high)) + object_pose[:3, 3]
@@ -63,22 +62,22 @@ class StandingLayer:
         surface = ball.point + self.thickness_m * ball.normal - object_pose[:3, 3]
         return ball.some(shape.distance_bound(surface @ object_pose[:3, :3]) < NEAR_M)
 
-    def depth(self, springs: Standing, shape: Shape, object_pose: Array) -> Array:
+    def depth(self, springs: Standing, shape: Shape, object_pose: FloatArray) -> FloatArray:
         """How far each spring is compressed, metres, f64[m]."""
         rotation = object_pose[:3, :3]
         separation = shape.ray_separation((springs.point - object_pose[:3, 3]) @ rotation, springs.normal @ rotation)
         depth = self.thickness_m - separation
         return np.where((depth > 0.0) & (depth < self.thickness_m + DEEPEST_M), depth, 0.0)
 
-    def force(self, depth_m: Array) -> Array:
+    def force(self, depth_m: FloatArray) -> FloatArray:
         """Of each spring, newtons."""
         return np.asarray(self._share * self._law.force(depth_m))
 
-    def stiffness(self, depth_m: Array) -> Array:
+    def stiffness(self, depth_m: FloatArray) -> FloatArray:
         """Of each spring, newtons a metre."""
         return np.asarray(self._share * self._law.stiffness(depth_m))
 
-    def taxel_forces(self, springs: Standing, shape: Shape, object_pose: Array) -> Array:
+    def taxel_forces(self, springs: Standing, shape: Shape, object_pose: FloatArray) -> FloatArray:
         """Normal force on every taxel, newtons, f64[n]; the bare margin's part is nobody's."""
         force = self.force(self.depth(springs, shape, object_pose))
         return np.asarray(np.bincount(springs.taxel, force, self.n_taxels)[: self.n_taxels], dtype=np.float64)

@@ -9,11 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.grasp.timeline import ADVANCE_END, GRIP_END, RELEASE_END, WITHDRAW_BEGIN, Phase, Timeline
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 AWAY_M = 0.025
 """How far the object is withdrawn in the baseline and in recovery, beyond `CLEARANCE_M` (chosen)."""
@@ -37,13 +35,13 @@ class Stroke(NamedTuple):
         """For a press that truly touches at `touch_m` and is held at `end_m`."""
         return cls(timeline, min(-CLEARANCE_M, touch_m - LEAST_CLEARANCE_M), end_m)
 
-    def travel_at(self, times_s: Array) -> Array:
+    def travel_at(self, times_s: FloatArray) -> FloatArray:
         """Travel at `times_s` f64[k] since the press began, f64[k]."""
         withdrawn = np.array([self.timeline.withdrawn_at(time) for time in times_s.tolist()])
         grip = np.array([self.timeline.grip_at(time) for time in times_s.tolist()])
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
 
-    def times_of(self, travel_m: Array) -> tuple[Array, Array]:
+    def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """When the mount passes `travel_m` f64[k], at most `end_m`: on its way in, and on its way back, each f64[k]."""
         withdrawn = np.clip((self.start_m - travel_m) / AWAY_M, 0.0, 1.0)
         grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)

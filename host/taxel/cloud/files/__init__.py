@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
-from taxel.cloud.contact_cloud import Array, ContactCloud, Index
+from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.errors import CloudFileError
 from taxel.cloud.files import obj, pcd, ply, stl, xyz
 from taxel.cloud.files.source import Source
 from taxel.cloud.mesh import TriangleMesh
+from taxel.types import FloatArray, IntArray
 
 PathLike = str | os.PathLike[str]
 Found = TypeVar("Found")
@@ -30,7 +31,7 @@ CLOUD_WRITERS: Final[Mapping[str, Callable[[ContactCloud], bytes]]] = {
     ".asc": xyz.to_bytes,
     ".txt": xyz.to_bytes,
 }
-MESH_READERS: Final[Mapping[str, Callable[[Source], tuple[Array, Index]]]] = {
+MESH_READERS: Final[Mapping[str, Callable[[Source], tuple[FloatArray, IntArray]]]] = {
     ".ply": ply.read_mesh,
     ".stl": stl.read,
     ".obj": obj.read,

@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from taxel.cloud.contact_cloud import Array, Index
 from taxel.cloud.files.source import Source, natural, shown
 from taxel.cloud.files.xyz import lines_of
 from taxel.cloud.mesh import TriangleMesh
+from taxel.types import FloatArray, IntArray
 
 
-def read(source: Source) -> tuple[Array, Index]:
+def read(source: Source) -> tuple[FloatArray, IntArray]:
     """Vertices f64[v, 3] and triangles i64[f, 3]; a face of more corners becomes a fan about its first."""
     places: list[str] = []
     triangles: list[tuple[int, int, int]] = []

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from taxel.cloud.contact_cloud import Array, ContactCloud, Index
+from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.files.extras import (
     SILENT,
     cloud_of_columns,
@@ -23,8 +23,9 @@ from taxel.cloud.files.extras import (
 from taxel.cloud.files.source import LONGEST_HEADER, Source, natural, shown, whole
 from taxel.cloud.files.xyz import lines_of
 from taxel.cloud.mesh import TriangleMesh
+from taxel.types import FloatArray, IntArray
 
-Rows = dict[str, Array]
+Rows = dict[str, FloatArray]
 
 ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -86,7 +87,7 @@ def read_cloud(source: Source) -> ContactCloud:
     return with_silent(source, cloud, found[SILENT]) if silent and names is not None else cloud
 
 
-def read_mesh(source: Source) -> tuple[Array, Index]:
+def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
     """Vertices f64[v, 3] and triangles i64[f, 3]."""
     header = read_header(source)
     found = _elements(source, header, ("vertex", "face"))
@@ -218,7 +219,7 @@ def _text(source: Source, header: Header) -> Callable[[Element], Rows]:
     return read
 
 
-def _split(source: Source, element: Element, columns: list[tuple[Property, int]], rows: Array) -> Rows:
+def _split(source: Source, element: Element, columns: list[tuple[Property, int]], rows: FloatArray) -> Rows:
     found: Rows = {}
     start = 0
     for one, length in columns:
@@ -264,7 +265,7 @@ def _binary(source: Source, header: Header) -> Callable[[Element], Rows]:
     return read
 
 
-def _length(source: Source, element: Element, first: Array) -> int:
+def _length(source: Source, element: Element, first: FloatArray) -> int:
     """Of all lists, by the first row's."""
     if not (len(first) and 1 <= first[0] <= LONGEST_LIST and first[0] == int(first[0])):
         found = shown(str(first[0])) if len(first) else "nothing"

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from taxel.cloud.contact_cloud import Array, Index
 from taxel.cloud.files.source import Source
 from taxel.cloud.mesh import TriangleMesh
+from taxel.types import FloatArray, IntArray
 
 HEADER_BYTES: Final = 84
 RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -17,7 +17,7 @@ RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("at
 VERTEX: Final = re.compile(r"^\s*vertex\s+(\S+\s+\S+\s+\S+)\s*$", re.MULTILINE | re.IGNORECASE)
 
 
-def read(source: Source) -> tuple[Array, Index]:
+def read(source: Source) -> tuple[FloatArray, IntArray]:
     """Vertices f64[v, 3] and triangles i64[f, 3]."""
     count = int.from_bytes(source.data[HEADER_BYTES - 4 : HEADER_BYTES], "little")
     if len(source.data) >= HEADER_BYTES and len(source.data) == HEADER_BYTES + count * RECORD.itemsize:

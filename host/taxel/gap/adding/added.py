@@ -17,8 +17,7 @@ from taxel.gap.report.reading import ReportedEffect
 from taxel.gap.state import State
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_sensor_model import LARGEST_COUNT
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 def with_effects(
@@ -52,12 +51,12 @@ def with_effects(
     return raw, valid
 
 
-def _at_rest(grasp: SimulatedGrasp) -> Array:
+def _at_rest(grasp: SimulatedGrasp) -> FloatArray:
     rest = grasp.phase == Phase.BASELINE
     return np.asarray(np.rint(np.median(grasp.raw_counts[rest | ~rest.any()], axis=0)))
 
 
-def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance) -> Array:
+def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance) -> FloatArray:
     """What effects add to the drops of the frames of one grasp, f64[K, n], counts.
 
     A board's latency counts from the simulator's own time, so what all boards share belongs to it.
@@ -79,13 +78,13 @@ def drop_change(state: State, effects: Sequence[ReportedEffect], chance: Chance)
     return np.asarray(np.squeeze(state.to_drop(signal) - state.drop, axis=0))
 
 
-def noise_of(one: ReportedEffect, pair: Pair) -> Array:
+def noise_of(one: ReportedEffect, pair: Pair) -> FloatArray:
     """Standard deviations of each taxel's noise, f64[4, n], see `NOISE_PARTS`."""
     blocks = one.effect.blocks_of(pair)[0]
     return placed(one, np.zeros((len(one.parameters), int(blocks.max()) + 1)), pair)[:, blocks]
 
 
-def placed(one: ReportedEffect, neutral: Array, pair: Pair) -> Array:
+def placed(one: ReportedEffect, neutral: FloatArray, pair: Pair) -> FloatArray:
     """An effect's values f64[P, G] in the blocks of a pair, by their names; neutral where the report has no such."""
     values = neutral.copy()
     column = {name: number for number, name in enumerate(one.blocks)}

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.reading import LEAST_BASELINE, Groups, Phases
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 NOISE: Final = 1
 DRIFT: Final = 2
@@ -38,7 +37,7 @@ class Chance:
         """Of this grasp alone."""
         return self._stream(self.repeat, *purpose)
 
-    def balanced(self, draw: Callable[[np.random.Generator], Array], *purpose: int) -> Array:
+    def balanced(self, draw: Callable[[np.random.Generator], FloatArray], *purpose: int) -> FloatArray:
         """What `draw` makes of a stream, balanced with the repeats that it is drawn with."""
         group = min(self.repeat // 2, max(self.repeats // 2, 1) - 1)
         first = 2 * group
@@ -54,7 +53,7 @@ class Chance:
         return np.random.default_rng([self.seed, self.cell, repeat, *purpose])
 
 
-def noise(parts: Array, groups: Groups, frames: int, chance: Chance) -> Array:
+def noise(parts: FloatArray, groups: Groups, frames: int, chance: Chance) -> FloatArray:
     """Counts, f64[T, n]. parts: f64[4, n], standard deviations of each taxel's own noise and of what its TX line, RX
     line and board have in common.
     """
@@ -67,11 +66,11 @@ def noise(parts: Array, groups: Groups, frames: int, chance: Chance) -> Array:
     return result
 
 
-def _normal(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _normal(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
     return rng.normal(size=shape)
 
 
-def drifts(values: Array, late: float, lasts: float, chance: Chance) -> Array:
+def drifts(values: FloatArray, late: float, lasts: float, chance: Chance) -> FloatArray:
     """Slope and scatter of a baseline drift f64[2, G] as one grasp has them: a slope of its own, and no scatter.
 
     late: share of the slope that is reached, in the mean, where the scatter was measured. lasts: the grasp's time over
@@ -81,7 +80,7 @@ def drifts(values: Array, late: float, lasts: float, chance: Chance) -> Array:
     return np.stack([values[0] * lasts + values[1] * drawn / late, np.zeros(values.shape[1])])
 
 
-def lost(grasp: Phases, valid: NDArray[np.bool_], missing: Array, chance: Chance) -> NDArray[np.bool_]:
+def lost(grasp: Phases, valid: NDArray[np.bool_], missing: FloatArray, chance: Chance) -> NDArray[np.bool_]:
     """Frames that still arrive, bool[T, s]. valid: those that did. missing: f64[s], share of all that are lost besides.
 
     A board that is not silent throughout keeps the baseline frames without which nothing of it could be measured.

@@ -20,8 +20,7 @@ from taxel.gap.state import Signal, State
 from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 class SimulatedGrasp(Phases, Protocol):
@@ -36,7 +35,7 @@ class SimulatedGrasp(Phases, Protocol):
         """Name of the approach."""
 
     @property
-    def timestamp(self) -> Array:
+    def timestamp(self) -> FloatArray:
         """f64[T], seconds."""
 
     @property
@@ -48,19 +47,19 @@ class SimulatedGrasp(Phases, Protocol):
         """bool[T, s]: whether a sensor has answered."""
 
     @property
-    def sensor_pose(self) -> Array:
+    def sensor_pose(self) -> FloatArray:
         """f64[s, 4, 4], world, brackets during hold."""
 
     @property
-    def object_pose(self) -> Array:
+    def object_pose(self) -> FloatArray:
         """f64[4, 4], world, where it is believed to be."""
 
     @property
-    def contact_force(self) -> Array | None:
+    def contact_force(self) -> FloatArray | None:
         """f64[T, n], newtons."""
 
     @property
-    def separation(self) -> Array | None:
+    def separation(self) -> FloatArray | None:
         """f64[T, n], metres."""
 
 
@@ -93,7 +92,7 @@ class FrameClock(Clock):
     """Nodes that are frames. begin, end: f64[K], seconds since the first one; a frame stands until the next."""
 
     @classmethod
-    def at(cls, time_s: Array, phase: NDArray[np.uint8]) -> FrameClock:
+    def at(cls, time_s: FloatArray, phase: NDArray[np.uint8]) -> FrameClock:
         """time_s: f64[K], seconds. phase: u8[K]."""
         since = time_s - time_s[0]
         last = float(np.median(np.diff(since))) if len(since) > 1 else 0.0
@@ -101,7 +100,7 @@ class FrameClock(Clock):
         return cls(phase, since, np.append(since[1:], since[-1] + last), everything)
 
     @cached_property
-    def since_start(self) -> Array:
+    def since_start(self) -> FloatArray:
         """Middle of each frame's time, f64[K]: phases need not follow each other here."""
         return 0.5 * (self.begin + self.end)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 
 class BaselineDrift(Effect):
@@ -24,7 +25,7 @@ class BaselineDrift(Effect):
             Parameter("scatter", "counts", 0.0, 500.0, 0.0, 1.0),
         )
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[0].any():
             return signal
@@ -34,7 +35,7 @@ class BaselineDrift(Effect):
         share = ((state.since + age) / (state.since[-1] + age))[None, :, None]
         return signal.with_drop(state.to_drop(signal) + slope * share)
 
-    def features(self, state: State, features: Array, values: Array) -> Array:
+    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
         if not values.any():
             return features

@@ -6,10 +6,11 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
+from taxel.gap.effects.effect import BOARD, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 EVEN: Final = " even"
 
@@ -33,7 +34,7 @@ class ContactPropagation(Effect):
         """Spread and strength."""
         return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[1].any() or signal.force is None:
             return signal
@@ -46,7 +47,7 @@ class ContactPropagation(Effect):
                 force[:, :, board.columns] = self.spread(state, number, own, spread_m, strength)
         return signal.with_force(force)
 
-    def spread(self, state: State, number: int, force: Array, spread_m: float, strength: float) -> Array:
+    def spread(self, state: State, number: int, force: FloatArray, spread_m: float, strength: float) -> FloatArray:
         """What becomes of the forces f64[Q, K, m] on board `number`."""
         kernel = sheet_kernel(state.pair.boards[number], spread_m)
         result = force if self.variant.startswith("added") else (1.0 - strength) * force

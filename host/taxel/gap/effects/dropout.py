@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
+from taxel.gap.effects.effect import TAXEL, Effect, Parameter
 from taxel.gap.features import COUNTS_MISSING
 from taxel.gap.pair import Pair
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Dropped:
 
     taxels: NDArray[np.bool_]
     lines: tuple[tuple[int, str, int], ...]
-    missing: Array
+    missing: FloatArray
     dead: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     stuck: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     shorts: tuple[Short, ...] = ()
@@ -68,13 +69,13 @@ class Dropout(Effect):
         """What is left of the drop: 1 where the taxel lives."""
         return (Parameter("left", "1", 0.0, 1.0, 1.0, 1.0),)
 
-    def found_values(self, state: State) -> Array:
+    def found_values(self, state: State) -> FloatArray:
         """Values f64[1, n] for what was found."""
         values = self.neutral(state)
         values[0, self.dropped.dead] = 0.0
         return values
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values == 1.0).all() and not self.dropped.shorts:
             return signal
@@ -86,7 +87,7 @@ class Dropout(Effect):
             result[:, :, first] = result[:, :, second] = short.share * (drop[:, :, first] + drop[:, :, second])
         return signal.with_drop(result)
 
-    def features(self, state: State, features: Array, values: Array) -> Array:
+    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
         if (values == 1.0).all() and not self.dropped.missing.any():
             return features

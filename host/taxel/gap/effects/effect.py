@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.pair import Pair
 from taxel.gap.state import Signal, State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 HAND: Final = "hand"
 BOARD: Final = "board"
@@ -94,10 +93,10 @@ class Effect(ABC):
         return known
 
     @abstractmethod
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """The signal with the effect. values: f64[P, G], G blocks as `blocks` numbers them."""
 
-    def features(self, state: State, features: Array, values: Array) -> Array:
+    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """What the effect does to features that are no drops; f64[C, F, n] to the same."""
         return features
 
@@ -122,19 +121,19 @@ class Effect(ABC):
             return np.broadcast_to(own[:, None], (cells, n))
         return np.zeros((cells, n), np.intp)
 
-    def neutral(self, state: State) -> Array:
+    def neutral(self, state: State) -> FloatArray:
         """Values that change nothing, f64[P, G]."""
         count = int(self.blocks(state).max()) + 1
         return np.repeat([[parameter.neutral] for parameter in self.parameters()], count, axis=1)
 
-    def starts(self, state: State) -> Array:
+    def starts(self, state: State) -> FloatArray:
         """Values where a search starts, f64[P, G]."""
         values = self.neutral(state)
         for row, parameter in enumerate(self.parameters()):
             values[row] = parameter.start
         return values
 
-    def typical(self, state: State) -> Array:
+    def typical(self, state: State) -> FloatArray:
         """Values of a plain case, f64[P, G]: where the search starts, or a third of what the prior expects; for every
         other block only, so that blocks differ.
         """
@@ -145,11 +144,11 @@ class Effect(ABC):
         values[:, 1::2] = neutral[:, 1::2]
         return values
 
-    def is_idle(self, state: State, values: Array) -> bool:
+    def is_idle(self, state: State, values: FloatArray) -> bool:
         """Whether these values say nothing that is an effect, though they are not neutral."""
         return False
 
-    def spread_out(self, state: State, values: Array) -> list[Array]:
+    def spread_out(self, state: State, values: FloatArray) -> list[FloatArray]:
         """Each parameter for every press and taxel, P arrays f64[Q, 1, n]."""
         blocks = self.blocks(state)[state.cell]
         return [row[blocks][:, None, :] for row in values]

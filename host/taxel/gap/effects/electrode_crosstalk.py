@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import columns_of, groups_of
-from taxel.gap.effects.effect import BOARD, HAND, Array, Effect, Parameter
+from taxel.gap.effects.effect import BOARD, HAND, Effect, Parameter
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Groups
 from taxel.gap.state import Signal, State
 from taxel.recording.grasp_tables import TaxelTable
+from taxel.types import FloatArray
 
 OWN_PRIOR = 1.0
 """Expected size of what a taxel's own drop loses, over the fractions that it passes on."""
@@ -47,7 +48,7 @@ class ElectrodeCrosstalk(Effect):
         """With a value for each board it could not be told from the boards' gains."""
         return self.variant == "network" and self.scope == HAND
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values.any():
             return signal
@@ -69,7 +70,7 @@ class BoardLines:
     """
 
     taxels: NDArray[np.intp]
-    passed: Array
+    passed: FloatArray
 
     @cached_property
     def columns(self) -> NDArray[np.intp] | slice:

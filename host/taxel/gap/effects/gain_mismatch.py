@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.gap.effects.effect import BOARD, TAXEL, Array, Effect, Parameter
+from taxel.gap.effects.effect import BOARD, TAXEL, Effect, Parameter
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 
 class GainMismatch(Effect):
@@ -22,7 +23,7 @@ class GainMismatch(Effect):
         """Natural logarithm of the gain; what is three times less sensitive is broken."""
         return (Parameter("log_gain", "1", -1.2, 1.0, 0.0, 0.0, self.prior),)
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values.any():
             return signal

@@ -19,8 +19,7 @@ from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_toge
 from taxel.gap.effects.ray_mesh import Mesh
 from taxel.gap.state import Signal, State
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEVELS: Final = np.array([0.2, 0.5, 1.0, 1.25])
 """Shares of a board's net force in hold at which a press is worked out anew."""
@@ -47,13 +46,13 @@ class Contact:
     cell: int
     board: int
     taxels: NDArray[np.intp]
-    force: Array
-    points: Array
-    normals: Array
-    object_from_board: Array
+    force: FloatArray
+    points: FloatArray
+    normals: FloatArray
+    object_from_board: FloatArray
 
     @cached_property
-    def board_from_object(self) -> Array:
+    def board_from_object(self) -> FloatArray:
         """The other way."""
         return np.asarray(np.linalg.inv(self.object_from_board))
 
@@ -69,13 +68,13 @@ class Geometry:
     meshes: dict[str, Mesh]
     law: Law
     piece_law: Law
-    depths: tuple[Array, ...]
-    rest: tuple[Array, ...]
-    _known: dict[tuple[int, bytes], Array] = field(default_factory=dict)
-    _rests: dict[int, Array] = field(default_factory=dict)
+    depths: tuple[FloatArray, ...]
+    rest: tuple[FloatArray, ...]
+    _known: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
+    _rests: dict[int, FloatArray] = field(default_factory=dict)
 
     @cached_property
-    def shares(self) -> dict[tuple[int, int], Array]:
+    def shares(self) -> dict[tuple[int, int], FloatArray]:
         """Which share of a taxel's force each of its pieces bears, f64[m, 9], by cell and board; all the same where by
         the meshes none is pressed.
         """
@@ -98,8 +97,8 @@ class Geometry:
         return pushes_together(cells)
 
     def displaced(
-        self, state: State, motions: Mapping[int, Array], held: Mapping[int, float] = FREELY
-    ) -> dict[int, Array]:
+        self, state: State, motions: Mapping[int, FloatArray], held: Mapping[int, float] = FREELY
+    ) -> dict[int, FloatArray]:
         """What becomes of the forces on contacts' taxels at each of `LEVELS`, f64[2, L, m] as `with_change` takes it,
         when their boards move by f64[4, 4] in their objects' views. motions: by number of the contact, as the result.
         held: newtons a metre with which their objects are held aside.
@@ -113,7 +112,7 @@ class Geometry:
             if any(told):
                 more |= shifted_load(own, [motions.get(one.number, STILL) for one in own], told)
 
-        def depths(numbers: Sequence[int]) -> list[Array]:
+        def depths(numbers: Sequence[int]) -> list[FloatArray]:
             contacts = [self.contacts[number] for number in numbers]
             poses = [motions[number] @ self.contacts[number].object_from_board for number in numbers]
             return piece_depths(state, self.meshes, contacts, poses)
@@ -123,7 +122,7 @@ class Geometry:
         }
         return self._changed(keys, depths, more=more)
 
-    def sunk(self, scales: Mapping[int, float]) -> dict[int, Array]:
+    def sunk(self, scales: Mapping[int, float]) -> dict[int, FloatArray]:
         """The same where every piece bears so many times as much at the same depth: a softer layer is pressed deeper
         until the net force is what it was, and more of it bears.
         """
@@ -133,10 +132,10 @@ class Geometry:
     def _changed(
         self,
         keys: Mapping[int, bytes],
-        depths: Callable[[Sequence[int]], list[Array]],
+        depths: Callable[[Sequence[int]], list[FloatArray]],
         scales: Mapping[int, float] = AS_IS,
         more: Mapping[int, float] = FREELY,
-    ) -> dict[int, Array]:
+    ) -> dict[int, FloatArray]:
         """What is remembered by contact and key; the rest is worked out anew from these depths."""
         result = {number: self._known[number, key] for number, key in keys.items() if (number, key) in self._known}
         new = [number for number in keys if number not in result]
@@ -156,10 +155,10 @@ class Geometry:
     def _at_levels(
         self,
         numbers: Sequence[int],
-        depths: Sequence[Array],
+        depths: Sequence[FloatArray],
         scales: Mapping[int, float] = AS_IS,
         more: Mapping[int, float] = FREELY,
-    ) -> list[Array]:
+    ) -> list[FloatArray]:
         """Forces f64[L, m] of contacts whose pieces are pressed in like this. more: newtons that they bear besides."""
         scale = np.array([scales.get(number, 1.0) for number in numbers])
         whole = np.array([self.contacts[number].force.sum() for number in numbers])
@@ -169,27 +168,27 @@ class Geometry:
         pressed = pressed_together(self.piece_law, depths, net / scale[:, None])
         return [own * pressure.mean(axis=2) for own, pressure in zip(scale, pressed, strict=True)]
 
-    def _remember(self, key: tuple[int, bytes], force: Array) -> Array:
+    def _remember(self, key: tuple[int, bytes], force: FloatArray) -> FloatArray:
         if (len(self._known) + 1) * force.nbytes > REMEMBERED:  # boards are about as large as each other
             self._known.clear()
         self._known[key] = force
         return force
 
 
-def _change(rest: Array, now: Array) -> Array:
+def _change(rest: FloatArray, now: FloatArray) -> FloatArray:
     """Of forces at rest and now, each f64[L, m]: the share that is kept, and what is gained, f64[2, L, m]."""
     kept = np.divide(now, rest, out=np.ones_like(rest), where=rest > now)
     return np.stack([kept, np.maximum(now - rest, 0.0)])
 
 
-def unchanged(state: State) -> Array:
+def unchanged(state: State) -> FloatArray:
     """For `with_change`."""
     change = np.zeros((len(state.pair.cells), 2, len(LEVELS), state.pair.n))
     change[:, 0] = 1.0
     return change
 
 
-def changed(state: State, parts: Mapping[int, Array]) -> Array:
+def changed(state: State, parts: Mapping[int, FloatArray]) -> FloatArray:
     """For `with_change`: what `Geometry` tells of some contacts, by their numbers."""
     change = unchanged(state)
     for number, part in parts.items():
@@ -198,7 +197,7 @@ def changed(state: State, parts: Mapping[int, Array]) -> Array:
     return change
 
 
-def with_change(state: State, signal: Signal, change: Array) -> Signal:
+def with_change(state: State, signal: Signal, change: FloatArray) -> Signal:
     """A signal whose forces are changed by f64[C, 2, L, n], the share that is kept and newtons that are gained, where a
     board's net force is one of `LEVELS`, f64[L], of what it is in hold; between them by what lies between.
 
@@ -219,7 +218,7 @@ def with_change(state: State, signal: Signal, change: Array) -> Signal:
 
 
 @lru_cache(maxsize=4)
-def _between_levels(state: State, signal: Signal) -> tuple[Array, Array]:
+def _between_levels(state: State, signal: Signal) -> tuple[FloatArray, FloatArray]:
     """How much each of `LEVELS` counts for a board at a node: of what is kept, and of what is gained, f64[Q, K, s, L]
     each. A fit changes one signal again and again: worked out once for it.
     """
@@ -236,15 +235,15 @@ def _between_levels(state: State, signal: Signal) -> tuple[Array, Array]:
 
 
 def piece_depths(
-    state: State, meshes: Mapping[str, Mesh], contacts: Sequence[Contact], poses: Sequence[Array]
-) -> list[Array]:
+    state: State, meshes: Mapping[str, Mesh], contacts: Sequence[Contact], poses: Sequence[FloatArray]
+) -> list[FloatArray]:
     """How far each contact's pieces are pressed in, f64[m, 9] each, metres; very negative where a ray misses. meshes:
     by object name. poses: of the boards as the objects see them, f64[4, 4] each.
     """
     points = [one.points @ pose[:3, :3].T + pose[:3, 3] for one, pose in zip(contacts, poses, strict=True)]
     rays = [one.normals @ pose[:3, :3].T for one, pose in zip(contacts, poses, strict=True)]
     names = [state.pair.cells[one.cell][0] for one in contacts]
-    result: dict[int, Array] = {}
+    result: dict[int, FloatArray] = {}
     for name in dict.fromkeys(names):
         own = [number for number, other in enumerate(names) if other == name]
         apart = meshes[name].separation(*(np.concatenate([part[number] for number in own]) for part in (points, rays)))

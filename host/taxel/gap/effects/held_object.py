@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 ONE_WAY: Final = 0.5
 """Net push over the sum of all boards' pushes: below it they hold the object between them, and it is no press."""
@@ -32,8 +31,8 @@ class Push:
 
     number: int
     force: float
-    direction: Array
-    place: Array
+    direction: FloatArray
+    place: FloatArray
 
 
 def pushes_together(cells: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
@@ -46,7 +45,7 @@ def pushes_together(cells: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
     return found
 
 
-def shifted_load(pushes: Sequence[Push], motions: Sequence[Array], held: Sequence[float]) -> dict[int, float]:
+def shifted_load(pushes: Sequence[Push], motions: Sequence[FloatArray], held: Sequence[float]) -> dict[int, float]:
     """Newtons that each board bears more, by number of the contact. motions: of the boards as the object sees them,
     f64[4, 4] each. held: newtons a metre with which the object is held across the push, as each board is told.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.plate import closed_by, drop_of
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 MOST_TIMES = 3.0
 """The recorded time, in which a time constant shows: of what comes so late not a third has come by the end."""
@@ -39,17 +40,17 @@ class Hysteresis(Effect):
         on_drop = self.variant in ("drop", "gap")
         return "" if on_drop or state.has_force else "the simulation tells no contact force"
 
-    def is_idle(self, state: State, values: Array) -> bool:
+    def is_idle(self, state: State, values: FloatArray) -> bool:
         """Whether it goes on so slowly that hardly anything is seen to come late: that is another law of counts."""
         return bool((values[1] > MOST_TIMES * state.since[-1]).all())
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[0].any():
             return signal
         fraction, seconds = self.spread_out(state, values)
 
-        def late(what: Array) -> Array:
+        def late(what: FloatArray) -> FloatArray:
             return what + fraction * (low_pass(what, state.since, seconds[:, 0]) - what)
 
         if self.variant == "gap":

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array
+from taxel.types import FloatArray
 
 LEAST_S = 1e-6
 
 
-def low_pass(values: Array, time_s: Array, seconds: Array) -> Array:
+def low_pass(values: FloatArray, time_s: FloatArray, seconds: FloatArray) -> FloatArray:
     """Of values f64[Q, K, n] that are linear between nodes time_s f64[K], from rest; seconds: f64[Q, n], its time
     constants.
 

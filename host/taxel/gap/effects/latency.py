@@ -6,9 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from taxel.gap.effects.effect import BOARD, Array, Effect, Parameter
+from taxel.gap.effects.effect import BOARD, Effect, Parameter
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.state import Signal, State, delayed
+from taxel.types import FloatArray
 
 
 class Latency(Effect):
@@ -28,7 +29,7 @@ class Latency(Effect):
         least = 0.0 if self.variant == "lag" else -0.3
         return (Parameter("seconds", "s", least, 1.5, 0.0, 0.0, 0.5),)
 
-    def is_idle(self, state: State, values: Array) -> bool:
+    def is_idle(self, state: State, values: FloatArray) -> bool:
         """Delays that differ by less than a frame are how two solvers touch the boards; one that all touched boards
         share, within a frame and a half, is how the frames fell.
         """
@@ -37,7 +38,7 @@ class Latency(Effect):
         frame = state.pair.frame_s
         return len(delays) > 1 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values.any():
             return signal

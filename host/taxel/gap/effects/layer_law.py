@@ -9,12 +9,10 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 NEAR_M: Final = 0.006
 """A piece that is farther from contact than this stays out of it."""
@@ -48,22 +46,22 @@ piece is pressed."""
 class Law:
     """Force over depth of a taxel's layer, as the simulator's own data tell: both f64[k], rising from 0."""
 
-    depth_m: Array
-    force_n: Array
+    depth_m: FloatArray
+    force_n: FloatArray
 
     @cached_property
-    def _longer(self) -> tuple[Array, Array]:
+    def _longer(self) -> tuple[FloatArray, FloatArray]:
         """Depth and force with one more point, far along the last tangent."""
         slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
         return np.append(self.depth_m, self.depth_m[-1] + FAR_M), np.append(
             self.force_n, self.force_n[-1] + slope * FAR_M
         )
 
-    def force(self, depth: Array) -> Array:
+    def force(self, depth: FloatArray) -> FloatArray:
         """Newtons; none where nothing is pressed, beyond the last point along its tangent."""
         return np.asarray(np.interp(depth, *self._longer))
 
-    def depth(self, force: Array) -> Array:
+    def depth(self, force: FloatArray) -> FloatArray:
         """Metres; the same read the other way."""
         return np.asarray(np.interp(force, *self._longer[::-1]))
 
@@ -92,7 +90,7 @@ def law_of(state: State) -> Law:
     return Law(np.array(middle), np.array(level)) if len(middle) > 1 else line
 
 
-def law_of_pieces(law: Law, presses: Sequence[tuple[Array, Array]]) -> Law:
+def law_of_pieces(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> Law:
     """The law by which pieces have to bear for the taxels' forces to be what the simulator says; `law`, of whole
     taxels, where none does better. presses: depths f64[m, 9] and forces f64[m] of each board's taxels.
 
@@ -122,20 +120,20 @@ def law_of_pieces(law: Law, presses: Sequence[tuple[Array, Array]]) -> Law:
     return best
 
 
-def _error(law: Law, presses: Sequence[tuple[Array, Array]]) -> float:
+def _error(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
     """Sum of squares [N^2] of what a law says otherwise than the simulator."""
     pressed = _as_pressed(law, presses)
     off = [pressure.mean(axis=1) - force for pressure, (_, force) in zip(pressed, presses, strict=True)]
     return float((np.concatenate(off) ** 2).sum())
 
 
-def _as_pressed(law: Law, presses: Sequence[tuple[Array, Array]]) -> list[Array]:
+def _as_pressed(law: Law, presses: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
     """Pressures f64[m, 9] of each press at its own net force."""
     nets = np.array([[force.sum()] for _, force in presses])
     return [pressure[0] for pressure in pressed_together(law, [depth for depth, _ in presses], nets)]
 
 
-def pressed_together(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array]:
+def pressed_together(law: Law, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
     """Pressures f64[L, m, 9] of the pieces of N boards, as the force of a taxel that is pressed so all over, when each
     board approaches until they bear its net forces. depths: N times f64[m, 9], how far each piece is pressed in.
     net_forces: f64[N, L], newtons.
@@ -144,7 +142,7 @@ def pressed_together(law: Law, depths: Sequence[Array], net_forces: Array) -> li
     return [pressed for own in groups for pressed in _pressed(law, depths[own], net_forces[own])]
 
 
-def _pressed(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array]:
+def _pressed(law: Law, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
     deepest = np.array([depth.max() for depth in depths])
     most = -deepest + float(law.depth_m[-1]) + NEAR_M
     is_near = [depth + shift > 0.0 for depth, shift in zip(depths, most, strict=True)]
@@ -153,7 +151,7 @@ def _pressed(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array
     first, board = np.cumsum(count) - count, np.repeat(np.arange(len(depths)), count)
     wanted = net_forces * np.array([depth.shape[1] for depth in depths])[:, None]
 
-    def force(shift: Array) -> Array:
+    def force(shift: FloatArray) -> FloatArray:
         return law.force(near[:, None] + shift[board])
 
     shift = _shifts(lambda shift: np.add.reduceat(force(shift), first, axis=0), -deepest, most, wanted)
@@ -165,7 +163,9 @@ def _pressed(law: Law, depths: Sequence[Array], net_forces: Array) -> list[Array
     return result
 
 
-def _shifts(bears: Callable[[Array], Array], least: Array, most: Array, wanted: Array) -> Array:
+def _shifts(
+    bears: Callable[[FloatArray], FloatArray], least: FloatArray, most: FloatArray, wanted: FloatArray
+) -> FloatArray:
     """Of N boards those between `least` and `most`, f64[N], at which they bear what is wanted, f64[N, L]. bears: what
     they do at shifts f64[N, k], in the same shape.
 

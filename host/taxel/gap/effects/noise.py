@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 
 class Noise(Effect):
@@ -26,11 +27,11 @@ class Noise(Effect):
             Parameter("common_counts", "counts", 0.0, 3000.0, 0.0, 2.0),
         )
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Drops are means: noise leaves them."""
         return signal
 
-    def features(self, state: State, features: Array, values: Array) -> Array:
+    def features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
         """See `Effect`."""
         if not values.any():
             return features

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from taxel.gap.boards import PIECES, BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
-from taxel.gap.effects.effect import Array, Parameter
+from taxel.gap.effects.effect import Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.sheet_kernel import MOST_PAIRS
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])
 """Shares of a press's greatest force at which what a board's surroundings gain is worked out: nothing at the first;
@@ -45,7 +46,7 @@ class PillarPropagation(ContactPropagation):
         """Spread and strength."""
         return Parameter("spread_mm", "mm", 0.2, 25.0, 1.3, 3.8), Parameter("strength", "1", 0.0, 3.0, 0.0, 0.8)
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[1].any() or signal.force is None:
             return signal
@@ -55,7 +56,7 @@ class PillarPropagation(ContactPropagation):
 
 
 @lru_cache(maxsize=4)
-def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> Array:
+def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> FloatArray:
     """What the forces draw to other taxels at the strength 1, f64[Q, K, n]. A fit changes the strength beside the same
     spreads: worked out once for these. spread_mm: of each board.
     """
@@ -83,7 +84,7 @@ def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> Array
     return result
 
 
-def drawn(board: BoardLayout, pressure: Array, reach_m: float, half_depth_n: float) -> Array:
+def drawn(board: BoardLayout, pressure: FloatArray, reach_m: float, half_depth_n: float) -> FloatArray:
     """Force that a board's taxels gain at each of `LEVELS`, newtons, f64[L, m]. pressure: f64[m, 9], of their pieces at
     the level 1, as the force of a taxel that is pressed so all over. reach_m: the way over which the greatest depth
     falls to none.

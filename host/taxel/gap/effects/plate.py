@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 HALF_SHARE: Final = 0.25
 """Of full scale: counts of a gap that is half closed. No parameter: with that free it could be any law of counts. A
@@ -18,13 +18,13 @@ MOST_CLOSED: Final = 0.98
 """Of a gap: beyond that the counts of a plate capacitor say nothing of a sensor's."""
 
 
-def closed_by(state: State, signal: Signal) -> Array:
+def closed_by(state: State, signal: Signal) -> FloatArray:
     """Share x f64[Q, K, n] by which the gap is closed where the drop, as x / (1 - x), is the signal's."""
     drop = np.maximum(state.to_drop(signal), 0.0)
     return np.asarray(drop / (HALF_SHARE * state.full_scale + drop))
 
 
-def drop_of(state: State, closed: Array) -> Array:
+def drop_of(state: State, closed: FloatArray) -> FloatArray:
     """Drops [counts] of gaps that are closed by shares f64[Q, K, n]: the inverse of `closed_by`."""
     closed = np.minimum(closed, MOST_CLOSED)
     return np.asarray(HALF_SHARE * state.full_scale * closed / (1.0 - closed))

@@ -6,10 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from taxel.gap.effects.effect import OBJECT, Array, Effect, Parameter
+from taxel.gap.effects.effect import OBJECT, Effect, Parameter
 from taxel.gap.effects.geometry import changed, geometry_of, with_change
 from taxel.gap.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
+from taxel.types import FloatArray
 
 PRIOR_MM, PRIOR_DEG = 3.0, 4.0
 """How far off things are mounted, about; it settles what a press cannot tell, such as a slide along a face."""
@@ -45,13 +46,13 @@ class PoseError(Effect):
             return (*move, *turn)
         return (*move, *turn, Parameter("held_n_per_mm", "N/mm", 0.0, HELD_MOST, 0.0, HELD_N_PER_MM, HELD_N_PER_MM))
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[: TURN.stop].any() or signal.force is None:
             return signal
         return with_change(state, signal, self._change(state, values))
 
-    def _change(self, state: State, values: Array) -> Array:
+    def _change(self, state: State, values: FloatArray) -> FloatArray:
         """What the displacement does to the forces, f64[C, 2, L, n] as `with_change` takes it."""
         geometry = geometry_of(state)
         blocks, motions = self.blocks(state), self._motions(values)
@@ -67,7 +68,7 @@ class PoseError(Effect):
                 displaced[number] = motion
         return changed(state, geometry.displaced(state, displaced, held))
 
-    def _motions(self, values: Array) -> Array:
+    def _motions(self, values: FloatArray) -> FloatArray:
         """Of each block, f64[G, 4, 4]: of boards as an object that is moved sees them, or of brackets in their own
         frames.
         """
@@ -75,7 +76,7 @@ class PoseError(Effect):
         steps[:, :3, 3] = 1e-3 * self.told(values)[PLACE].T
         return inverse(steps) if self.scope == OBJECT else steps
 
-    def told(self, values: Array) -> Array:
+    def told(self, values: FloatArray) -> FloatArray:
         """Values as people are told them: the translation of the origin, in the frame before the turn.
 
         A bracket's is fitted in the frame after it, in which no press tells a translation along a flat board's normal,

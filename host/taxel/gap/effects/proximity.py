@@ -6,8 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 
 class Proximity(Effect):
@@ -26,7 +27,7 @@ class Proximity(Effect):
             "counts", "counts", -800.0, 1500.0, 0.0, 30.0
         )
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values[1].any() or signal.separation is None:
             return signal

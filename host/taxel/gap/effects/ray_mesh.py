@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from taxel.grasp.shapes import ConvexPolytope, ShapeError
 from taxel.recording.grasp_tables import ObjectMesh
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_DETERMINANT: Final = 1e-15
 """Square metres; a triangle that a ray sees smaller is met edge-on."""
@@ -30,7 +28,7 @@ class Mesh:
         self._triangles = mesh.vertices[mesh.faces]
         self._shape = _convex(mesh)
 
-    def separation(self, points: Array, directions: Array) -> Array:
+    def separation(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Signed distances from points f64[m, e, 3] along their ray f64[m, 3] to where it enters, f64[m, e]; inf where
         it misses.
         """
@@ -51,7 +49,7 @@ def _convex(mesh: ObjectMesh) -> ConvexPolytope | None:
         return None
 
 
-def _through_triangles(triangles: Array, points: Array, directions: Array) -> Array:
+def _through_triangles(triangles: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
     """Moller and Trumbore 1997, their triple products written so that what hangs on rays and on triangles are factors
     of matrices; the entry that lies nearest to the point counts.
     """

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 START: Final = 0.7
 """Of the largest drop: a search must start where something is cut off, or nothing tells it the way."""
@@ -26,7 +27,7 @@ class Saturation(Effect):
         """Where it ends; the upper bound is out of reach of 16 bit. Its start is of a hand that nobody has measured."""
         return (Parameter("counts", "counts", 50.0, 1e6, 1e6, 1000.0),)
 
-    def starts(self, state: State) -> Array:
+    def starts(self, state: State) -> FloatArray:
         """See `Effect`."""
         values = super().starts(state)
         if "counts" not in self.priors:
@@ -35,7 +36,7 @@ class Saturation(Effect):
             values[:] = np.clip(START * largest, counts.low, counts.high)
         return values
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values >= 1e6).all():
             return signal

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.boards import PIECES, BoardLayout
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 FAR_M: Final = 0.04
 """Pieces farther apart do not reach each other."""
@@ -37,14 +36,14 @@ class _Distances:
     piece (second) of every taxel, [9, 9, m, m]: from taxels, to taxels.
     """
 
-    apart_m: Array
+    apart_m: FloatArray
     which: NDArray[np.intp]
 
 
 _known: WeakValueDictionary[bytes, _Distances] = WeakValueDictionary()
 
 
-def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
+def sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
     """Share of the force on each piece that reaches a taxel (last axis) of its board, f64[9, m, m]; they add to 1."""
     if (PIECES**2 * len(board.taxels)) ** 2 > MOST_PAIRS:
         kernel = _shares(board.apart_m, spread_m, board.pitch_m)
@@ -53,7 +52,7 @@ def sheet_kernel(board: BoardLayout, spread_m: float) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _kernel(distances: _Distances, spread_m: float, side_m: float) -> Array:
+def _kernel(distances: _Distances, spread_m: float, side_m: float) -> FloatArray:
     """See `sheet_kernel`; fingers that are built alike share it."""
     kernel = _shares(distances.apart_m, spread_m, side_m)[distances.which].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
@@ -61,13 +60,13 @@ def _kernel(distances: _Distances, spread_m: float, side_m: float) -> Array:
     return np.asarray(kernel)
 
 
-def _shares(apart_m: Array, spread_m: float, side_m: float) -> Array:
+def _shares(apart_m: FloatArray, spread_m: float, side_m: float) -> FloatArray:
     """What reaches a square of another, over the distance of their centres."""
     share = np.interp(apart_m, *_square_kernel(round(spread_m, 7), round(side_m, 6)))
     return np.asarray(np.where(apart_m < FAR_M, share, 0.0))
 
 
-def taxel_kernel(kernel: Array, share: Array | None) -> Array:
+def taxel_kernel(kernel: FloatArray, share: FloatArray | None) -> FloatArray:
     """Share of a taxel's force (row) that reaches another (column), f64[m, m]. share: f64[m, 9], of a taxel's force on
     its pieces; None: even.
     """
@@ -88,7 +87,7 @@ def _distances(board: BoardLayout) -> _Distances:
 
 
 @lru_cache(maxsize=256)
-def _square_kernel(spread_m: float, side_m: float) -> tuple[Array, Array]:
+def _square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray, FloatArray]:
     """exp(-r / spread) averaged over two squares, over the distance of their centres, mean of two directions."""
     steps, weight = np.arange(1 - SUB, SUB) * side_m / SUB, SUB - np.abs(np.arange(1 - SUB, SUB))
     x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))

@@ -7,11 +7,12 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from taxel.gap.effects.effect import Array, Effect, Parameter
+from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.plate import closed_by, drop_of
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 CREEP_PRIOR: Final = 0.3
 """Expected creep a decade of time."""
@@ -47,7 +48,7 @@ class Sticking(Effect):
         creep = Parameter("creep", "1", 0.0, 1.0, 0.0, 0.05, CREEP_PRIOR)
         return Parameter("play", "1", 0.0, 1.0, 0.0, 0.05), creep
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if not values.any():
             return signal
@@ -57,14 +58,14 @@ class Sticking(Effect):
         return signal.with_drop(drop_of(state, crept(closed, state.since, creep)))
 
 
-def as_late(values: Array, frame_s: float, lasts_s: float) -> tuple[float, float]:
+def as_late(values: FloatArray, frame_s: float, lasts_s: float) -> tuple[float, float]:
     """In the words of the other forms: the share that comes between a frame and the end of the record, and the seconds
     by which half of that has come. values: of the parameters, f64[2, 1].
     """
     return float(values[1, 0]) * float(np.log10(lasts_s / frame_s)), float(np.sqrt(frame_s * lasts_s))
 
 
-def stuck(values: Array, width: Array) -> Array:
+def stuck(values: FloatArray, width: FloatArray) -> FloatArray:
     """What follows values f64[Q, K, n] >= 0 along K with a play: it lags by up to width f64[Q, n] while they grow, and
     stays while they fall to it.
     """
@@ -77,7 +78,7 @@ def stuck(values: Array, width: Array) -> Array:
     return result
 
 
-def crept(values: Array, time_s: Array, creep: Array) -> Array:
+def crept(values: FloatArray, time_s: FloatArray, creep: FloatArray) -> FloatArray:
     """Of values f64[Q, K, n] at times f64[K]: to a step, 1 + creep log10(t / AT_ONCE_S). creep: f64, of each value.
 
     A sum of first-order lags is linear in the values: one matrix for all of them.
@@ -86,7 +87,7 @@ def crept(values: Array, time_s: Array, creep: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _creep_a_decade(time_s: tuple[float, ...]) -> Array:
+def _creep_a_decade(time_s: tuple[float, ...]) -> FloatArray:
     """Matrix f64[K, K]: what comes of values at nodes of time, with a creep of 1."""
     times, one = np.array(time_s), np.eye(len(time_s))
     late = np.expm1(-AT_ONCE_S / TIMES_S).sum() * one

@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from taxel.gap.effects.effect import TAXEL, Array, Effect, Parameter
+from taxel.gap.effects.effect import TAXEL, Effect, Parameter
 from taxel.gap.effects.geometry import changed, geometry_of, with_change
 from taxel.gap.state import Signal, State
+from taxel.types import FloatArray
 
 TAXEL_PRIOR = 0.35
 """Expected scatter of single taxels about 1."""
@@ -30,7 +31,7 @@ class Stiffness(Effect):
         prior = TAXEL_PRIOR if self.scope == TAXEL else np.inf
         return (Parameter("half_force_scale", "1", 0.1, 10.0, 1.0, 1.0, prior),)
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values == 1.0).all() or signal.drop is not None:
             return signal
@@ -46,7 +47,7 @@ class Sinking(Stiffness):
     order = 12  # before what spreads the force, as a displacement is
     variant = "sinking"
 
-    def apply(self, state: State, signal: Signal, values: Array) -> Signal:
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""
         if (values == 1.0).all() or signal.force is None or signal.drop is not None:
             return signal

@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.clock import Clock
 from taxel.gap.effects.proximity import MISSED_M
 from taxel.gap.state import Signal, State
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
 
 LADDER: Final = (0.25, 0.5, 2.0, 3.0)
 """Factors on the force of a press."""

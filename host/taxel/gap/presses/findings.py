@@ -18,8 +18,7 @@ from taxel.gap.metric import jackknife_error
 from taxel.gap.pair import Pair
 from taxel.gap.rounds import FIXED, Forms
 from taxel.gap.trial import Selection
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST_RIVALS: Final = 6
 """Pairs that presses are judged by."""
@@ -103,8 +102,8 @@ class Values:
     labels: tuple[str, ...]
     place: NDArray[np.intp]
     owner: NDArray[np.intp]
-    error: Array
-    size: Array
+    error: FloatArray
+    size: FloatArray
 
 
 def values_of(findings: Findings) -> Values:
@@ -112,7 +111,7 @@ def values_of(findings: Findings) -> Values:
     pair, first = findings.judge.state.pair, 0
     names: list[str] = []
     labels: list[str] = []
-    parts: list[tuple[Array, Array, Array, Array]] = []
+    parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
     for link in findings.chain.links:
         effect = link.effect
         if effect.name in FIXED:
@@ -138,7 +137,7 @@ def values_of(findings: Findings) -> Values:
     return Values(tuple(names), tuple(labels), place.astype(np.intp), owner.astype(np.intp), error, size_of)
 
 
-def _errors(inside: Sequence[Array], row: int, count: int) -> Array:
+def _errors(inside: Sequence[FloatArray], row: int, count: int) -> FloatArray:
     """Jackknife over sessions (Tukey 1958), f64[count]; NaN below three."""
     return jackknife_error(np.array([one[row] for one in inside])) if len(inside) > 2 else np.full(count, np.nan)
 

@@ -23,8 +23,7 @@ from taxel.gap.judge import Judge
 from taxel.gap.pair import Pair
 from taxel.gap.rounds import FIXED
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LITTLE: Final = 1e-4
 """Share of a value's variance that a press must take away at least to be reckoned with."""
@@ -39,34 +38,34 @@ class Added:
 
     known: Known
     index: NDArray[np.intp]
-    weight: Array
+    weight: FloatArray
     columns: tuple[Column, ...]
 
     @cached_property
-    def inner(self) -> Array:
+    def inner(self) -> FloatArray:
         """Covariance of the values so far, f64[q, q]."""
         return self.known.covariance[np.ix_(self.index, self.index)]
 
     @cached_property
-    def system(self) -> Array:
+    def system(self) -> FloatArray:
         """N = J'WJ, f64[q, q]."""
         if not self.columns:
             return np.zeros((0, 0))
         return system_of(self._problem(np.zeros_like(self.weight)), self.columns)
 
-    def pull(self, difference: Array) -> Array:
+    def pull(self, difference: FloatArray) -> FloatArray:
         """J'Wd of a difference f64[F, n], f64[q]."""
         return gradient_of(self._problem(difference), self.columns, np.zeros((1, *difference.shape)))
 
-    def _problem(self, target: Array) -> Problem:
+    def _problem(self, target: FloatArray) -> Problem:
         """Of the press alone, f64[F, n]."""
         return Problem(self.known.judge.state, target[None], self.weight[None])
 
     @cached_property
-    def _factors(self) -> tuple[Array, NDArray[np.int32]]:
+    def _factors(self) -> tuple[FloatArray, NDArray[np.int32]]:
         return lu_factor(np.eye(len(self.index)) + self.system @ self.inner, check_finite=False)
 
-    def step(self, right: Array) -> Array:
+    def step(self, right: FloatArray) -> FloatArray:
         """(N^-1 + C)^-1 times f64[q, ...], C being `inner`, without the inverse of N: Woodbury's identity."""
         if not len(self.index):
             return np.zeros_like(right)
@@ -82,9 +81,9 @@ class Known:
 
     judge: Judge
     chain: Chain
-    features: Array
+    features: FloatArray
     columns: tuple[Column, ...]
-    covariance: Array
+    covariance: FloatArray
 
     @classmethod
     def of(cls, judge: Judge, chain: Chain) -> Known:
@@ -96,7 +95,7 @@ class Known:
         problem = Problem(judge.state, start.features, judge.weight)
         return cls(judge, chain, start.features, columns, _inverse(system_of(problem, columns)))
 
-    def left(self, difference: Array) -> Left:
+    def left(self, difference: FloatArray) -> Left:
         """What these values cannot do of a difference f64[C, F, n] on the recorded presses."""
         weight = self.judge.weight
         length2 = float(np.sum(weight * difference**2))
@@ -105,7 +104,7 @@ class Known:
         problem = Problem(self.judge.state, difference, weight)
         return Left(self, gradient_of(problem, self.columns, np.zeros_like(difference)), length2)
 
-    def variance_after(self, added: Added) -> Array:
+    def variance_after(self, added: Added) -> FloatArray:
         """Variances of all values once a press is added, f64[p]."""
         own = self.covariance[added.index]
         return np.asarray(np.diag(self.covariance) - np.sum(own * added.step(own), axis=0))
@@ -118,11 +117,11 @@ class Left:
     """
 
     known: Known
-    pull: Array
+    pull: FloatArray
     length2: float
 
     @cached_property
-    def _moved(self) -> Array:
+    def _moved(self) -> FloatArray:
         return np.asarray(self.known.covariance @ self.pull)
 
     @property
@@ -130,7 +129,7 @@ class Left:
         """Squared length of what stays when the values give way, in units of what scatters."""
         return max(self.length2 - float(self.pull @ self._moved), 0.0)
 
-    def after(self, added: Added, difference: Array) -> float:
+    def after(self, added: Added, difference: FloatArray) -> float:
         """The same with one more press, where the two differ by f64[F, n] (the criterion T of Atkinson and Fedorov
         1975, linear about the fit).
         """
@@ -148,7 +147,7 @@ class Felt:
     """
 
     known: Known
-    features: Array
+    features: FloatArray
     columns: tuple[Column, ...]
     numbers: tuple[NDArray[np.intp], ...]
 
@@ -167,7 +166,7 @@ class Felt:
             first += column.count
         return cls(known, start.features, start.columns, tuple(numbers))
 
-    def added(self, press: int, weight: Array) -> Added:
+    def added(self, press: int, weight: FloatArray) -> Added:
         """What press `press` adds. weight: f64[C, F, n]."""
         w, variance = weight[press], np.diag(self.known.covariance)
         index: list[NDArray[np.intp]] = []
@@ -219,7 +218,7 @@ def _bounded(columns: Sequence[Column], chain: Chain) -> list[Column]:
     ]
 
 
-def _inverse(system: Array) -> Array:
+def _inverse(system: FloatArray) -> FloatArray:
     scale = 1.0 / np.sqrt(np.diag(system))
     scaled = system * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-9

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.cores import in_copies
 from taxel.gap.effects.proximity import Proximity
@@ -22,8 +21,7 @@ from taxel.gap.presses.findings import Findings, values_of
 from taxel.gap.presses.information import Added, Felt, Known, Left
 from taxel.gap.presses.scatter import Scatter
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST_PRESSES: Final = 10
 """Of a report."""
@@ -147,7 +145,7 @@ class _Questions:
             advice.append(self._advice(press, np.array(after), told))
         return advice
 
-    def _advice(self, press: Press, after: Array, added: Added) -> Advice:
+    def _advice(self, press: Press, after: FloatArray, added: Added) -> Advice:
         """after: squared distance of each pair with the press, f64[pairs]."""
         before = np.array([pair.apart2 for pair in self._pairs])
         apart = np.maximum(0.5 * np.log2((1.0 + after) / (1.0 + before)), 0.0)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.features import Layout
 from taxel.gap.judge import Judge, tolerance2
 from taxel.gap.state import TOUCHED_COUNTS
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +19,9 @@ class Scatter:
     """
 
     layout: Layout
-    other: Array
-    still: Array
-    share2: Array
+    other: FloatArray
+    still: FloatArray
+    share2: FloatArray
 
     @classmethod
     def of(cls, judge: Judge) -> Scatter:
@@ -37,7 +35,7 @@ class Scatter:
         squares = np.where(touched, drop**2, 0.0).sum(axis=(0, 2))
         return cls(layout, variance.mean(axis=0), quiet, above / np.maximum(squares, TOUCHED_COUNTS**2))
 
-    def weight(self, model: Array, expected: Array) -> Array:
+    def weight(self, model: FloatArray, expected: FloatArray) -> FloatArray:
         """Of presses that were not made, 1 / counts^2. model, expected: features f64[C, F, n] of the simulator, and of
         a chain.
         """
@@ -46,7 +44,7 @@ class Scatter:
         variance[:, : self.layout.bins] = self.still[:, None] + self.share2[:, None] * drop**2
         return self.layout.weight[:, None] / (variance + tolerance2(self.layout, model, expected))
 
-    def weight_again(self, judge: Judge, expected: Array) -> Array:
+    def weight_again(self, judge: Judge, expected: FloatArray) -> FloatArray:
         """What a second recording of the same presses adds: their scatter is halved, an imperfect solver stays."""
         error2 = tolerance2(self.layout, judge.state.mean, expected)
         with np.errstate(divide="ignore"):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from taxel.gap.attribution import Attribution
@@ -24,8 +23,7 @@ from taxel.gap.metric import Gap, Interval, jackknife, shrink_by, together
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import model_of, noise_parts
 from taxel.gap.trial import Selection, Trial
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 COMMON_SHARE: Final = 0.5 * MODEL_SHARE
 """Relative standard error of a parameter from a good simulator's own error: the half that all presses share."""
@@ -81,7 +79,7 @@ def effect_entry(
     return found
 
 
-def _alone(judge: Judge, before: Array, first: Trial, gap: Gap) -> dict[str, Any]:
+def _alone(judge: Judge, before: FloatArray, first: Trial, gap: Gap) -> dict[str, Any]:
     """What it does by itself; on cells that were left out, if it was worth that. before: features as the search began,
     whose frames were aligned without it: what it takes of their gap it takes of the one that is told.
     """
@@ -152,9 +150,9 @@ def _drifted(link: Link) -> float:
     return -size if slope < -scatter else size
 
 
-def _shown(pair: Pair, link: Link, row: int) -> Array:
+def _shown(pair: Pair, link: Link, row: int) -> FloatArray:
     """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
-    values: Array = link.values[row]
+    values: FloatArray = link.values[row]
     if not is_delay(link.effect) or len(values) < 2:
         return values
     earliest = values[values < values.min() + 0.5 * pair.frame_s]

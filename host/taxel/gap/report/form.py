@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap import catalogue
 from taxel.gap.attribution import Attribution
@@ -26,8 +25,6 @@ from taxel.gap.rounds import FIXED, Forms
 from taxel.gap.trial import Round, Selection
 from taxel.gap.verdict import UNKNOWN, Verdict
 from taxel.gap.where import products, where
-
-Array = NDArray[np.float64]
 
 
 def report_of(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.chain import Link
 from taxel.gap.effects.dropout import Dropout
@@ -13,8 +12,7 @@ from taxel.gap.effects.effect import BOARD, HAND, OBJECT
 from taxel.gap.features import known_mean
 from taxel.gap.pair import Pair
 from taxel.gap.state import State
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 NOISE_PARTS: Final = ("white_counts", "tx_counts", "rx_counts", "board_counts")
 """Standard deviations of independent parts: each taxel's own, and common to a TX line, an RX line, a board."""
@@ -63,7 +61,7 @@ def block_names(pair: Pair, scope: str) -> list[int | str]:
     return [*range(pair.n)]
 
 
-def noise_parts(pair: Pair, link: Link) -> Array:
+def noise_parts(pair: Pair, link: Link) -> FloatArray:
     """The variance that noise adds, parted as the covariances of successive frames tell: deviations f64[4, G].
 
     Taxels on a common line share what the line and what the board has; others of the board only the latter.

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import LEAST_MARGIN_COUNTS, MARGIN_FLOORS, terms
 from taxel.gap.pair import Pair
 from taxel.gap.verdict import Verdict
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 
 def page_fields(
-    pair: Pair, layout: Layout, real: SessionMeans, before: Array, after: Array, verdict: Verdict
+    pair: Pair, layout: Layout, real: SessionMeans, before: FloatArray, after: FloatArray, verdict: Verdict
 ) -> dict[str, Any]:
     """What the page shows beside the fields of the form."""
     first, second = terms(real, before, layout), terms(real, after, layout)
@@ -24,7 +22,7 @@ def page_fields(
     of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
     sensor = pair.groups.sensor
 
-    def rms(part: Array) -> float:
+    def rms(part: FloatArray) -> float:
         return float(np.sqrt(max(part.sum(axis=1).mean(), 0.0))) if part.size else 0.0
 
     return {

@@ -23,8 +23,8 @@ from taxel.gap.page.report import Report
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.verdict import UNKNOWN
 from taxel.hand.errors import shown, shown_path
+from taxel.types import FloatArray
 
-Array = NDArray[np.float64]
 Block = int | str
 
 LARGEST_BYTES: Final = 2**28
@@ -51,7 +51,7 @@ class ReportedEffect:
     shift_s: float
     blocks: tuple[Block, ...]
     parameters: tuple[str, ...]
-    values: Array
+    values: FloatArray
     content: Mapping[str, Any]
     missing: Mapping[int, float] = field(default_factory=dict)
     stuck: tuple[int, ...] = ()
@@ -208,7 +208,7 @@ def _blocks(model: Value, scope: str, taxels: int) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _values(found: Value, parameters: tuple[Parameter, ...], blocks: int) -> Array:
+def _values(found: Value, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
     wanted = [parameter.name for parameter in parameters]
     if sorted(found.table()) != sorted(wanted):
         found.fail(f"{', '.join(wanted)} and nothing else")

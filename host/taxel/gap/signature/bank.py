@@ -18,8 +18,7 @@ from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, shapes
 from taxel.gap.signature.words import change_words, shape_words, sum_words
 from taxel.gap.where import PHASES, Products, p_values, products, shares, summed
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEVEL: Final = 0.05
 """Of a p-value, corrected over the bank, under which a distortion is said to be there."""
@@ -64,7 +63,7 @@ class Signature:
 
     left: Remainder
     excess: float
-    pressed: Array
+    pressed: FloatArray
     bank: tuple[Entry, ...]
     best: Entry | None
     sure: bool
@@ -72,7 +71,7 @@ class Signature:
 
 
 def unexplained(
-    pair: Pair, layout: Layout, real: SessionMeans, model: Array, fold: NDArray[np.intp], seed: int
+    pair: Pair, layout: Layout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp], seed: int
 ) -> dict[str, Any]:
     """The report's `unexplained`.
 
@@ -111,7 +110,7 @@ def unexplained(
     }
 
 
-def signature(pair: Pair, layout: Layout, real: SessionMeans, model: Array, fold: NDArray[np.intp]) -> Signature:
+def signature(pair: Pair, layout: Layout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp]) -> Signature:
     """Try the bank. See `unexplained`."""
     left = Remainder.of(pair, real, model, layout, fold)
     excess = float(off_diagonal(left.gram))
@@ -145,7 +144,7 @@ def _of_spot(one: Spot, excess: float) -> Entry:
     return Entry(FIXED[one.scope], one.scope, share, share * excess, one.p_value, size, spot=one)
 
 
-def _share(part: Array, excess: float) -> float:
+def _share(part: FloatArray, excess: float) -> float:
     return float(np.clip(float(part) / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 
@@ -193,7 +192,7 @@ def _may_be(one: Entry) -> bool:
     return one.p_value is None or one.p_value < NEARLY
 
 
-def _said(pair: Pair, layout: Layout, found: Signature, model: Array) -> tuple[str, list[dict[str, Any]]]:
+def _said(pair: Pair, layout: Layout, found: Signature, model: FloatArray) -> tuple[str, list[dict[str, Any]]]:
     """The sentence, and the places."""
     best = found.best
     if best is None:

@@ -18,8 +18,7 @@ from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.metric import jackknife, leave_one_out, off_diagonal
 from taxel.gap.pair import Pair
 from taxel.gap.signature.shapes import HAND, Shape, groups
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 RIDGE: Final = 0.03
 """Of a column's mean energy in a group: what a group hardly shows is not fitted."""
@@ -41,9 +40,9 @@ class Told:
 
     shape: str
     scope: str
-    taxels: Array
-    total: Array
-    numbers: Array
+    taxels: FloatArray
+    total: FloatArray
+    numbers: FloatArray
 
     @property
     def size(self) -> int:
@@ -60,14 +59,14 @@ class Remainder:
     """
 
     pair: Pair
-    residual: Array
+    residual: FloatArray
     known: NDArray[np.bool_]
-    root: Array
+    root: FloatArray
     fold: NDArray[np.intp]
-    both: Array
+    both: FloatArray
 
     @classmethod
-    def of(cls, pair: Pair, real: SessionMeans, model: Array, layout: Layout, fold: NDArray[np.intp]) -> Remainder:
+    def of(cls, pair: Pair, real: SessionMeans, model: FloatArray, layout: Layout, fold: NDArray[np.intp]) -> Remainder:
         """model: f64[C, F, n]."""
         residual = real.residual(model)
         known = real.known & np.isfinite(residual)
@@ -77,7 +76,7 @@ class Remainder:
         both = np.einsum("csn,ctn,cn->st", heard, heard, pressed, optimize=True) / pressed.sum()
         return cls(pair, np.where(known, residual, 0.0), known, root, fold, both)
 
-    def even(self, gram: Array) -> Array:
+    def even(self, gram: FloatArray) -> FloatArray:
         """Products f64[S, S] as if every session knew everything; two that share little count as the others do."""
         tells = self.both > LEAST_SHARED
         if not tells.any():
@@ -86,7 +85,7 @@ class Remainder:
         return np.asarray(np.where(tells, full, full[tells].mean()))
 
     @property
-    def gram(self) -> Array:
+    def gram(self) -> FloatArray:
         """Counts^2 of each pair of sessions, f64[S, S]."""
         scaled = self.residual * self.root
         return self.even(np.einsum("csfn,ctfn->st", scaled, scaled, optimize=True))
@@ -99,10 +98,10 @@ class _Sums:
     unit: f64[K], by which columns were divided.
     """
 
-    normal: Array
-    right: Array
+    normal: FloatArray
+    right: FloatArray
     heard: NDArray[np.bool_]
-    unit: Array
+    unit: FloatArray
 
 
 def told(left: Remainder, shape: Shape) -> list[Told]:
@@ -112,7 +111,7 @@ def told(left: Remainder, shape: Shape) -> list[Told]:
     return [_in_scope(left, sums, shape, scope) for scope in shape.scopes if not one_cell or scope == HAND]
 
 
-def p_value(gram: Array) -> float | None:
+def p_value(gram: FloatArray) -> float | None:
     """That this much, f64[S, S], is told although nothing is there: t of the jackknife. None below 3 sessions."""
     whole = float(off_diagonal(gram))
     left = [float(off_diagonal(gram[np.ix_(stay, stay)])) for stay in leave_one_out(len(gram))]
@@ -169,10 +168,10 @@ def _in_scope(left: Remainder, sums: _Sums, shape: Shape, scope: str) -> Told:
     return Told(shape.name, scope, off_diagonal(gram), left.even(gram.sum(axis=0)), numbers / sums.unit)
 
 
-def _products(sums: _Sums, fitted: Array) -> Array:
+def _products(sums: _Sums, fitted: FloatArray) -> FloatArray:
     """Residuals' products less those of what the fits f64[C, S, n, K] leave, f64[n, S, S]."""
 
-    def by_taxel(values: Array) -> Array:
+    def by_taxel(values: FloatArray) -> FloatArray:
         cells, sessions, taxels, columns = values.shape
         return np.transpose(values, (2, 1, 0, 3)).reshape(taxels, sessions, cells * columns)
 
@@ -182,7 +181,7 @@ def _products(sums: _Sums, fitted: Array) -> Array:
     return np.asarray(cross + np.swapaxes(cross, 1, 2) - np.matmul(by_taxel(predicted), turned))
 
 
-def _grouped(belongs: csr_array, values: Array, axis: int) -> Array:
+def _grouped(belongs: csr_array, values: FloatArray, axis: int) -> FloatArray:
     """Sums over the groups along an axis of n."""
     count, taxels = belongs.shape
     if count == taxels and bool((belongs.indices == np.arange(taxels)).all()):

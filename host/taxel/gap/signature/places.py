@@ -12,8 +12,7 @@ from taxel.gap.features import mean_product
 from taxel.gap.pair import Pair
 from taxel.gap.signature.fit import Remainder, p_value
 from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, groups
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST: Final = {TAXEL: 3, ROW: 2, COLUMN: 2, BOARD: 2}
 """Places that are named together: two lines that changed places, a few taxels."""
@@ -34,13 +33,13 @@ class Spot:
 
     scope: str
     numbers: tuple[int, ...]
-    taxels: Array
-    gram: Array
+    taxels: FloatArray
+    gram: FloatArray
     p_value: float | None
     alone: bool
 
 
-def energy(left: Remainder, model: Array, bins: int) -> Array:
+def energy(left: Remainder, model: FloatArray, bins: int) -> FloatArray:
     """Squared drops, predicted and found, as they count, f64[C, n]."""
     known = left.known[:, :, :bins].any(axis=1)
     count = np.maximum(left.known[:, :, :bins].sum(axis=1), 1)
@@ -49,7 +48,7 @@ def energy(left: Remainder, model: Array, bins: int) -> Array:
     return np.asarray((squares * left.root[:bins] ** 2).sum(axis=1))
 
 
-def spots(left: Remainder, model: Array, bins: int) -> list[Spot]:
+def spots(left: Remainder, model: FloatArray, bins: int) -> list[Spot]:
     """What stands out, one for each kind of place at most."""
     scaled = left.residual[:, :, :bins] * left.root[:bins]
     excess = _excess(scaled, left.known[:, :, :bins].sum(axis=1))
@@ -60,7 +59,7 @@ def spots(left: Remainder, model: Array, bins: int) -> list[Spot]:
     return [spot for spot in found if spot is not None]
 
 
-def _excess(scaled: Array, count: NDArray[np.intp]) -> Array:
+def _excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
     """Of each cell and taxel, f64[C, n]. scaled: f64[C, S, B, n]. count: [C, B, n], sessions that know it."""
     squares = np.square(scaled).sum(axis=1)
     if scaled.shape[1] < 2:
@@ -68,7 +67,7 @@ def _excess(scaled: Array, count: NDArray[np.intp]) -> Array:
     return np.asarray(mean_product(scaled.sum(axis=1), squares, count).sum(axis=1))
 
 
-def _spot(left: Remainder, scope: str, scaled: Array, excess: Array, pressed: Array) -> Spot | None:
+def _spot(left: Remainder, scope: str, scaled: FloatArray, excess: FloatArray, pressed: FloatArray) -> Spot | None:
     group = groups(left.pair, scope)
     count = int(group.max()) + 1
     own = np.bincount(group, excess.sum(axis=0), count) / excess.sum()
@@ -90,7 +89,7 @@ def _spot(left: Remainder, scope: str, scaled: Array, excess: Array, pressed: Ar
     return Spot(scope, tuple(chosen), np.where(here, excess.sum(axis=0), 0.0), gram, searched, alone)
 
 
-def _throughout(excess: Array, pressed: Array) -> bool:
+def _throughout(excess: FloatArray, pressed: FloatArray) -> bool:
     """Whether the residual is about as large a part of the drop in every taxel and cell, f64[C, m]."""
     whole = float(pressed.sum())
     if whole <= 0:
@@ -100,7 +99,7 @@ def _throughout(excess: Array, pressed: Array) -> bool:
     return bool(touched.sum() >= 2 and pressed[wrong].sum() >= THROUGHOUT * whole)
 
 
-def located(pair: Pair, taxels: Array, pressed: Array, scope: str) -> tuple[str, list[tuple[int, float]]]:
+def located(pair: Pair, taxels: FloatArray, pressed: FloatArray, scope: str) -> tuple[str, list[tuple[int, float]]]:
     """Where most of what a distortion tells lies: the kind of place, and numbers with shares of it, largest first.
 
     taxels: f64[n], told of the excess. pressed: f64[n], squared drops. scope: of the fitted numbers; of one for the
@@ -119,13 +118,13 @@ def located(pair: Pair, taxels: Array, pressed: Array, scope: str) -> tuple[str,
     return HAND, []
 
 
-def _largest(taxels: Array, group: NDArray[np.intp], least: float) -> list[tuple[int, float]]:
+def _largest(taxels: FloatArray, group: NDArray[np.intp], least: float) -> list[tuple[int, float]]:
     share = _shares(np.bincount(group, taxels).astype(np.float64))
     order = np.argsort(-share, kind="stable")[:6]
     return [(int(k), float(share[k])) for k in order if share[k] >= least]
 
 
-def _shares(values: Array) -> Array:
+def _shares(values: FloatArray) -> FloatArray:
     """Of what is above 0."""
     positive = np.maximum(values, 0.0)
     return np.asarray(positive / max(float(positive.sum()), 1e-30))

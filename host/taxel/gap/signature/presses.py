@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.chances import fisher_tail, student_tail
 from taxel.gap.pair import Pair
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 LEAST_ENERGY: Final = 0.1
 """Of a board's largest over cells: a cell that presses it less tells no factor."""
@@ -42,7 +41,7 @@ class Change:
     trend: bool = False
 
 
-def changes(pair: Pair, hold: Array, counts2: float) -> list[Change]:
+def changes(pair: Pair, hold: FloatArray, counts2: float) -> list[Change]:
     """Both kinds. hold: f64[C, n], predicted drops. counts2: mean square of predicted drops as the gap counts them."""
     factor, weight = _factors(pair, hold)
     whole = np.einsum("rb,rb->r", np.nan_to_num(factor), weight) / np.where(
@@ -67,7 +66,7 @@ def _small(p_value: float | None, tests: int) -> bool:
     return p_value is not None and p_value * tests < 0.05
 
 
-def _factors(pair: Pair, hold: Array) -> tuple[Array, Array]:
+def _factors(pair: Pair, hold: FloatArray) -> tuple[FloatArray, FloatArray]:
     """By how much each board of each press drops more than predicted, f64[R, s], NaN where it was hardly pressed; and
     the squared drops that tell it.
     """
@@ -81,16 +80,16 @@ def _factors(pair: Pair, hold: Array) -> tuple[Array, Array]:
     return np.where(told, shared / np.where(told, squares, 1.0), np.nan), np.where(told, squares, 0.0)
 
 
-def _dummies(cell: NDArray[np.intp]) -> Array:
+def _dummies(cell: NDArray[np.intp]) -> FloatArray:
     return np.asarray(cell[:, None] == np.unique(cell)).astype(np.float64)
 
 
-def _left(values: Array, columns: Array) -> Array:
+def _left(values: FloatArray, columns: FloatArray) -> FloatArray:
     """Values less their least squares fit by columns."""
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def _between(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
+def _between(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
     """Standard deviation between sessions beyond what cells scatter, and the F test of it (two-way, additive)."""
     known = np.isfinite(factor)
     keys, number = np.unique(np.column_stack([cell, session])[known], axis=0, return_inverse=True)
@@ -113,7 +112,7 @@ def _between(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) -
     return trend, fisher_tail(between / error, sessions - 1, freedom), steady, 0.0
 
 
-def _within(factor: Array, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
+def _within(factor: FloatArray, cell: NDArray[np.intp], session: NDArray[np.intp]) -> Found:
     """Change from a session's first press to its last, with cells and sessions apart; the larger of two p-values, of
     ordinary least squares and of one that lets presses of a session go together (Liang and Zeger 1986).
     """

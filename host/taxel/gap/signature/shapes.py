@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from taxel.gap.features import COUNTS_MISSING, COUNTS_PER_SECOND, Layout
 from taxel.gap.pair import Pair
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 HAND, BOARD, ROW, COLUMN, TAXEL = "hand", "board", "row", "column", "taxel"
 EVERY_SCOPE: Final = (HAND, BOARD, ROW, COLUMN, TAXEL)
@@ -43,7 +42,7 @@ class Shape:
 
     name: str
     features: NDArray[np.intp]
-    columns: Array
+    columns: FloatArray
     scopes: tuple[str, ...]
 
 
@@ -56,7 +55,7 @@ def groups(pair: Pair, scope: str) -> NDArray[np.intp]:
     return {BOARD: pair.groups.sensor, ROW: pair.groups.tx, COLUMN: pair.groups.rx}[scope]
 
 
-def shapes(pair: Pair, layout: Layout, model: Array) -> Iterator[Shape]:
+def shapes(pair: Pair, layout: Layout, model: FloatArray) -> Iterator[Shape]:
     """The bank, one after another. model: f64[C, F, n], features after the best set of effects; NaN where unknown."""
     model = np.nan_to_num(model)
     bins = np.arange(layout.bins)
@@ -83,24 +82,24 @@ def shapes(pair: Pair, layout: Layout, model: Array) -> Iterator[Shape]:
         yield Shape(name, np.array([feature]), np.full((*hold.shape, 1, 1), unit), (HAND, BOARD))
 
 
-def bends(drop: Array) -> Array:
+def bends(drop: FloatArray) -> FloatArray:
     """Counts at which the curve over the predicted drop may bend, f64[K]."""
     return np.array(BENDS) * max(float(drop.max(initial=0.0)), 1.0)
 
 
-def _hats(values: Array, knots: Array) -> Array:
+def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
     """Triangles around each knot, f64[..., K]; the last one goes on for ever, the first one falls to 0 at 0."""
     edges = np.concatenate([[0.0], knots]) if knots[0] > 0 else knots
     height = np.eye(len(edges))[:, len(edges) - len(knots) :]
     return np.stack([np.interp(values, edges, height[:, k]) for k in range(len(knots))], axis=-1)
 
 
-def _over_drop(drop: Array) -> Array:
+def _over_drop(drop: FloatArray) -> FloatArray:
     """A curve over the predicted drop that is 0 at 0, f64[C, n, B, K]: counts at each bend."""
     return _hats(np.maximum(drop, 0.0), bends(drop))
 
 
-def _lag(pair: Pair, layout: Layout, drop: Array, hold: Array) -> Shape:
+def _lag(pair: Pair, layout: Layout, drop: FloatArray, hold: FloatArray) -> Shape:
     """What a second's delay would do to first order, f64[C, n, B + 1, 1]."""
     clock = pair.clock.of_bins
     edges = np.empty((*drop.shape[:2], layout.bins + 1))
@@ -117,7 +116,7 @@ def _lag(pair: Pair, layout: Layout, drop: Array, hold: Array) -> Shape:
     return Shape("lag", np.append(np.arange(layout.bins), layout.onset), columns, (HAND, BOARD))
 
 
-def _over_radius(pair: Pair, grid: Grid, drop: Array, hold: Array) -> Array:
+def _over_radius(pair: Pair, grid: Grid, drop: FloatArray, hold: FloatArray) -> FloatArray:
     """A curve over the distance from the patch's middle, times the board's largest drop; and how much sharper than its
     neighbours a taxel is: f64[C, n, B, K + 1].
     """
@@ -137,7 +136,7 @@ def _over_radius(pair: Pair, grid: Grid, drop: Array, hold: Array) -> Array:
     return np.concatenate([rings, grid.sharpness(drop)[..., None]], axis=-1)
 
 
-def _over_sums(pair: Pair, drop: Array) -> Array:
+def _over_sums(pair: Pair, drop: FloatArray) -> FloatArray:
     """What all taxels would do together as the hand, or as their board, is pressed: mean drops, f64[C, n, B, 2]."""
     sensor = pair.groups.sensor
     own = (sensor == np.arange(len(pair.sensors.address))[:, None]).astype(np.float64)
@@ -159,7 +158,7 @@ class Grid:
 
         self.sides = ((beside(-1, 0), beside(1, 0)), (beside(0, -1), beside(0, 1)))
 
-    def sharpness(self, drop: Array) -> Array:
+    def sharpness(self, drop: FloatArray) -> FloatArray:
         """Mean of the neighbours less the taxel's own drop, f64[C, n, B]."""
         padded = _padded(drop)
         there = [side < drop.shape[1] for pair in self.sides for side in pair]
@@ -167,7 +166,7 @@ class Grid:
         count = np.maximum(np.sum(there, axis=0), 1)[:, None]
         return np.asarray(total / count - drop)
 
-    def slopes(self, drop: Array) -> Array:
+    def slopes(self, drop: FloatArray) -> FloatArray:
         """Half the difference of the neighbours on each axis, f64[C, n, B, 2]; an edge is its own neighbour."""
         padded, parts = _padded(drop), []
         for before, after in self.sides:
@@ -175,7 +174,7 @@ class Grid:
             parts.append(0.5 * (ends[1] - ends[0]))
         return np.stack(parts, axis=-1)
 
-    def mixed(self, drop: Array, along: NDArray[np.intp], across: NDArray[np.intp]) -> Array:
+    def mixed(self, drop: FloatArray, along: NDArray[np.intp], across: NDArray[np.intp]) -> FloatArray:
         """What the board's lines `along` drop at the same line `across`, each a column, and a constant,
         f64[C, n, B, K + 1]: a line that shows part of another, or of itself. On a board of many lines only itself.
 
@@ -194,6 +193,6 @@ class Grid:
         return columns
 
 
-def _padded(drop: Array) -> Array:
+def _padded(drop: FloatArray) -> FloatArray:
     """One taxel more that never drops."""
     return np.concatenate([drop, np.zeros_like(drop[:, :1])], axis=1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.gap.features import Layout
 from taxel.gap.pair import Pair
@@ -14,8 +13,7 @@ from taxel.gap.signature.places import Spot, place_words
 from taxel.gap.signature.presses import Change
 from taxel.gap.signature.shapes import BOARD, COLUMN, HAND, ROW, TAXEL, bends
 from taxel.recording.grasp_format import Phase
-
-Array = NDArray[np.float64]
+from taxel.types import FloatArray
 
 MOST_NAMED: Final = 3
 """Places in the sentence; the list has all."""
@@ -27,7 +25,7 @@ LINES: Final = {ROW: "TX line", COLUMN: "RX line"}
 
 
 def shape_words(
-    pair: Pair, layout: Layout, told: Told | None, spot: Spot | None, model: Array, scope: str, places: list[int]
+    pair: Pair, layout: Layout, told: Told | None, spot: Spot | None, model: FloatArray, scope: str, places: list[int]
 ) -> str:
     """What a distortion does, and where. places: numbers of the groups of `scope`, the largest first."""
     found = told is not None and told.scope != scope
@@ -92,7 +90,7 @@ def _group(told: Told, scope: str, places: list[int]) -> int:
     return places[0]
 
 
-def _besides(name: str, numbers: Array) -> str:
+def _besides(name: str, numbers: FloatArray) -> str:
     """Noise, missing frames and wander."""
     value = _strongest(numbers)
     if name == "noise":
@@ -102,7 +100,7 @@ def _besides(name: str, numbers: Array) -> str:
     return f"untouched taxels wander by {abs(value):.3g} counts {'more' if value > 0 else 'less'} after release"
 
 
-def _amplitude(numbers: Array, knots: Array) -> str:
+def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
     """A curve over the drop, given at its knots: a line through 0, or one that bends."""
     line = float(numbers @ knots / (knots @ knots))
     largest = float(np.abs(numbers).max())
@@ -125,7 +123,7 @@ def _too(counts: float, drop: float) -> str:
     return f"{abs(counts):.0f} counts too {'much' if counts > 0 else 'little'} where {drop:.0f} are predicted"
 
 
-def _history(numbers: Array, layout: Layout) -> str:
+def _history(numbers: FloatArray, layout: Layout) -> str:
     bins = layout.phase[: layout.bins]
     later = bins[np.isin(bins, [Phase.RELEASE, Phase.RECOVERY])]
     parts = [
@@ -141,17 +139,17 @@ def _history(numbers: Array, layout: Layout) -> str:
     )
 
 
-def _strongest(values: Array) -> float:
+def _strongest(values: FloatArray) -> float:
     return float(values[np.abs(values).argmax()]) if len(values) else 0.0
 
 
-def _common(numbers: Array) -> str:
+def _common(numbers: FloatArray) -> str:
     way = "drop" if numbers.sum() > 0 else "rise above their baseline"
     what = "the hand" if abs(numbers[0]) > abs(numbers[1]) else "their board"
     return f"the more is pressed on {what}, the more all taxels {way}, touched or not"
 
 
-def _fixed(told: Told, numbers: Array, pair: Pair, scope: str, places: list[int]) -> str:
+def _fixed(told: Told, numbers: FloatArray, pair: Pair, scope: str, places: list[int]) -> str:
     """Own factor and offset; a line that shows what another should."""
     if told.shape in (BOARD, TAXEL) or numbers.shape[-1] == 2:
         factor, offset = (float(value) for value in numbers)

@@ -6,7 +6,8 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.allegro.joints import JOINT_MAX_RAD, JOINT_MIN_RAD, FloatArray, sixteen
+from taxel.hand.allegro.joints import JOINT_MAX_RAD, JOINT_MIN_RAD, sixteen
+from taxel.types import FloatArray
 
 # Chosen, not measured: the joint's own inertia with its gear, and a friction that leaves small demands without motion.
 INERTIA_KG_M2: Final = 2e-3

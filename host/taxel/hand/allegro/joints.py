@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 FINGERS: Final = ("index", "middle", "pinkie", "thumb")
 JOINTS_PER_FINGER: Final = 4

@@ -7,9 +7,10 @@ import can
 import numpy as np
 
 from taxel.hand.allegro.errors import AllegroFrameError
-from taxel.hand.allegro.joints import FINGERS, JOINT_COUNT, JOINTS_PER_FINGER, FloatArray
+from taxel.hand.allegro.joints import FINGERS, JOINT_COUNT, JOINTS_PER_FINGER
 from taxel.hand.allegro.messages import FingerPose, HandInfo, Imu, Serial, Temperature
 from taxel.hand.allegro.protocol import decode, device_of
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.hand.allegro.dynamics import JointDynamics
 from taxel.hand.allegro.errors import AllegroFrameError
-from taxel.hand.allegro.joints import FINGERS, JOINT_COUNT, JOINTS_PER_FINGER, FloatArray
+from taxel.hand.allegro.joints import FINGERS, JOINT_COUNT, JOINTS_PER_FINGER
 from taxel.hand.allegro.messages import (
     Config,
     FingerPose,
@@ -28,6 +28,7 @@ from taxel.hand.allegro.messages import (
 )
 from taxel.hand.allegro.protocol import decode, device_of, encode
 from taxel.hand.control_loop import ControlLoop
+from taxel.types import FloatArray
 
 MAX_TORQUE_NM: Final = 0.7  # of a joint at full PWM; source: the maker's data sheet
 TEMPERATURE_LIMIT_C: Final = 70  # chosen: the real limit is not public

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.hand.arm.errors import ArmLimitError
-
-FloatArray = npt.NDArray[np.float64]
+from taxel.types import FloatArray
 
 ARM_JOINT_NAMES: Final = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 # Radians, plus and minus. Source: the maker's description of the UR5e: one turn each way, the elbow half of it.

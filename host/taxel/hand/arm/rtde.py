@@ -10,8 +10,9 @@ from typing import Any, Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.arm.base import FloatArray, checked_target
+from taxel.hand.arm.base import checked_target
 from taxel.hand.arm.errors import ArmBusyError, ArmConnectionError, ArmPackageMissingError
+from taxel.types import FloatArray
 
 ACCELERATION_RAD_S2: Final = 1.4  # ur_rtde's own default of a joint move
 _BRAKING_RAD_S2: Final = 2.0  # likewise, of a stop

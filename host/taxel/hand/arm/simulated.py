@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from taxel.hand.arm.base import ARM_JOINT_NAMES, FloatArray, checked_target
+from taxel.hand.arm.base import ARM_JOINT_NAMES, checked_target
 from taxel.hand.arm.errors import ArmBusyError
+from taxel.types import FloatArray
 
 ACCELERATION_RAD_S2: Final = 1.4  # usual joint acceleration of a UR joint move
 _NAME = "simulated arm"

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from taxel.hand.kinematics import taxel_positions
-from taxel.hand.transforms import FloatArray
 from taxel.sim.cone_sensing import nominal_forces
 from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.grasp_rows import LABELS
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import check_new
+from taxel.types import FloatArray
 
 __all__ = ["MATCH_M", "POINT_COLUMNS", "import_active"]
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from taxel.grasp.objects import GraspObject
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.sim.importers.csv_table import CsvTable
 from taxel.sim.importers.errors import Source, near_names
@@ -21,6 +20,7 @@ from taxel.sim.importers.hand_motion import GraspTrack, HandMotion, read_joints,
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import FeltGrasp, check_new, frame_rate, new_dataset, record_of
 from taxel.sim.separation import separations
+from taxel.types import FloatArray
 
 __all__ = ["PlacedGrasp", "frame_rows", "meshes_of", "read_hand", "write_grasps"]
 

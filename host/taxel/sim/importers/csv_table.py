@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray, pose
+from taxel.hand.transforms import pose
 from taxel.sim.importers.errors import Source, near_names
+from taxel.types import FloatArray
 
 __all__ = ["POSE_PARTS", "Column", "CsvTable", "Progress", "pose_columns", "read_csv", "silent"]
 

@@ -19,7 +19,6 @@ from scipy.spatial.distance import cdist
 from taxel.hand import Hand
 from taxel.hand.errors import shown
 from taxel.hand.kinematics import taxel_positions
-from taxel.hand.transforms import FloatArray
 from taxel.sim.cone_sensing import ConeSensing, base_radius, nominal_forces
 from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
@@ -27,6 +26,7 @@ from taxel.sim.importers.errors import near_names
 from taxel.sim.importers.grasp_rows import LABELS
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import check_new
+from taxel.types import FloatArray
 
 __all__ = ["CONTACT_COLUMNS", "default_threshold", "import_contacts", "shared_forces"]
 

@@ -14,9 +14,10 @@ from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError, shown
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot, load_robot
-from taxel.hand.transforms import FloatArray, interpolate
+from taxel.hand.transforms import interpolate
 from taxel.sim.importers.csv_table import Column, CsvTable, Progress, pose_columns, read_csv, silent
 from taxel.sim.importers.errors import Source, near_names
+from taxel.types import FloatArray
 
 __all__ = ["WRIST_LINK", "GraspTrack", "HandMotion", "phase_number", "read_joints", "read_poses"]
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from taxel.hand import Hand
 from taxel.hand.errors import shown
 from taxel.hand.kinematics import taxel_positions
-from taxel.hand.transforms import FloatArray
 from taxel.sim.closing import GraspMotion
 from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches
 from taxel.sim.importers.csv_grasps import meshes_of
@@ -32,6 +31,7 @@ from taxel.sim.importers.rollout_names import ModelParts, find_parts
 from taxel.sim.importers.rollout_object import RolloutObject, object_of
 from taxel.sim.importers.rollout_states import STATES, RolloutStates, read_states
 from taxel.sim.sensing import Sensing, sense
+from taxel.types import FloatArray
 
 __all__ = ["import_rollout", "load_model"]
 

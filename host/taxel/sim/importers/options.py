@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from taxel.grasp.objects import GraspObject, thesis_objects
 from taxel.hand import Hand, load_hand
-from taxel.hand.transforms import FloatArray
 from taxel.sim.importers.csv_table import Progress, silent
 from taxel.sim.sensor_model import SimSensor
+from taxel.types import FloatArray
 
 __all__ = ["ImportOptions", "ImportReport"]
 

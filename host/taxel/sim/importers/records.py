@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError, shown, shown_path
-from taxel.hand.transforms import FloatArray
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_format import BASELINE_FRAMES
@@ -27,6 +26,7 @@ from taxel.recording.grasp_writer import GraspDatasetWriter
 from taxel.sim.importers.errors import Source
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.separation import MISS_M
+from taxel.types import FloatArray
 
 __all__ = ["RATE_HZ", "FeltGrasp", "check_new", "frame_rate", "new_dataset", "record_of"]
 

@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError, shown
-from taxel.hand.transforms import FloatArray, pose
+from taxel.hand.transforms import pose
 from taxel.sim.importers.errors import Source, near_names
+from taxel.types import FloatArray
 
 __all__ = ["ModelParts", "find_parts", "load_map", "model_names"]
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from taxel.grasp.objects import GraspObject
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray, apply, pose
+from taxel.hand.transforms import apply, pose
 from taxel.sim.importers.errors import Source, near_names
 from taxel.sim.importers.rollout_names import ModelParts, model_names
+from taxel.types import FloatArray
 
 __all__ = ["RolloutObject", "object_of"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import shown
-from taxel.hand.transforms import FloatArray
 from taxel.sim.importers.errors import Source, near_names
 from taxel.sim.importers.hand_motion import phase_number
+from taxel.types import FloatArray
 
 __all__ = ["STATES", "RolloutStates", "read_states"]
 
