@@ -53,8 +53,8 @@ test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitiz
 
 test-threads: $(STAMP)  ## the emulator's threads under the thread sanitizer
 	@$(CMAKE) -S firmware -B $(BUILD)/threads -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE_THREADS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
-	@$(BIN)/cmake --build $(BUILD)/threads --target test_crew test_effects_world | tail -n 1
-	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(crew|effects_world)$$'
+	@$(BIN)/cmake --build $(BUILD)/threads --target test_thread_pool test_effects_world | tail -n 1
+	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(thread_pool|effects_world)$$'
 
 # Files in the order in which they are found: those that wait for real time come first, not alone at the end.
 test-python: $(STAMP)  ## Python tests

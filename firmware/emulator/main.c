@@ -86,8 +86,8 @@ static int parse(struct options *options, int argc, char **argv)
     if (!(options->duration > 0.0 && options->duration <= DURATION_MAX_S)) {
         return usage("--duration must be a number of seconds up to 1e7");
     }
-    if (options->threads < 1 || options->threads > CREW_MAX) {
-        return usage("--threads must be a number from 1 to 16"); /* CREW_MAX */
+    if (options->threads < 1 || options->threads > THREAD_POOL_THREADS_MAX) {
+        return usage("--threads must be a number from 1 to 16"); /* THREAD_POOL_THREADS_MAX */
     }
     return options->world ? 0 : usage("--world is needed");
 }
@@ -155,7 +155,7 @@ int main(int argc, char **argv)
     static struct stimulus stimulus;
     static struct endpoint endpoint;
     static struct host_script script;
-    static struct crew crew;
+    static struct thread_pool thread_pool;
     struct options options;
     if (parse(&options, argc, argv)) {
         return 2;
@@ -170,10 +170,10 @@ int main(int argc, char **argv)
         return 1;
     }
     endpoint.wait_for_reader = options.fast;
-    if (world_init(&world, &description, &stimulus, &endpoint, &script) || crew_open(&crew, options.threads)) {
+    if (world_init(&world, &description, &stimulus, &endpoint, &script) || thread_pool_open(&thread_pool, options.threads)) {
         return 1;
     }
-    world_share(&world, &crew);
+    world_use_thread_pool(&world, &thread_pool);
     if (endpoint.kind == ENDPOINT_PTY) {
         printf("%s\n", endpoint.pty_name);
         fflush(stdout);
@@ -187,7 +187,7 @@ int main(int argc, char **argv)
     stimulus_close(&stimulus);
     host_script_close(&script);
     world_free(&world);
-    crew_close(&crew);
+    thread_pool_close(&thread_pool);
     world_file_free(&description);
     return result ? 1 : 0;
 }

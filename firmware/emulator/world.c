@@ -58,9 +58,9 @@ int world_init(struct world *world, const struct world_description *description,
     return 0;
 }
 
-void world_share(struct world *world, struct crew *crew)
+void world_use_thread_pool(struct world *world, struct thread_pool *thread_pool)
 {
-    world->crew = world->skin.crew = crew;
+    world->thread_pool = world->skin.thread_pool = thread_pool;
 }
 
 void world_free(struct world *world)
@@ -203,7 +203,7 @@ int world_run(struct world *world, vtime until)
         }
         world->now = vtime_max(world->now, time);
         world->events++;
-        if (world->crew && time >= world->shared + SHARED_STEP) {
+        if (world->thread_pool && time >= world->shared + SHARED_STEP) {
             world_boards_advance(world, time);
         }
         if (handle(world, event, time, until)) {

@@ -4,7 +4,7 @@
 
 #include "emulator/board_node.h"
 #include "emulator/bus.h"
-#include "emulator/crew.h"
+#include "emulator/thread_pool.h"
 #include "emulator/endpoint.h"
 #include "emulator/fault_log.h"
 #include "emulator/host_script.h"
@@ -28,7 +28,7 @@ struct world {
     size_t board_count;
     struct droop_loads loads;
     struct skin skin;
-    struct crew *crew; /* who works on boards and skin; NULL: the caller alone */
+    struct thread_pool *thread_pool; /* who works on boards and skin; NULL: the caller alone */
     struct bus bus;
     struct bus_adapter adapter;
     struct uart uart;
@@ -45,8 +45,8 @@ size_t world_taxels(const struct world_description *description);
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script);
 
-/* Who works on boards and skin from now on, besides the caller. The crew outlives the world. */
-void world_share(struct world *world, struct crew *crew);
+/* Advance boards and skin in the threads of `thread_pool` from now on; the pool must outlive the world. */
+void world_use_thread_pool(struct world *world, struct thread_pool *thread_pool);
 
 void world_free(struct world *world);
 

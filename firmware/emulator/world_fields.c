@@ -7,9 +7,9 @@ struct moment {
     bool failed[WORLD_BOARDS_MAX];
 };
 
-static void share(struct moment *moment, crew_work work)
+static void share(struct moment *moment, thread_pool_task work)
 {
-    crew_share(moment->world->crew, moment->world->board_count, work, moment);
+    thread_pool_run(moment->world->thread_pool, moment->world->board_count, work, moment);
 }
 
 static void advance_board(void *context, size_t item)

@@ -1,4 +1,4 @@
-/* What acts on the skin, from one moment to the next, and the boards' own work between them: both shared among the world's crew. */
+/* What acts on the skin, from one moment to the next, and the boards' own work between them: both shared among the world's thread_pool. */
 #ifndef EMULATOR_WORLD_FIELDS_H
 #define EMULATOR_WORLD_FIELDS_H
 

@@ -13,7 +13,7 @@
 #define RECORDS 40u
 
 static struct fake_world fake;
-static struct crew *crew; /* of the next runs */
+static struct thread_pool *thread_pool; /* of the next runs */
 static unsigned boards = BOARDS;
 static struct taxel_place places[TAXELS];
 static struct object_description table = {
@@ -89,7 +89,7 @@ static struct outcome run(enum stimulus_kind kind, const char *const *lines)
     struct outcome outcome;
     describe(lines);
     CHECK_EQUAL(fake_world_open(&fake, stimulus_file(kind)), 0);
-    world_share(&fake.world, crew);
+    world_use_thread_pool(&fake.world, thread_pool);
     CHECK(fake_world_start(&fake));
     memcpy(outcome.rest, fake.counts_of[0x20], sizeof outcome.rest);
     CHECK_EQUAL(fake_world_run(&fake, 0.385), 0);
@@ -151,16 +151,16 @@ static void a_seed_repeats_with_all_effects_on(void)
 
 static void threads_change_not_a_bit(void)
 {
-    static struct crew many;
+    static struct thread_pool many;
     boards = BOARDS_MAX;
     for (size_t k = 0; k < 2; k++) {
         const uint32_t alone = run(kinds[k], all).crc;
         for (size_t threads = 1; threads <= 4; threads *= 2) {
-            CHECK_EQUAL(crew_open(&many, threads), 0);
-            crew = &many;
+            CHECK_EQUAL(thread_pool_open(&many, threads), 0);
+            thread_pool = &many;
             CHECK_EQUAL(run(kinds[k], all).crc, alone);
-            crew = NULL;
-            crew_close(&many);
+            thread_pool = NULL;
+            thread_pool_close(&many);
         }
     }
     boards = BOARDS;

@@ -124,7 +124,7 @@ static void press_board(void *context, size_t item)
 static void press_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
 {
     struct press press = {.skin = skin, .stimulus = stimulus, .values = values};
-    crew_share(skin->crew, skin->board_count, press_board, &press);
+    thread_pool_run(skin->thread_pool, skin->board_count, press_board, &press);
 }
 
 struct advance {
@@ -164,7 +164,7 @@ static void advance_fields(struct skin *skin, double fraction, vtime time)
             },
     };
     skin->remembered = vtime_max(skin->remembered, time);
-    crew_share(skin->crew, skin->board_count, advance_board, &advance);
+    thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance);
 }
 
 static bool load_changes(const struct stimulus *stimulus)

@@ -6,7 +6,7 @@
 #ifndef EMULATOR_SKIN_SKIN_H
 #define EMULATOR_SKIN_SKIN_H
 
-#include "emulator/crew.h"
+#include "emulator/thread_pool.h"
 #include "emulator/skin/contact.h"
 #include "emulator/skin/field.h"
 #include "emulator/stimulus.h"
@@ -25,7 +25,7 @@ struct skin_board {
 struct skin {
     const struct world_description *description;
     size_t board_count;
-    struct crew *crew;         /* who works on the boards; NULL: the caller alone */
+    struct thread_pool *thread_pool;         /* who works on the boards; NULL: the caller alone */
     struct skin_board *boards; /* [board_count]; NULL if the stimulus acts on the front ends directly */
     unsigned earlier;          /* which of each board's loads holds at the stimulus's `from` */
     bool takes_time;           /* some effect changes fields while no load changes */
