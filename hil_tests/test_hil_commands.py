@@ -16,9 +16,9 @@ from taxel_protocol.layout import pack
 
 
 def test_the_hub_says_what_it_is(skin: Skin) -> None:
-    assert skin.hub.hello is not None
-    assert skin.hub.hello["version_min"] <= skin.hub.hello["version_max"]
-    assert skin.hub.greet() == skin.hub.hello["version_chosen"]
+    assert skin.hub.last_handshake is not None
+    assert skin.hub.last_handshake["version_min"] <= skin.hub.last_handshake["version_max"]
+    assert skin.hub.handshake() == skin.hub.last_handshake["version_chosen"]
 
 
 def test_status_counts_what_was_asked(skin: Skin) -> None:

@@ -89,8 +89,8 @@ def version_of(rig: Rig) -> tuple[int, ...]:
     with Skin(rig.uart.link(), rig.hand) as skin:
         frames = watch(rig, skin, 0.5)
         assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
-        assert skin.hub.hello is not None
-        return tuple(skin.hub.hello[f"firmware_{part}"] for part in ("major", "minor", "patch"))
+        assert skin.hub.last_handshake is not None
+        return tuple(skin.hub.last_handshake[f"firmware_{part}"] for part in ("major", "minor", "patch"))
 
 
 def test_the_hub_runs_what_it_was_given_and_its_boards_stream(rig: Rig, skin: Skin) -> None:

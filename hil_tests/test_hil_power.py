@@ -117,7 +117,7 @@ def test_a_loose_plug_loses_only_its_own_board(rig: Rig, skin: Skin) -> None:
 
 
 @pytest.mark.needs("power")
-def test_a_hub_that_gets_its_power_back_is_greeted_and_started(rig: Rig, skin: Skin) -> None:
+def test_after_power_returns_the_hub_handshake_and_streaming_are_restored(rig: Rig, skin: Skin) -> None:
     watch(rig, skin, 0.5)
     rig.power.switch(False)
     rig.clock.wait(0.3)
@@ -139,7 +139,7 @@ def test_a_hub_that_browns_out_anywhere_in_a_cycle_comes_back(rig: Rig, skin: Sk
     frames = watch(rig, skin, 1.0)
     assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts == 1
-    assert skin.hub.hello["reset_cause"] == 1
+    assert skin.hub.last_handshake["reset_cause"] == 1
 
 
 def test_a_hub_that_is_told_to_restart_does(rig: Rig, skin: Skin) -> None:

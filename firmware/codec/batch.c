@@ -142,11 +142,11 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     account(batch, row, &header, 0);
 }
 
-/* A hub that has started greets of itself: tag 0, and its first frame. */
+/* The first frame of a restarted hub is an unrequested HUB_HANDSHAKE: sequence 0, tag 0. */
 static bool is_start_of_hub(const struct taxel_frame *frame)
 {
-    return frame->type == TAXEL_FRAME_TYPE_HUB_HELLO && frame->sequence == 0 &&
-           frame->payload[TAXEL_HUB_HELLO_OFFSET_TAG] == 0;
+    return frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && frame->sequence == 0 &&
+           frame->payload[TAXEL_HUB_HANDSHAKE_OFFSET_TAG] == 0;
 }
 
 void taxel_batch_forget_cycles(struct taxel_batch *batch)

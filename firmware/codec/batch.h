@@ -12,7 +12,7 @@
 
 enum taxel_batch_flag {
     TAXEL_BATCH_BOARD_CRC_BAD = 1, /* hub and wire were right, the board's own CRC-32 is not */
-    TAXEL_BATCH_HUB_RESTARTED = 2, /* a greeting with sequence 0: the hub counts anew from here */
+    TAXEL_BATCH_HUB_RESTARTED = 2, /* a HUB_HANDSHAKE with sequence 0: the hub restarted, its sequences begin at 0 */
     TAXEL_BATCH_NO_REFERENCE = 4,  /* a compact snapshot, coded against what this host does not have: no counts */
 };
 

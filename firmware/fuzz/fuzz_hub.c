@@ -1,7 +1,7 @@
 /* The hub, between a host that sends anything and a bus that answers anything.
  *
  * The first byte of the input chooses a bus and how far the hub has come on it (hub_bench.h); the rest is a script: bytes from the
- * host, hellos and commands that are well formed, damaged or glued, results and damage of transfers, boards that come, go, restart
+ * host, handshakes and commands that are well formed, damaged or glued, results and damage of transfers, boards that come, go, restart
  * and refuse settings, lines held low, a UART that is read or not, time. Invariants, after each pass of the main loop:
  *   - each board's polls are its outcomes, and one more while one is under way;
  *   - slots are sorted, unique and no more than the hub was given; counts fit the buffers;
@@ -75,11 +75,11 @@ static void send_acknowledge(struct fuzz_input *input, size_t count)
     bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_ACKNOWLEDGE, payload, 3u * count, wire, sizeof wire));
 }
 
-static void send_hello(struct fuzz_input *input)
+static void send_handshake(struct fuzz_input *input)
 {
     uint8_t wire[WIRE_MAX], payload[3];
     (void)fuzz_bytes(input, payload, sizeof payload);
-    bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HELLO, payload, sizeof payload, wire, sizeof wire));
+    bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HANDSHAKE, payload, sizeof payload, wire, sizeof wire));
 }
 
 static void judge_transfer(struct fuzz_input *input, uint8_t high)
@@ -164,7 +164,7 @@ static void event(struct fuzz_input *input)
         if (high & 8u) {
             send_acknowledge(input, 1u + (high & 7u));
         } else {
-            send_hello(input);
+            send_handshake(input);
         }
         break;
     case 10:

@@ -333,11 +333,12 @@ static void run_for(uint64_t microseconds)
 
 static void warm_up(enum bench_state state)
 {
-    static const uint8_t hello[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
+    static const uint8_t handshake[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
     uint8_t wire[64];
     if (state >= BENCH_WARM) {
         run_for(60000);
-        bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello, wire, sizeof wire));
+        bench_receive(wire,
+                      bench_frame(TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake, wire, sizeof wire));
     }
     if (state >= BENCH_STREAMING) {
         bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_COMMAND, start, sizeof start, wire, sizeof wire));

@@ -16,7 +16,7 @@
 
 enum bench_state {
     BENCH_COLD = 0,  /* just reset */
-    BENCH_WARM,      /* boards found, host and hub have said hello */
+    BENCH_WARM,      /* boards found, host and hub have completed the handshake */
     BENCH_STREAMING, /* three cycles on */
     BENCH_STATES,
 };

@@ -76,7 +76,7 @@
      32704}
 
 enum taxel_frame_type {
-    TAXEL_FRAME_TYPE_HUB_HELLO = 0x01,
+    TAXEL_FRAME_TYPE_HUB_HANDSHAKE = 0x01,
     TAXEL_FRAME_TYPE_TAXELS = 0x02,
     TAXEL_FRAME_TYPE_COMPACT_TAXELS = 0x03,
     TAXEL_FRAME_TYPE_HUB_STATUS = 0x08,
@@ -86,7 +86,7 @@ enum taxel_frame_type {
     TAXEL_FRAME_TYPE_TIME_SYNC = 0x0C,
     TAXEL_FRAME_TYPE_LOG = 0x0D,
     TAXEL_FRAME_TYPE_REPLY = 0x0E,
-    TAXEL_FRAME_TYPE_HOST_HELLO = 0x81,
+    TAXEL_FRAME_TYPE_HOST_HANDSHAKE = 0x81,
     TAXEL_FRAME_TYPE_COMMAND = 0x82,
     TAXEL_FRAME_TYPE_ACKNOWLEDGE = 0x83,
 };
@@ -114,7 +114,7 @@ enum taxel_reply_status {
     TAXEL_REPLY_STATUS_UNKNOWN_COMMAND = 0x01,
     TAXEL_REPLY_STATUS_BAD_ARGUMENTS = 0x02,
     TAXEL_REPLY_STATUS_BUSY = 0x03,
-    TAXEL_REPLY_STATUS_NO_HELLO = 0x04,
+    TAXEL_REPLY_STATUS_NO_HANDSHAKE = 0x04,
     TAXEL_REPLY_STATUS_UNKNOWN_BOARD = 0x05,
     TAXEL_REPLY_STATUS_NACK = 0x06,
     TAXEL_REPLY_STATUS_TIMEOUT = 0x07,
@@ -533,40 +533,40 @@ static inline void taxel_compact_acknowledge_unpack(struct taxel_compact_acknowl
     value->reference = taxel_get_u16(bytes + 0);
 }
 
-#define TAXEL_HOST_HELLO_SIZE 3u
-#define TAXEL_HOST_HELLO_OFFSET_TAG 0u
-#define TAXEL_HOST_HELLO_OFFSET_VERSION_MIN 1u
-#define TAXEL_HOST_HELLO_OFFSET_VERSION_MAX 2u
-struct taxel_host_hello {
+#define TAXEL_HOST_HANDSHAKE_SIZE 3u
+#define TAXEL_HOST_HANDSHAKE_OFFSET_TAG 0u
+#define TAXEL_HOST_HANDSHAKE_OFFSET_VERSION_MIN 1u
+#define TAXEL_HOST_HANDSHAKE_OFFSET_VERSION_MAX 2u
+struct taxel_host_handshake {
     uint8_t tag;
     uint8_t version_min;
     uint8_t version_max;
 };
-static inline void taxel_host_hello_pack(const struct taxel_host_hello *value, uint8_t *bytes)
+static inline void taxel_host_handshake_pack(const struct taxel_host_handshake *value, uint8_t *bytes)
 {
     taxel_put_u8(bytes + 0, value->tag);
     taxel_put_u8(bytes + 1, value->version_min);
     taxel_put_u8(bytes + 2, value->version_max);
 }
-static inline void taxel_host_hello_unpack(struct taxel_host_hello *value, const uint8_t *bytes)
+static inline void taxel_host_handshake_unpack(struct taxel_host_handshake *value, const uint8_t *bytes)
 {
     value->tag = taxel_get_u8(bytes + 0);
     value->version_min = taxel_get_u8(bytes + 1);
     value->version_max = taxel_get_u8(bytes + 2);
 }
 
-#define TAXEL_HUB_HELLO_SIZE 24u
-#define TAXEL_HUB_HELLO_OFFSET_TAG 0u
-#define TAXEL_HUB_HELLO_OFFSET_VERSION_MIN 1u
-#define TAXEL_HUB_HELLO_OFFSET_VERSION_MAX 2u
-#define TAXEL_HUB_HELLO_OFFSET_VERSION_CHOSEN 3u
-#define TAXEL_HUB_HELLO_OFFSET_RESET_CAUSE 4u
-#define TAXEL_HUB_HELLO_OFFSET_FIRMWARE_MAJOR 5u
-#define TAXEL_HUB_HELLO_OFFSET_FIRMWARE_MINOR 6u
-#define TAXEL_HUB_HELLO_OFFSET_FIRMWARE_PATCH 7u
-#define TAXEL_HUB_HELLO_OFFSET_UNIQUE_ID 8u
-#define TAXEL_HUB_HELLO_OFFSET_UPTIME_US 16u
-struct taxel_hub_hello {
+#define TAXEL_HUB_HANDSHAKE_SIZE 24u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_TAG 0u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_VERSION_MIN 1u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_VERSION_MAX 2u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_VERSION_CHOSEN 3u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_RESET_CAUSE 4u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_FIRMWARE_MAJOR 5u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_FIRMWARE_MINOR 6u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_FIRMWARE_PATCH 7u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_UNIQUE_ID 8u
+#define TAXEL_HUB_HANDSHAKE_OFFSET_UPTIME_US 16u
+struct taxel_hub_handshake {
     uint8_t tag;
     uint8_t version_min;
     uint8_t version_max;
@@ -578,7 +578,7 @@ struct taxel_hub_hello {
     uint8_t unique_id[8];
     uint64_t uptime_us;
 };
-static inline void taxel_hub_hello_pack(const struct taxel_hub_hello *value, uint8_t *bytes)
+static inline void taxel_hub_handshake_pack(const struct taxel_hub_handshake *value, uint8_t *bytes)
 {
     taxel_put_u8(bytes + 0, value->tag);
     taxel_put_u8(bytes + 1, value->version_min);
@@ -591,7 +591,7 @@ static inline void taxel_hub_hello_pack(const struct taxel_hub_hello *value, uin
     memcpy(bytes + 8, value->unique_id, 8);
     taxel_put_u64(bytes + 16, value->uptime_us);
 }
-static inline void taxel_hub_hello_unpack(struct taxel_hub_hello *value, const uint8_t *bytes)
+static inline void taxel_hub_handshake_unpack(struct taxel_hub_handshake *value, const uint8_t *bytes)
 {
     value->tag = taxel_get_u8(bytes + 0);
     value->version_min = taxel_get_u8(bytes + 1);
@@ -1089,7 +1089,7 @@ static inline void taxel_get_time_reply_unpack(struct taxel_get_time_reply *valu
 
 /* X(type, payload begins with an address, shortest payload, longest payload) */
 #define TAXEL_FRAME_RULES(X) \
-    X(TAXEL_FRAME_TYPE_HUB_HELLO, 0, 24u, 24u) \
+    X(TAXEL_FRAME_TYPE_HUB_HANDSHAKE, 0, 24u, 24u) \
     X(TAXEL_FRAME_TYPE_TAXELS, 1, 20u, 498u) \
     X(TAXEL_FRAME_TYPE_COMPACT_TAXELS, 1, 20u, 496u) \
     X(TAXEL_FRAME_TYPE_HUB_STATUS, 0, 42u, 42u) \
@@ -1099,7 +1099,7 @@ static inline void taxel_get_time_reply_unpack(struct taxel_get_time_reply *valu
     X(TAXEL_FRAME_TYPE_TIME_SYNC, 1, 13u, 13u) \
     X(TAXEL_FRAME_TYPE_LOG, 0, 7u, 71u) \
     X(TAXEL_FRAME_TYPE_REPLY, 0, 3u, 131u) \
-    X(TAXEL_FRAME_TYPE_HOST_HELLO, 0, 3u, 3u) \
+    X(TAXEL_FRAME_TYPE_HOST_HANDSHAKE, 0, 3u, 3u) \
     X(TAXEL_FRAME_TYPE_COMMAND, 0, 2u, 68u) \
     X(TAXEL_FRAME_TYPE_ACKNOWLEDGE, 0, 3u, 66u)
 

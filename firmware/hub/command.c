@@ -1,14 +1,14 @@
-/* What the host says: hello and commands. One command at a time, whose payload stays in the inbox until it is answered. */
+/* Frames from the host: handshake and commands. One command at a time, whose payload stays in the inbox until it is answered. */
 #include "hub/internal.h"
 
 #define VERSION_OF_COMPACT 2u
 #define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
 
-void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
+void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t version)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
-    uint8_t bytes[TAXEL_HUB_HELLO_SIZE];
-    struct taxel_hub_hello hello = {
+    uint8_t bytes[TAXEL_HUB_HANDSHAKE_SIZE];
+    struct taxel_hub_handshake handshake = {
         .tag = tag,
         .version_min = TAXEL_PROTOCOL_VERSION_MIN,
         .version_max = TAXEL_PROTOCOL_VERSION,
@@ -19,9 +19,9 @@ void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version)
         .firmware_patch = config->firmware_version[2],
         .uptime_us = taxel_hub_clock(hub),
     };
-    memcpy(hello.unique_id, config->unique_id, sizeof hello.unique_id);
-    taxel_hub_hello_pack(&hello, bytes);
-    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_HUB_HELLO, bytes, sizeof bytes, NULL, 0);
+    memcpy(handshake.unique_id, config->unique_id, sizeof handshake.unique_id);
+    taxel_hub_handshake_pack(&handshake, bytes);
+    (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_HUB_HANDSHAKE, bytes, sizeof bytes, NULL, 0);
 }
 
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size)
@@ -40,16 +40,16 @@ void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data,
     }
 }
 
-void taxel_hub_take_hello(struct taxel_hub *hub)
+void taxel_hub_take_handshake(struct taxel_hub *hub)
 {
-    struct taxel_host_hello hello;
-    taxel_host_hello_unpack(&hello, hub->inbox.payload);
+    struct taxel_host_handshake handshake;
+    taxel_host_handshake_unpack(&handshake, hub->inbox.payload);
     const uint8_t highest =
-        hello.version_max < TAXEL_PROTOCOL_VERSION ? hello.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
-    const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= hello.version_min;
+        handshake.version_max < TAXEL_PROTOCOL_VERSION ? handshake.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
+    const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= handshake.version_min;
     hub->version = agreed ? highest : 0;
     taxel_hub_want_compact(hub, hub->compact && hub->version >= VERSION_OF_COMPACT);
-    taxel_hub_send_hello(hub, hello.tag, hub->version);
+    taxel_hub_send_handshake(hub, handshake.tag, hub->version);
 }
 
 static void done(struct taxel_hub *hub)
@@ -199,7 +199,7 @@ static const struct argument_rule argument_rules[] = {
 static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
 {
     if (!hub->version) {
-        return TAXEL_REPLY_STATUS_NO_HELLO;
+        return TAXEL_REPLY_STATUS_NO_HANDSHAKE;
     }
     for (size_t i = 0; i < sizeof argument_rules / sizeof argument_rules[0]; i++) {
         if (argument_rules[i].command == command) {

@@ -39,7 +39,7 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
     hub->settings_read_slot = TAXEL_NO_SLOT;
     hub->bus_down_until_us = hub->host_until_us = hub->sweep.next_us = taxel_hub_now(hub); /* a clock may begin anywhere */
     taxel_hub_inbox_init(hub);
-    taxel_hub_send_hello(hub, 0, 0);
+    taxel_hub_send_handshake(hub, 0, 0);
     taxel_hub_start_sweep(hub, false);
 }
 

@@ -3,7 +3,7 @@
  *
  *   hub.c       set-up and the main loop's pass           outbox.c    UART frames out: ring, back-pressure, counting
  *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: the ring, and frames in it
- *   outcome.c   what a finished transfer means            command.c   hello and commands
+ *   outcome.c   what a finished transfer means            command.c   handshake and commands
  *   identify.c  who a board is, and its scan settings     report.c    status frames
  *   recovery.c  nine clocks for a stuck bus               pool.c      where transfers read to
  *   launch.c    how a transfer begins                     snapshot.c  is it whole, is it news: on to the host
@@ -208,7 +208,7 @@ struct taxel_hub {
     uint32_t uart_moved_us; /* and when more had been taken than before */
     uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
     uint8_t slot_count;
-    uint8_t version; /* negotiated; 0 before a hello */
+    uint8_t version; /* negotiated; 0 before a handshake */
     uint8_t reset_cause; /* enum taxel_reset_cause */
     uint8_t settings_read_slot; /* whose settings are to be read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
@@ -224,7 +224,7 @@ struct taxel_hub {
 /* Every poll ends in one of the counters, and no more than one is under way: so few bits of their number are kept. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot);
 
-/* Set up from a configuration that stays in place, and announce the start with a HUB_HELLO frame. */
+/* Set up from a configuration that stays in place, and announce the start with a HUB_HANDSHAKE frame. */
 void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause);
 void taxel_hub_run(struct taxel_hub *hub);
 

@@ -88,8 +88,8 @@ static int next_byte(struct body *body)
 static bool header_is_right(const uint8_t *header)
 {
     const uint16_t length = taxel_get_u16(header + 3);
-    if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
-        return length == TAXEL_HOST_HELLO_SIZE;
+    if (header[0] == TAXEL_FRAME_TYPE_HOST_HANDSHAKE) {
+        return length == TAXEL_HOST_HANDSHAKE_SIZE;
     }
     if (header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
         return length && length <= TAXEL_ACKNOWLEDGE_MAX * TAXEL_ACKNOWLEDGEMENT_SIZE && length % TAXEL_ACKNOWLEDGEMENT_SIZE == 0;
@@ -162,8 +162,8 @@ static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *heade
         return false;
     }
     take_payload(hub, size, header);
-    if (header[0] == TAXEL_FRAME_TYPE_HOST_HELLO) {
-        taxel_hub_take_hello(hub);
+    if (header[0] == TAXEL_FRAME_TYPE_HOST_HANDSHAKE) {
+        taxel_hub_take_handshake(hub);
     } else if (!is_acknowledge) {
         taxel_hub_take_command(hub, taxel_get_u16(header + 3));
     }

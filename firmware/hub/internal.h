@@ -153,11 +153,11 @@ void taxel_hub_inbox_init(struct taxel_hub *hub);
 void taxel_hub_read_inbox(struct taxel_hub *hub);
 
 /* command.c */
-void taxel_hub_take_hello(struct taxel_hub *hub);
+void taxel_hub_take_handshake(struct taxel_hub *hub);
 void taxel_hub_take_command(struct taxel_hub *hub, size_t size);
 void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference);
 void taxel_hub_end_finished_command(struct taxel_hub *hub);
-void taxel_hub_send_hello(struct taxel_hub *hub, uint8_t tag, uint8_t version);
+void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t version);
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size);
 
 /* report.c */

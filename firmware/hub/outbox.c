@@ -66,7 +66,7 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
     case TAXEL_FRAME_TYPE_REPLY:
-    case TAXEL_FRAME_TYPE_HUB_HELLO:
+    case TAXEL_FRAME_TYPE_HUB_HANDSHAKE:
         return 0;
     case TAXEL_FRAME_TYPE_TAXELS:
     case TAXEL_FRAME_TYPE_COMPACT_TAXELS:

@@ -72,12 +72,12 @@ int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *argu
     return fake_hub_command_within(fake, command, arguments ? arguments : (const uint8_t *)"", size, 2000000u);
 }
 
-bool fake_hub_hello(struct fake_hub *fake)
+bool fake_hub_handshake(struct fake_hub *fake)
 {
-    const uint8_t hello[TAXEL_HOST_HELLO_SIZE] = {77, 1, TAXEL_PROTOCOL_VERSION};
-    fake_hub_send(fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+    const uint8_t handshake[TAXEL_HOST_HANDSHAKE_SIZE] = {77, 1, TAXEL_PROTOCOL_VERSION};
+    fake_hub_send(fake, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake);
     fake_hub_run(fake, 100);
-    const struct fake_frame *answer = fake_hub_last(fake, TAXEL_FRAME_TYPE_HUB_HELLO);
+    const struct fake_frame *answer = fake_hub_last(fake, TAXEL_FRAME_TYPE_HUB_HANDSHAKE);
     return answer && answer->payload[0] == 77 && answer->payload[3] == TAXEL_PROTOCOL_VERSION;
 }
 
@@ -152,7 +152,7 @@ bool fake_hub_start(struct fake_hub *fake)
 {
     fake_hub_boot(fake);
     fake_hub_run(fake, 200000);
-    const bool started = fake_hub_hello(fake) && fake_hub_command(fake, TAXEL_COMMAND_START, NULL, 0) == 0;
+    const bool started = fake_hub_handshake(fake) && fake_hub_command(fake, TAXEL_COMMAND_START, NULL, 0) == 0;
     fake_hub_forget_frames(fake);
     return started;
 }

@@ -93,7 +93,7 @@ struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct 
 /* Boards of 10 taxels at first_address and the addresses after it, booted, with one scan done. */
 void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count);
 void fake_hub_free_boards(struct fake_hub *fake);
-/* Boot, let the boards be found, say hello, start streaming and forget the frames so far. */
+/* Boot, let the boards be found, complete the handshake, start streaming and forget the frames so far. */
 bool fake_hub_start(struct fake_hub *fake);
 
 /* The next event, unless it is later than that; false if there was none. */
@@ -111,7 +111,7 @@ void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, 
 /* Send a command and run until its reply. Returns its status, or -1 if none came within `patience_us`. */
 int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t patience_us);
 int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size);
-bool fake_hub_hello(struct fake_hub *fake);
+bool fake_hub_handshake(struct fake_hub *fake);
 
 size_t fake_hub_count(const struct fake_hub *fake, uint8_t type);
 const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type);

@@ -22,7 +22,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     struct fake_world *fake = context;
     fake->sequence_gaps += frame->sequence != fake->next_sequence;
     fake->next_sequence = (uint16_t)(frame->sequence + 1u);
-    if (frame->type == TAXEL_FRAME_TYPE_HUB_HELLO && frame->payload[0] == 0) {
+    if (frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && frame->payload[0] == 0) {
         fake->restarts++;
     }
     if (frame->type == TAXEL_FRAME_TYPE_REPLY) {
@@ -163,11 +163,11 @@ void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t 
 
 bool fake_world_start(struct fake_world *fake)
 {
-    const uint8_t hello[TAXEL_HOST_HELLO_SIZE] = {9, 1, TAXEL_PROTOCOL_VERSION};
+    const uint8_t handshake[TAXEL_HOST_HANDSHAKE_SIZE] = {9, 1, TAXEL_PROTOCOL_VERSION};
     if (fake_world_run(fake, 0.5)) {
         return false;
     }
-    host_sends(fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+    host_sends(fake, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake);
     fake_world_command(fake, TAXEL_COMMAND_START, NULL, 0);
     return fake_world_run(fake, 0.02) == 0 && fake->world.hub.hub.streaming;
 }

@@ -41,7 +41,7 @@ void fake_world_close(struct fake_world *fake);
 int fake_world_run_in_steps(struct fake_world *fake, double seconds, vtime step);
 int fake_world_run(struct fake_world *fake, double seconds);
 
-/* Hello, then START after half a second. */
+/* Handshake, then START after half a second. */
 bool fake_world_start(struct fake_world *fake);
 void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t *arguments, size_t size);
 

@@ -31,25 +31,25 @@ struct payload_part {
     const char *prefix;
 };
 
-static const struct field hub_hello_fields[] = {
-    {"tag", offsetof(struct taxel_hub_hello, tag), 1, 0},
-    {"version_min", offsetof(struct taxel_hub_hello, version_min), 1, 0},
-    {"version_max", offsetof(struct taxel_hub_hello, version_max), 1, 0},
-    {"version_chosen", offsetof(struct taxel_hub_hello, version_chosen), 1, 0},
-    {"reset_cause", offsetof(struct taxel_hub_hello, reset_cause), 1, 0},
-    {"firmware_major", offsetof(struct taxel_hub_hello, firmware_major), 1, 0},
-    {"firmware_minor", offsetof(struct taxel_hub_hello, firmware_minor), 1, 0},
-    {"firmware_patch", offsetof(struct taxel_hub_hello, firmware_patch), 1, 0},
-    {"unique_id", offsetof(struct taxel_hub_hello, unique_id), 8, 1},
-    {"uptime_us", offsetof(struct taxel_hub_hello, uptime_us), 8, 0},
+static const struct field hub_handshake_fields[] = {
+    {"tag", offsetof(struct taxel_hub_handshake, tag), 1, 0},
+    {"version_min", offsetof(struct taxel_hub_handshake, version_min), 1, 0},
+    {"version_max", offsetof(struct taxel_hub_handshake, version_max), 1, 0},
+    {"version_chosen", offsetof(struct taxel_hub_handshake, version_chosen), 1, 0},
+    {"reset_cause", offsetof(struct taxel_hub_handshake, reset_cause), 1, 0},
+    {"firmware_major", offsetof(struct taxel_hub_handshake, firmware_major), 1, 0},
+    {"firmware_minor", offsetof(struct taxel_hub_handshake, firmware_minor), 1, 0},
+    {"firmware_patch", offsetof(struct taxel_hub_handshake, firmware_patch), 1, 0},
+    {"unique_id", offsetof(struct taxel_hub_handshake, unique_id), 8, 1},
+    {"uptime_us", offsetof(struct taxel_hub_handshake, uptime_us), 8, 0},
 };
-static void hub_hello_pack(const void *value, uint8_t *bytes)
+static void hub_handshake_pack(const void *value, uint8_t *bytes)
 {
-    taxel_hub_hello_pack(value, bytes);
+    taxel_hub_handshake_pack(value, bytes);
 }
-static void hub_hello_unpack(void *value, const uint8_t *bytes)
+static void hub_handshake_unpack(void *value, const uint8_t *bytes)
 {
-    taxel_hub_hello_unpack(value, bytes);
+    taxel_hub_handshake_unpack(value, bytes);
 }
 
 static const struct field taxel_header_fields[] = {
@@ -227,18 +227,18 @@ static void reply_header_unpack(void *value, const uint8_t *bytes)
     taxel_reply_header_unpack(value, bytes);
 }
 
-static const struct field host_hello_fields[] = {
-    {"tag", offsetof(struct taxel_host_hello, tag), 1, 0},
-    {"version_min", offsetof(struct taxel_host_hello, version_min), 1, 0},
-    {"version_max", offsetof(struct taxel_host_hello, version_max), 1, 0},
+static const struct field host_handshake_fields[] = {
+    {"tag", offsetof(struct taxel_host_handshake, tag), 1, 0},
+    {"version_min", offsetof(struct taxel_host_handshake, version_min), 1, 0},
+    {"version_max", offsetof(struct taxel_host_handshake, version_max), 1, 0},
 };
-static void host_hello_pack(const void *value, uint8_t *bytes)
+static void host_handshake_pack(const void *value, uint8_t *bytes)
 {
-    taxel_host_hello_pack(value, bytes);
+    taxel_host_handshake_pack(value, bytes);
 }
-static void host_hello_unpack(void *value, const uint8_t *bytes)
+static void host_handshake_unpack(void *value, const uint8_t *bytes)
 {
-    taxel_host_hello_unpack(value, bytes);
+    taxel_host_handshake_unpack(value, bytes);
 }
 
 static const struct field command_header_fields[] = {
@@ -478,7 +478,7 @@ static void compact_acknowledge_unpack(void *value, const uint8_t *bytes)
 }
 
 static const struct layout layouts[] = {
-    {"hub_hello", hub_hello_fields, sizeof hub_hello_fields / sizeof hub_hello_fields[0], TAXEL_HUB_HELLO_SIZE, hub_hello_pack, hub_hello_unpack},
+    {"hub_handshake", hub_handshake_fields, sizeof hub_handshake_fields / sizeof hub_handshake_fields[0], TAXEL_HUB_HANDSHAKE_SIZE, hub_handshake_pack, hub_handshake_unpack},
     {"taxel_header", taxel_header_fields, sizeof taxel_header_fields / sizeof taxel_header_fields[0], TAXEL_TAXEL_HEADER_SIZE, taxel_header_pack, taxel_header_unpack},
     {"snapshot_header", snapshot_header_fields, sizeof snapshot_header_fields / sizeof snapshot_header_fields[0], TAXEL_SNAPSHOT_HEADER_SIZE, snapshot_header_pack, snapshot_header_unpack},
     {"compact_header", compact_header_fields, sizeof compact_header_fields / sizeof compact_header_fields[0], TAXEL_COMPACT_HEADER_SIZE, compact_header_pack, compact_header_unpack},
@@ -489,7 +489,7 @@ static const struct layout layouts[] = {
     {"time_sync", time_sync_fields, sizeof time_sync_fields / sizeof time_sync_fields[0], TAXEL_TIME_SYNC_SIZE, time_sync_pack, time_sync_unpack},
     {"log_header", log_header_fields, sizeof log_header_fields / sizeof log_header_fields[0], TAXEL_LOG_HEADER_SIZE, log_header_pack, log_header_unpack},
     {"reply_header", reply_header_fields, sizeof reply_header_fields / sizeof reply_header_fields[0], TAXEL_REPLY_HEADER_SIZE, reply_header_pack, reply_header_unpack},
-    {"host_hello", host_hello_fields, sizeof host_hello_fields / sizeof host_hello_fields[0], TAXEL_HOST_HELLO_SIZE, host_hello_pack, host_hello_unpack},
+    {"host_handshake", host_handshake_fields, sizeof host_handshake_fields / sizeof host_handshake_fields[0], TAXEL_HOST_HANDSHAKE_SIZE, host_handshake_pack, host_handshake_unpack},
     {"command_header", command_header_fields, sizeof command_header_fields / sizeof command_header_fields[0], TAXEL_COMMAND_HEADER_SIZE, command_header_pack, command_header_unpack},
     {"acknowledgement", acknowledgement_fields, sizeof acknowledgement_fields / sizeof acknowledgement_fields[0], TAXEL_ACKNOWLEDGEMENT_SIZE, acknowledgement_pack, acknowledgement_unpack},
     {"start_arguments", start_arguments_fields, sizeof start_arguments_fields / sizeof start_arguments_fields[0], TAXEL_START_ARGUMENTS_SIZE, start_arguments_pack, start_arguments_unpack},
@@ -509,7 +509,7 @@ static const struct layout layouts[] = {
 };
 
 static const struct payload_part payload_parts[] = {
-    {TAXEL_FRAME_TYPE_HUB_HELLO, "hub_hello", ""},
+    {TAXEL_FRAME_TYPE_HUB_HANDSHAKE, "hub_handshake", ""},
     {TAXEL_FRAME_TYPE_TAXELS, "taxel_header", "header_"},
     {TAXEL_FRAME_TYPE_TAXELS, "snapshot_header", "snapshot_header_"},
     {TAXEL_FRAME_TYPE_COMPACT_TAXELS, "taxel_header", "header_"},
@@ -521,7 +521,7 @@ static const struct payload_part payload_parts[] = {
     {TAXEL_FRAME_TYPE_TIME_SYNC, "time_sync", ""},
     {TAXEL_FRAME_TYPE_LOG, "log_header", ""},
     {TAXEL_FRAME_TYPE_REPLY, "reply_header", ""},
-    {TAXEL_FRAME_TYPE_HOST_HELLO, "host_hello", ""},
+    {TAXEL_FRAME_TYPE_HOST_HANDSHAKE, "host_handshake", ""},
     {TAXEL_FRAME_TYPE_COMMAND, "command_header", ""},
 };
 

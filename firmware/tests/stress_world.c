@@ -106,8 +106,8 @@ static void random_world(void)
     /* The faults are over: the hub answers, and every board streams. */
     uint8_t period[4] = {0};
     CHECK_EQUAL(fake_world_run(&fake, 1.5), 0);
-    const uint8_t hello[] = {0};
-    (void)uart_host_sends(&fake.world.uart, hello, sizeof hello, fake.world.now); /* ends what noise has left */
+    const uint8_t handshake[] = {0};
+    (void)uart_host_sends(&fake.world.uart, handshake, sizeof handshake, fake.world.now); /* ends what noise has left */
     fake_world_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period);
     fake_world_command(&fake, TAXEL_COMMAND_START, NULL, 0);
     CHECK_EQUAL(fake_world_run(&fake, 1.0), 0);

@@ -192,7 +192,7 @@ static void a_latency_towards_the_hub_delays_every_byte(void)
     fake_world_close(&fake);
 }
 
-static void a_hub_that_restarts_or_loses_power_greets_anew(void)
+static void a_hub_sends_a_handshake_after_a_restart_or_a_power_loss(void)
 {
     static const enum fault_kind kinds[] = {FAULT_HUB_RESTART, FAULT_HUB_UNPLUG};
     for (size_t n = 0; n < sizeof kinds / sizeof kinds[0]; n++) {
@@ -244,7 +244,7 @@ int main(void)
     RUN(a_held_adapter_keeps_what_the_hub_cannot_take);
     RUN(a_latency_towards_the_hub_delays_every_byte);
     RUN(a_delay_loses_nothing);
-    RUN(a_hub_that_restarts_or_loses_power_greets_anew);
+    RUN(a_hub_sends_a_handshake_after_a_restart_or_a_power_loss);
     RUN(clocks_that_wrap_cost_nothing);
     return check_summary();
 }

@@ -32,12 +32,12 @@ static int command(uint8_t code, const void *arguments, size_t size)
     return fake_hub_command(&fake, code, arguments, size);
 }
 
-static void nothing_is_done_before_hello(void)
+static void commands_are_rejected_before_the_handshake(void)
 {
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     for (unsigned code = 0; code < 256; code++) {
-        CHECK_EQUAL(command((uint8_t)code, NULL, 0), TAXEL_REPLY_STATUS_NO_HELLO);
+        CHECK_EQUAL(command((uint8_t)code, NULL, 0), TAXEL_REPLY_STATUS_NO_HANDSHAKE);
     }
     CHECK(!fake.hub.streaming);
     CHECK_EQUAL(fake.hub.inbox.commands_rejected, 256);
@@ -50,13 +50,13 @@ static void versions_are_negotiated(void)
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        const uint8_t hello[3] = {(uint8_t)(100 + i), cases[i][0], cases[i][1]};
-        fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+        const uint8_t handshake[3] = {(uint8_t)(100 + i), cases[i][0], cases[i][1]};
+        fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake);
         fake_hub_run(&fake, 1000);
-        const struct fake_frame *answer = fake_hub_last(&fake, TAXEL_FRAME_TYPE_HUB_HELLO);
+        const struct fake_frame *answer = fake_hub_last(&fake, TAXEL_FRAME_TYPE_HUB_HANDSHAKE);
         CHECK_EQUAL(answer->payload[0], 100 + i);
-        CHECK_EQUAL(answer->payload[TAXEL_HUB_HELLO_OFFSET_VERSION_CHOSEN], cases[i][2]);
-        CHECK_EQUAL(command(TAXEL_COMMAND_GET_TIME, NULL, 0), cases[i][2] ? 0 : TAXEL_REPLY_STATUS_NO_HELLO);
+        CHECK_EQUAL(answer->payload[TAXEL_HUB_HANDSHAKE_OFFSET_VERSION_CHOSEN], cases[i][2]);
+        CHECK_EQUAL(command(TAXEL_COMMAND_GET_TIME, NULL, 0), cases[i][2] ? 0 : TAXEL_REPLY_STATUS_NO_HANDSHAKE);
     }
     end();
 }
@@ -244,7 +244,7 @@ static void the_longest_pass_through_fits_its_time_limit_on_a_slow_bus(void)
         fake_hub_add(&fake, 0x60, NULL)->foreign = 0x11;
         fake_hub_boot(&fake);
         fake_hub_run(&fake, 500000);
-        CHECK(fake_hub_hello(&fake));
+        CHECK(fake_hub_handshake(&fake));
         CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
         end();
     }
@@ -322,7 +322,7 @@ static void get_time_and_status(void)
 
 int main(void)
 {
-    RUN(nothing_is_done_before_hello);
+    RUN(commands_are_rejected_before_the_handshake);
     RUN(versions_are_negotiated);
     RUN(wrong_lengths_and_unknown_commands_are_refused);
     RUN(stop_ends_and_start_begins_the_stream);

@@ -182,10 +182,10 @@ static void each_start_says_anew_what_is_wanted(void)
 
 static void a_host_of_version_1_sees_nothing_of_it(void)
 {
-    const uint8_t hello[TAXEL_HOST_HELLO_SIZE] = {9, 1, 1};
+    const uint8_t handshake[TAXEL_HOST_HANDSHAKE_SIZE] = {9, 1, 1};
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HELLO, hello, sizeof hello);
+    fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake);
     CHECK(fake_hub_run_cycles(&fake, 1)); /* one may be under way */
     fake_hub_forget_frames(&fake);
     CHECK(fake_hub_run_cycles(&fake, 5));

@@ -30,16 +30,16 @@ static void the_start_is_announced(void)
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
     fake_hub_run(&fake, 1000);
-    struct taxel_hub_hello hello;
+    struct taxel_hub_handshake handshake;
     CHECK_EQUAL(fake.frame_count, 1);
-    CHECK_EQUAL(fake.frames[0].type, TAXEL_FRAME_TYPE_HUB_HELLO);
-    taxel_hub_hello_unpack(&hello, fake.frames[0].payload);
-    CHECK_EQUAL(hello.tag, 0);
-    CHECK_EQUAL(hello.version_chosen, 0);
-    CHECK_EQUAL(hello.reset_cause, TAXEL_RESET_CAUSE_BROWN_OUT);
-    CHECK_EQUAL(hello.firmware_patch, 6);
-    CHECK_EQUAL(hello.uptime_us, 1000);
-    CHECK_BYTES(hello.unique_id, fake.config.unique_id, 8);
+    CHECK_EQUAL(fake.frames[0].type, TAXEL_FRAME_TYPE_HUB_HANDSHAKE);
+    taxel_hub_handshake_unpack(&handshake, fake.frames[0].payload);
+    CHECK_EQUAL(handshake.tag, 0);
+    CHECK_EQUAL(handshake.version_chosen, 0);
+    CHECK_EQUAL(handshake.reset_cause, TAXEL_RESET_CAUSE_BROWN_OUT);
+    CHECK_EQUAL(handshake.firmware_patch, 6);
+    CHECK_EQUAL(handshake.uptime_us, 1000);
+    CHECK_BYTES(handshake.unique_id, fake.config.unique_id, 8);
     end();
 }
 

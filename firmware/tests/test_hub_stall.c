@@ -168,7 +168,7 @@ static void a_stall_while_boards_are_identified_counts_no_snapshot(void)
         }
         fake.drain_bytes = FAKE_PULL;
         fake_hub_run(&fake, 100000);
-        CHECK(fake_hub_hello(&fake));
+        CHECK(fake_hub_handshake(&fake));
         CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_START, NULL, 0), 0);
         read_on();
         end();

@@ -21,7 +21,7 @@ class FaultCase:
     steps: (seconds since the first, fault, whether it strikes the board under test, value, second value). ends_s: when,
     after the last step (or what that struck), the board acknowledges again. counters: of the hub's counters of that
     board, those that rise. costs: frames of the board that may be missing, at most. is_bus_wide: other boards lose
-    frames too. restarts: the hub greets anew. hub, host: what they do and see, in words.
+    frames too. restarts: the hub sends an unrequested HUB_HANDSHAKE. hub, host: what they do and see, in words.
     """
 
     name: str
@@ -194,8 +194,8 @@ CASES = (
     FaultCase(
         "hub browns out",
         ((0.0, "hub_restart", False, 0, 0),),
-        "starts anew: HUB_HELLO, finds its boards",
-        "greets it, sets its rate, starts it again",
+        "starts anew: HUB_HANDSHAKE, finds its boards",
+        "repeats the handshake, sets the rate, sends START",
         is_bus_wide=True,
         restarts=True,
         costs=4,
@@ -203,8 +203,8 @@ CASES = (
     FaultCase(
         "hub without power for 0.2 s",
         ((0.0, "hub_unplug", False, 0, 0), (0.2, "hub_plug", False, 0, 0)),
-        "starts anew: HUB_HELLO, finds its boards",
-        "greets it, sets its rate, starts it again",
+        "starts anew: HUB_HANDSHAKE, finds its boards",
+        "repeats the handshake, sets the rate, sends START",
         is_bus_wide=True,
         restarts=True,
         costs=12,

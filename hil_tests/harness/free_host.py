@@ -7,7 +7,7 @@ from taxel.stream import TaxelFrame
 from taxel.stream.frame_stream import FrameStream
 from taxel.stream.frames import HubMessage
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, FrameType, encode_frame
-from taxel_protocol.frames import CommandPayload, HostHello
+from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 
@@ -28,7 +28,7 @@ class FreeHost:
             self.board_status[message.fields["address"]] = message.fields
         elif message.type is FrameType.HUB_STATUS:
             self.status = message.fields
-        elif message.type is FrameType.HUB_HELLO and message.fields["tag"] == 0:
+        elif message.type is FrameType.HUB_HANDSHAKE and message.fields["tag"] == 0:
             self.board_status, self.status = {}, None
 
     def take(self) -> list[TaxelFrame]:
@@ -44,10 +44,10 @@ class FreeHost:
         self._link.write(encode_frame(frame_type, self._sequence, payload))
         self._sequence = (self._sequence + 1) % 65536
 
-    def greet(self, tag: int = 1) -> None:
-        """HOST_HELLO."""
+    def handshake(self, tag: int = 1) -> None:
+        """HOST_HANDSHAKE."""
         fields = {"tag": tag, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
-        self.send(FrameType.HOST_HELLO, pack(HostHello, fields))
+        self.send(FrameType.HOST_HANDSHAKE, pack(HostHandshake, fields))
 
     def command(self, command: int, arguments: bytes = b"", tag: int = 1) -> None:
         """COMMAND, without waiting for the reply."""

@@ -23,7 +23,7 @@ from taxel.hand.world import WorldSettings, world_text
 from taxel.link.virtual import VirtualWorld
 from taxel.stream.decoder import HUB_RESTARTED, Batch, StreamDecoder
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, encode_frame
-from taxel_protocol.frames import CommandPayload, HostHello
+from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 STEP_COUNTS: Final = 100
@@ -98,7 +98,7 @@ class Soak:
         """Go on for so many world seconds. show: told how far it has come."""
         begun_s = self.world.now_s
         end_s, sampled_s = begun_s + seconds, begun_s
-        self._greet()
+        self._handshake()
         while (now_s := self.world.now_s) < end_s - 1e-9:
             self._run_until(min(end_s, now_s + CHUNK_S))
             if self.world.now_s - sampled_s >= seconds / 100:
@@ -148,9 +148,9 @@ class Soak:
         self.world.send(encode_frame(frame_type, self._sequence, payload))
         self._sequence = (self._sequence + 1) % 65536
 
-    def _greet(self) -> None:
-        hello = {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
-        self._send(FrameType.HOST_HELLO, pack(HostHello, hello))
+    def _handshake(self) -> None:
+        handshake = {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
+        self._send(FrameType.HOST_HANDSHAKE, pack(HostHandshake, handshake))
         self._send(FrameType.COMMAND, pack(CommandPayload, {"tag": 2, "command": int(Command.START)}))
 
     def _take(self) -> None:
@@ -175,7 +175,7 @@ class Soak:
             if strike.address == 0:
                 self._hub_booted_s = strike.time_s  # of the strikes without a board, those of the hub come last here
         self._last = {address: (-1, -1, time_s) for address, (_, _, time_s) in self._last.items()}
-        self._greet()
+        self._handshake()
 
     def _take_frames(self, rows: NDArray[np.void], counts: NDArray[np.uint16]) -> None:
         if not len(rows):

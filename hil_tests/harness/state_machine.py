@@ -57,7 +57,7 @@ class SkinMachine(RuleBasedStateMachine):
 
     def begin(self) -> None:
         assert self.world is not None
-        self.host.greet()
+        self.host.handshake()
         self.world.run(0.02)
         self.host.command(Command.START)
         self.world.run(0.1)
@@ -135,7 +135,7 @@ class SkinMachine(RuleBasedStateMachine):
         self.world.send(b"\x00" + data + b"\x00")
 
     @rule()
-    def greet_and_start(self) -> None:
+    def handshake_and_start(self) -> None:
         self.begin()
 
     def _inject(self, fault: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:

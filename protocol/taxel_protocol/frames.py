@@ -17,14 +17,14 @@ from taxel_protocol.limits import (
 from taxel_protocol.names import FrameType
 from taxel_protocol.registers import CompactHeader, Identity, ScanSettings, snapshot
 
-HostHello = Struct(
+HostHandshake = Struct(
     "tag" / Int8ul,
     "version_min" / Int8ul,
     "version_max" / Int8ul,
 )
-"""First words of a host. This frame and HubHello keep their form in every version of the protocol."""
+"""First words of a host. This frame and HubHandshake keep their form in every version of the protocol."""
 
-HubHello = Struct(
+HubHandshake = Struct(
     "tag" / Int8ul,
     "version_min" / Int8ul,
     "version_max" / Int8ul,
@@ -36,7 +36,7 @@ HubHello = Struct(
     "unique_id" / Bytes(8),
     "uptime_us" / Int64ul,
 )
-"""Answer to HostHello, and sent once after a restart (tag 0, version_chosen 0). version_chosen 0: no common version."""
+"""Answer to HostHandshake, and sent once after a restart (tag 0, version_chosen 0). version_chosen 0: no common version."""
 
 TaxelHeader = Struct(
     "address" / Int8ul,
@@ -203,7 +203,7 @@ def _fixed(payload: Struct, has_address: bool = False) -> FrameSpec:
 
 
 FRAMES: dict[FrameType, FrameSpec] = {
-    FrameType.HUB_HELLO: _fixed(HubHello),
+    FrameType.HUB_HANDSHAKE: _fixed(HubHandshake),
     FrameType.TAXELS: FrameSpec(Taxels, 8 + SNAPSHOT_OVERHEAD + 2, 8 + SNAPSHOT_OVERHEAD + 2 * TAXELS_MAX, True),
     FrameType.COMPACT_TAXELS: FrameSpec(CompactTaxels, 8 + COMPACT_OVERHEAD_CODED, 8 + COMPACT_SIZE_MAX, True),
     FrameType.HUB_STATUS: _fixed(HubStatus),
@@ -213,7 +213,7 @@ FRAMES: dict[FrameType, FrameSpec] = {
     FrameType.TIME_SYNC: _fixed(TimeSync, has_address=True),
     FrameType.LOG: FrameSpec(Log, 7, 7 + LOG_TEXT_MAX),
     FrameType.REPLY: FrameSpec(Reply, 3, 3 + 128),
-    FrameType.HOST_HELLO: _fixed(HostHello),
+    FrameType.HOST_HANDSHAKE: _fixed(HostHandshake),
     FrameType.COMMAND: FrameSpec(CommandPayload, 2, 4 + TRANSFER_MAX),
     FrameType.ACKNOWLEDGE: FrameSpec(Acknowledge, 3, 3 * ACKNOWLEDGE_MAX),
 }

@@ -1,7 +1,7 @@
 """Numbers that both sides agree on. The generator copies every upper-case name of this module into the C header."""
 
 PROTOCOL_VERSION = 2
-"""Version that this package speaks; a hub answers HELLO with the highest version both know."""
+"""Version that this package speaks; a hub answers HANDSHAKE with the highest version both know."""
 
 PROTOCOL_VERSION_MIN = 1
 """Oldest version that this package still speaks."""

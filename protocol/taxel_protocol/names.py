@@ -6,7 +6,7 @@ from enum import IntEnum
 class FrameType(IntEnum):
     """First byte of a frame. Below 0x80: hub to host. From 0x80: host to hub."""
 
-    HUB_HELLO = 0x01
+    HUB_HANDSHAKE = 0x01
     TAXELS = 0x02
     COMPACT_TAXELS = 0x03  # 0x04..0x07 are reserved for taxel frames
     HUB_STATUS = 0x08
@@ -16,7 +16,7 @@ class FrameType(IntEnum):
     TIME_SYNC = 0x0C
     LOG = 0x0D
     REPLY = 0x0E
-    HOST_HELLO = 0x81
+    HOST_HANDSHAKE = 0x81
     COMMAND = 0x82
     ACKNOWLEDGE = 0x83
 
@@ -50,7 +50,7 @@ class ReplyStatus(IntEnum):
     UNKNOWN_COMMAND = 1
     BAD_ARGUMENTS = 2
     BUSY = 3
-    NO_HELLO = 4
+    NO_HANDSHAKE = 4
     UNKNOWN_BOARD = 5
     NACK = 6
     TIMEOUT = 7

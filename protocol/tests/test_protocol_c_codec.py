@@ -67,7 +67,7 @@ def test_c_and_reference_discard_the_same_bytes(codec: Any) -> None:
 
 
 def test_no_room_for_a_frame_is_no_frame(codec: Any) -> None:
-    assert codec.native.taxel_batch_encode(FrameType.HOST_HELLO, 0, bytes(3), 3, bytes(8), 8) == 0
+    assert codec.native.taxel_batch_encode(FrameType.HOST_HANDSHAKE, 0, bytes(3), 3, bytes(8), 8) == 0
 
 
 def test_glued_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:

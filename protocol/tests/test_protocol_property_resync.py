@@ -22,7 +22,7 @@ def taxels(sequence: int, count: int, fill: int) -> Frame:
 
 
 SHORT: list[Frame] = [
-    (int(FrameType.HOST_HELLO), 0, b"\7\1\1"),
+    (int(FrameType.HOST_HANDSHAKE), 0, b"\7\1\1"),
     (int(FrameType.COMMAND), 1, b"\1\2"),
     (int(FrameType.TIME_SYNC), 2, bytes([0x31]) + bytes(range(12))),
     (int(FrameType.REPLY), 3, b"\5\1\0"),

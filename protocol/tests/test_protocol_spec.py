@@ -80,7 +80,7 @@ def test_example_frame_is_a_vector() -> None:
         word: bytes.fromhex(text)
         for word, text in re.findall(r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC, re.M)
     }
-    assert encode_frame(names.FrameType.HOST_HELLO, 0, bytes([7, 1, 1])) == lines["wire"]
+    assert encode_frame(names.FrameType.HOST_HANDSHAKE, 0, bytes([7, 1, 1])) == lines["wire"]
     assert whiten(lines["body"]) == lines["whitened"]
 
 

@@ -176,11 +176,11 @@ class Streams:
 
     def ways(self) -> None:
         """A decoder believes only what travels its way."""
-        b, hello = self.b, self.known["host_hello_arbitrary"]
-        stream = b.wire + hello.wire + b.wire
-        self.add("host_hears_itself", [b, hello], stream, [0, 0], TO_HOST)
-        self.add("hub_hears_itself", [b, hello], stream, [1], TO_HUB)
-        self.add("both_ways", [b, hello], stream, [0, 1, 0], BOTH_WAYS)
+        b, handshake = self.b, self.known["host_handshake_arbitrary"]
+        stream = b.wire + handshake.wire + b.wire
+        self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST)
+        self.add("hub_hears_itself", [b, handshake], stream, [1], TO_HUB)
+        self.add("both_ways", [b, handshake], stream, [0, 1, 0], BOTH_WAYS)
 
 
 def text() -> str:

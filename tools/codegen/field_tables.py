@@ -39,7 +39,7 @@ REGISTERS: dict[str, Struct] = {
 }
 
 PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
-    FrameType.HUB_HELLO: (("hub_hello", "", frames.HubHello),),
+    FrameType.HUB_HANDSHAKE: (("hub_handshake", "", frames.HubHandshake),),
     FrameType.TAXELS: (
         ("taxel_header", "header_", frames.TaxelHeader),
         ("snapshot_header", "snapshot_header_", registers.SnapshotHeader),
@@ -55,7 +55,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
     FrameType.TIME_SYNC: (("time_sync", "", frames.TimeSync),),
     FrameType.LOG: (("log_header", "", frames.Log),),
     FrameType.REPLY: (("reply_header", "", frames.Reply),),
-    FrameType.HOST_HELLO: (("host_hello", "", frames.HostHello),),
+    FrameType.HOST_HANDSHAKE: (("host_handshake", "", frames.HostHandshake),),
     FrameType.COMMAND: (("command_header", "", frames.CommandPayload),),
     FrameType.ACKNOWLEDGE: (),
 }

@@ -130,7 +130,7 @@ def losses_of(frames: Iterable[Frame]) -> Losses:
     previous: int | None = None
     last: dict[int, tuple[int, int]] = {}
     for frame_type, sequence, payload in frames:
-        if frame_type == FrameType.HUB_HELLO and sequence == 0 and payload[0] == 0:
+        if frame_type == FrameType.HUB_HANDSHAKE and sequence == 0 and payload[0] == 0:
             losses.restarts += previous is not None
             last.clear()
         elif previous is not None:

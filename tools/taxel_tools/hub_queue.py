@@ -21,7 +21,7 @@ from taxel_protocol.frames import CommandPayload, GetTimeReply, TransferArgument
 from taxel_protocol.layout import pack, packer_of
 from taxel_protocol.names import LogCode
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
-from taxel_tools.steps import Transfer
+from taxel_tools.procedure import Transfer
 
 WINDOW: Final = 255
 """Bytes of commands without a reply yet: what the hub's receive ring holds."""
@@ -66,7 +66,7 @@ class _Sent:
     size: int
     reply_size: int
     deadline_s: float
-    greetings: int
+    handshakes: int
 
 
 class HubQueue(HubClient):
@@ -86,7 +86,7 @@ class HubQueue(HubClient):
         self._under_way = self._expected = 0
         self._bus_bytes = 0
         self._unanswered: dict[int, tuple[int, int]] = {}
-        self._greetings = 0
+        self._handshakes = 0
 
     def _take(self, message: HubMessage) -> None:
         super()._take(message)
@@ -166,7 +166,7 @@ class HubQueue(HubClient):
         self._sequence = (self._sequence + 1) % 65536
         self._replies.pop(tag, None)
         self._link.write(frame)
-        self._sent.append(_Sent(number, transfer, tag, len(frame), reply_size, self.now_s() + LOST_S, self._greetings))
+        self._sent.append(_Sent(number, transfer, tag, len(frame), reply_size, self.now_s() + LOST_S, self._handshakes))
         self._under_way += len(frame)
         self._expected += reply_size
 
@@ -194,10 +194,10 @@ class HubQueue(HubClient):
             return reply.tail
         if status == ReplyStatus.NACK:
             return NackError(sent.transfer.address, f"does not acknowledge on the bus of {self._link.name}")
-        if status == ReplyStatus.NO_HELLO:
-            if sent.greetings == self._greetings:  # those sent before the last greeting need no other
-                self._greetings += 1
-                self.greet()
+        if status == ReplyStatus.NO_HANDSHAKE:
+            if sent.handshakes == self._handshakes:  # commands sent before the last handshake need no further handshake
+                self._handshakes += 1
+                self.handshake()
             return self._lost(sent, "the hub has started anew")
         if status in (ReplyStatus.BUSY, ReplyStatus.TIMEOUT, ReplyStatus.BUS_ERROR):
             return self._lost(sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})")

@@ -14,7 +14,7 @@ from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_tools.errors import HUB, BoardError, StatusError, TransferError
 from taxel_tools.hub_packets import HubPackets
 from taxel_tools.session import RESTART_S, BootInfo, BootSession
-from taxel_tools.steps import Steps, Version
+from taxel_tools.procedure import Procedure, Version
 
 POLL_S: Final = 0.02
 POLLED_S: Final = 3.0
@@ -41,17 +41,17 @@ class HubTarget:
         self._link = link
         self._client: HubClient | None = None
 
-    def version(self) -> Steps[Version | None]:
+    def version(self) -> Procedure[Version | None]:
         """Of the application; None if the hub is in its bootloader. Raises `HubError` if nobody answers."""
         if (yield from self.bootloader()) is not None:
             return None
-        client = self._greeted()
+        client = self._client_after_handshake()
         client.stop()
         client.read_boards()
         self.boards = sorted(client.boards)
         return _version_of(client)
 
-    def bootloader(self) -> Steps[BootInfo | None]:
+    def bootloader(self) -> Procedure[BootInfo | None]:
         """What the bootloader says, if it runs: an update that was cut off leaves it waiting."""
         self._packets()
         for _ in range(2):
@@ -59,7 +59,7 @@ class HubTarget:
                 return (yield from self.session.info())
         return None
 
-    def enter(self) -> Steps[None]:
+    def enter(self) -> Procedure[None]:
         """Lead the application into its bootloader, and begin a session. Raises `HubError`, `BoardError`."""
         refusal: HubError | None = None
         if self._client is not None:
@@ -78,19 +78,19 @@ class HubTarget:
                 if isinstance(error, StatusError) or self.now_s() > deadline:
                     raise refusal or error from None
 
-    def wait_for_application(self, patience_s: float) -> Steps[Version | None]:
-        """Greet until a hub answers; None if none does in time."""
+    def wait_for_application(self, patience_s: float) -> Procedure[Version | None]:
+        """Repeat the handshake until a hub answers; None after a timeout."""
         yield from ()
         deadline = self.now_s() + patience_s
         while self.now_s() < deadline:
             with suppress(HubError):
-                return _version_of(self._greeted())
+                return _version_of(self._client_after_handshake())
         return None
 
-    def confirm(self, patience_s: float) -> Steps[None]:
+    def confirm(self, patience_s: float) -> Procedure[None]:
         """Do what a new image waits for: let it poll its boards, and read its UART. Raises `BoardError`, `HubError`."""
         yield from ()
-        client = self._greeted()
+        client = self._client_after_handshake()
         missing = set(self.boards)
         deadline = self.now_s() + min(patience_s, POLLED_S)
         client.start()
@@ -106,15 +106,15 @@ class HubTarget:
             names = ", ".join(f"0x{address:02X}" for address in sorted(missing))
             raise BoardError(HUB, f"does not poll {names} any more; look at taxel scan, and at the boards' power")
 
-    def settle(self) -> Steps[None]:
+    def settle(self) -> Procedure[None]:
         """See the boards polled again."""
         return self.confirm(POLLED_S)
 
-    def _greeted(self) -> HubClient:
+    def _client_after_handshake(self) -> HubClient:
         if self._client is None:
             self._client = self.wire.frames = HubClient(self._link)
-        if not self._client.is_greeted:
-            self._client.greet()
+        if not self._client.has_handshake:
+            self._client.handshake()
         return self._client
 
     def _packets(self) -> None:
@@ -125,6 +125,6 @@ class HubTarget:
 
 
 def _version_of(client: HubClient) -> Version:
-    hello = client.hello
-    assert hello is not None
-    return hello["firmware_major"], hello["firmware_minor"], hello["firmware_patch"]
+    handshake = client.last_handshake
+    assert handshake is not None
+    return handshake["firmware_major"], handshake["firmware_minor"], handshake["firmware_patch"]

@@ -12,9 +12,9 @@ from smbus2 import i2c_msg
 from taxel.link import Link
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
 from taxel_tools.hub_queue import HubQueue
-from taxel_tools.steps import Transfer
+from taxel_tools.procedure import Transfer
 
-Ended = tuple[int, bytes | TransferError]
+CompletedTransfer = tuple[int, bytes | TransferError]
 """A transfer's number, and what was read or what went wrong."""
 
 GRAIN_S: Final = 1e-6
@@ -38,7 +38,7 @@ class BoardWire(Protocol):
         """Begin a transfer, after those begun before; returns its number."""
         ...
 
-    def collect(self, timeout_s: float) -> list[Ended]:
+    def collect(self, timeout_s: float) -> list[CompletedTransfer]:
         """Transfers that have ended; waits at most `timeout_s` for the first. Raises `WireError`, `LinkError`."""
         ...
 
@@ -80,7 +80,7 @@ class SmbusWire:
         self._now_s = now_s
         self._wait = wait
         self._number = 0
-        self._ended: list[Ended] = []
+        self._ended: list[CompletedTransfer] = []
 
     def now_s(self) -> float:
         """Seconds of the adapter's clock."""
@@ -105,7 +105,7 @@ class SmbusWire:
             raise WireError(self.name, f"{error.strerror}; check the adapter and its driver") from None
         return bytes(read) if transfer.read_size else b""
 
-    def collect(self, timeout_s: float) -> list[Ended]:
+    def collect(self, timeout_s: float) -> list[CompletedTransfer]:
         """What has been made; waits if nothing has."""
         if not self._ended:
             self._wait(max(timeout_s, GRAIN_S))
@@ -130,7 +130,7 @@ class HubWire:
         self.name = link.name
         self.hub = HubQueue(link)
         try:
-            self.hub.greet()
+            self.hub.handshake()
             self.hub.stop()
         except BaseException:
             self.close()
@@ -144,7 +144,7 @@ class HubWire:
         """Queue the transfer; it is sent as soon as the hub has room."""
         return self.hub.submit(transfer)
 
-    def collect(self, timeout_s: float) -> list[Ended]:
+    def collect(self, timeout_s: float) -> list[CompletedTransfer]:
         """Replies that have come."""
         return self.hub.collect(timeout_s)
 

@@ -127,7 +127,7 @@ class ClockMap:
 
     def take_message(self, message: HubMessage) -> None:
         """Learn from a TIME_SYNC or HUB_STATUS frame."""
-        if message.type is FrameType.HUB_STATUS or message.type is FrameType.HUB_HELLO:
+        if message.type is FrameType.HUB_STATUS or message.type is FrameType.HUB_HANDSHAKE:
             self._take_uptime(message.fields["uptime_us"])
         elif message.type is FrameType.TIME_SYNC:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])

@@ -1,4 +1,4 @@
-"""Talking to the hub: hello, commands and their replies, over a stream that goes on meanwhile."""
+"""Talking to the hub: handshake, commands and their replies, over a stream that goes on meanwhile."""
 
 from collections import deque
 from typing import Any
@@ -18,7 +18,7 @@ from taxel_protocol import (
 from taxel_protocol.frames import (
     CommandPayload,
     GetBoardInfoArguments,
-    HostHello,
+    HostHandshake,
     SetRateArguments,
     SetScanSettingsArguments,
     StartArguments,
@@ -35,7 +35,7 @@ COMPACT_VERSION = 2
 """First version of the protocol with compact snapshots."""
 RATE_MIN_HZ, RATE_MAX_HZ = 1e-3, 1e6  # a period of 1 us to 1000 s
 
-_GREETING_OF_ITS_OWN = 0  # key of the HUB_HELLO that nobody asked for: tag 0
+_UNREQUESTED_HANDSHAKE = 0  # tag of the HUB_HANDSHAKE that a restarted hub sends without a request
 
 
 class HubError(TaxelError):
@@ -50,8 +50,8 @@ class HubClient:
     """Commands to a hub, and everything that it tells.
 
     `boards` maps addresses to the fields of the last BOARD_INFO frame, `board_status` to those of BOARD_STATUS;
-    `status` is the last HUB_STATUS, `hello` the last HUB_HELLO, `faults` and `logs` are the last 1024 of each.
-    `is_greeted`: host and hub have agreed on a version, and the hub has not started anew since. `version`: that one.
+    `status` is the last HUB_STATUS, `last_handshake` the last HUB_HANDSHAKE; `faults` and `logs` are the last 1024 each.
+    `has_handshake`: host and hub have agreed on a version, and the hub has not started anew since. `version`: that one.
     """
 
     def __init__(self, link: Link) -> None:
@@ -59,8 +59,8 @@ class HubClient:
         self._now_s = clock_of(link)
         self.stream = FrameStream(link, self._take, on_answers=None if link.is_recorded else self._answer)
         self.version = 0
-        self.hello: dict[str, Any] | None = None
-        self.is_greeted = False
+        self.last_handshake: dict[str, Any] | None = None
+        self.has_handshake = False
         self.status: dict[str, Any] | None = None
         self.boards: dict[int, dict[str, Any]] = {}
         self.board_status: dict[int, dict[str, Any]] = {}
@@ -72,9 +72,9 @@ class HubClient:
 
     def _take(self, message: HubMessage) -> None:
         fields = message.fields
-        if message.type is FrameType.HUB_HELLO:
-            self.hello = fields
-            self.is_greeted = fields["version_chosen"] != 0
+        if message.type is FrameType.HUB_HANDSHAKE:
+            self.last_handshake = fields
+            self.has_handshake = fields["version_chosen"] != 0
             self._replies[-fields["tag"]] = message
         elif message.type is FrameType.REPLY:
             self._replies[fields["tag"]] = message
@@ -123,11 +123,11 @@ class HubClient:
         while (left := deadline - self._now_s()) > 0.0:
             self.stream.poll(min(max(left, 1e-6), 0.02))
 
-    def greet(self) -> int:
+    def handshake(self) -> int:
         """Agree on a protocol version; returns it. Raises `VersionError` if there is none in common."""
         tag = self._next_tag()
-        payload = pack(HostHello, {"tag": tag, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION})
-        fields = self._ask(FrameType.HOST_HELLO, payload, -tag).fields
+        versions = {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
+        fields = self._ask(FrameType.HOST_HANDSHAKE, pack(HostHandshake, {"tag": tag} | versions), -tag).fields
         if fields["version_chosen"] == 0:
             raise VersionError(
                 f"{self._link.name}: the hub speaks protocol {fields['version_min']} to {fields['version_max']}, this "
@@ -205,11 +205,11 @@ class HubClient:
         self.command(Command.SET_SCAN_SETTINGS, pack(SetScanSettingsArguments, fields))
 
     def reboot(self) -> None:
-        """Restart the hub and wait until it is back; it must be greeted again. Raises `HubError` if it stays away."""
-        self._replies.pop(_GREETING_OF_ITS_OWN, None)
+        """Restart the hub and wait until it is back; the handshake must then be repeated. Raises `HubError` if it stays away."""
+        self._replies.pop(_UNREQUESTED_HANDSHAKE, None)
         self.command(Command.REBOOT)
         deadline = self._now_s() + REBOOT_TIMEOUT_S
-        while _GREETING_OF_ITS_OWN not in self._replies:
+        while _UNREQUESTED_HANDSHAKE not in self._replies:
             if self._now_s() > deadline:
                 raise HubError(f"{self._link.name}: the hub has not come back from a reboot; check its power")
             self.stream.poll(0.02)

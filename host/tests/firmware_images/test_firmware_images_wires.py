@@ -260,10 +260,10 @@ class Host:
         self.uart.send(encode_frame(kind, 0, payload))
 
 
-def test_a_hub_says_hello_and_looks_for_boards(flash_of):
+def test_a_hub_sends_its_handshake_and_searches_for_boards(flash_of):
     host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)) and len(set(host.bus.probed)) > 100)
-    assert host.of_type(FrameType.HUB_HELLO)[0][4] == ResetCause.COMMAND
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
+    assert host.of_type(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
     assert not host.part.was_reset
 
 
@@ -281,9 +281,9 @@ def test_a_hub_streams_what_a_board_measures_and_confirms_itself_with_the_host_h
     host = Host(flash_of("hub", "a", ON_TRIAL_A), {ADDRESS: board})
     levels: list[int] = []
     host.part.on_write[RTS_PORT] = levels.append
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
-    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.of_type(FrameType.HUB_HELLO)) == 2)
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
+    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.of_type(FrameType.HUB_HANDSHAKE)) == 2)
     host.say(FrameType.COMMAND, bytes([2, Command.START]))
     host.run_until(lambda: len(host.of_type(FrameType.TAXELS)) == 5)
     payload = host.of_type(FrameType.TAXELS)[-1]
@@ -298,7 +298,7 @@ def test_a_hub_streams_what_a_board_measures_and_confirms_itself_with_the_host_h
 
 def test_a_hub_frees_a_bus_whose_sda_is_held_low(flash_of):
     host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
     edges: list[int] = []
     drive = {"last": 3}
 
@@ -309,7 +309,7 @@ def test_a_hub_frees_a_bus_whose_sda_is_held_low(flash_of):
 
     host.part.on_write[BUS_PORT] = driven
     host.part.on_read[BUS_PORT + 4] = lambda: drive["last"] & ~(2 if len(edges) < 5 else 0)
-    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
+    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(edges) >= 5)
     host.part.run(100)
     assert host.part.words[0x40010010] == 0xEE  # the lines are the block's again
@@ -332,9 +332,9 @@ def test_a_hub_without_an_image_answers_over_its_uart(flash_of):
 
 def test_a_hub_asked_for_its_bootloader_stays_in_it(flash_of):
     host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HELLO)))
-    host.say(FrameType.HOST_HELLO, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.of_type(FrameType.HUB_HELLO)) == 2)
+    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
+    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.of_type(FrameType.HUB_HANDSHAKE)) == 2)
     host.say(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
     with pytest.raises(AssertionError, match="reset the processor"):
         host.run_until(lambda: False)

@@ -24,11 +24,13 @@ from taxel.link import (
     write_stimulus,
 )
 from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
-from taxel_protocol.frames import CommandPayload, HostHello
+from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 PATIENCE_S = 20.0
-HELLO = encode_frame(FrameType.HOST_HELLO, 0, pack(HostHello, {"tag": 9, "version_min": 1, "version_max": 1}))
+HANDSHAKE = encode_frame(
+    FrameType.HOST_HANDSHAKE, 0, pack(HostHandshake, {"tag": 9, "version_min": 1, "version_max": 1})
+)
 START = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "command": 1}))
 
 BAD_WORLDS = {
@@ -75,7 +77,7 @@ def ask(link, request, wanted):
 def open_stream(world, **options):
     """A link on which frames are coming."""
     link = EmulatorLink(world, **options)
-    ask(link, HELLO, FrameType.HUB_HELLO)
+    ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
     ask(link, START, FrameType.REPLY)
     return link
 
@@ -83,15 +85,15 @@ def open_stream(world, **options):
 def test_the_hub_answers(small_world):
     link = EmulatorLink(small_world)
     assert (link.is_real_time, link.is_recorded, link.baud) == (True, False, 1e6)
-    frame = ask(link, HELLO, FrameType.HUB_HELLO)
-    assert frame[2][0] in (0, 9)  # the greeting after power-on, or the answer to ours
+    frame = ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
+    assert frame[2][0] in (0, 9)  # the handshake frame after power-on, or the answer to this one
     link.close()
 
 
 def test_bytes_that_another_reader_took_are_not_waited_for(small_world, monkeypatch):
     """Two threads that read one link are both told that there is something; one of them finds nothing."""
     link = EmulatorLink(small_world)
-    ask(link, HELLO, FrameType.HUB_HELLO)
+    ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
     monkeypatch.setattr("taxel.link.emulator.select.select", lambda reads, *others: (reads, [], []))
     assert any(link.read(1.0) is None for _ in range(1000))
     link.close()
@@ -114,7 +116,7 @@ def test_whoever_asks_second_hears_the_emulators_line_too():
     read_to_the_end(link)
     for _ in range(3):
         with pytest.raises(PortVanishedError, match="unknown word 'bored'"):
-            link.write(HELLO)
+            link.write(HANDSHAKE)
     for _ in range(3):
         with pytest.raises(PortVanishedError, match="unknown word 'bored'"):
             link.read(0.1)
@@ -134,7 +136,7 @@ def test_a_stimulus_that_breaks_off_ends_the_stream_after_what_was_sent(tmp_path
     write_stimulus(path, [0.0, 0.5, 1.0], np.zeros((3, 64)))
     path.write_bytes(path.read_bytes()[:-1])
     link = EmulatorLink(small_world, stimulus=path, fast=True)
-    link.write(HELLO + START)
+    link.write(HANDSHAKE + START)
     data, end = read_to_the_end(link)
     assert len(data) > 1000
     assert isinstance(end, PortVanishedError)
@@ -144,7 +146,7 @@ def test_a_stimulus_that_breaks_off_ends_the_stream_after_what_was_sent(tmp_path
 
 def test_a_finite_emulation_ends_with_an_end(small_world):
     link = EmulatorLink(small_world, fast=True, duration_s=1.0)
-    link.write(HELLO + START)
+    link.write(HANDSHAKE + START)
     data, end = read_to_the_end(link)
     assert len(data) > 1000
     assert isinstance(end, EOFError)
@@ -154,7 +156,7 @@ def test_a_finite_emulation_ends_with_an_end(small_world):
 
 def test_statistics_say_what_was_sent(small_world):
     link = EmulatorLink(small_world, fast=True, duration_s=1.0)
-    link.write(HELLO + START)
+    link.write(HANDSHAKE + START)
     data, _ = read_to_the_end(link)
     statistics = link.statistics()
     assert statistics["virtual_seconds"] == 1.0
@@ -194,14 +196,14 @@ def test_a_closed_link_refuses_bytes_in_one_line(small_world):
     link = EmulatorLink(small_world)
     link.close()
     with pytest.raises(LinkError) as caught:
-        link.write(HELLO)
+        link.write(HANDSHAKE)
     assert "\n" not in str(caught.value)
 
 
 def test_nothing_is_left_after_a_fast_emulation_that_nobody_reads(small_world, emulators):
     before = emulators()
     link = EmulatorLink(small_world, fast=True)
-    link.write(HELLO + START)
+    link.write(HANDSHAKE + START)
     time.sleep(0.3)  # its socket fills up and it waits for a reader
     link.close()
     assert emulators() == before
@@ -225,14 +227,14 @@ def test_a_link_outlives_the_thread_that_opened_it(small_world):
     opener.join()
     link = links[0]
     for _ in range(5):
-        assert ask(link, HELLO, FrameType.HUB_HELLO)[0] == FrameType.HUB_HELLO
+        assert ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)[0] == FrameType.HUB_HANDSHAKE
     link.close()
 
 
 def test_several_emulators_do_not_disturb_each_other(small_world):
     links = [EmulatorLink(small_world, fast=True, duration_s=0.5) for _ in range(3)]
     for link in links:
-        link.write(HELLO + START)
+        link.write(HANDSHAKE + START)
     for link in links:
         assert isinstance(read_to_the_end(link)[1], EOFError)
         link.close()
@@ -240,7 +242,7 @@ def test_several_emulators_do_not_disturb_each_other(small_world):
 
 def write_host_input(path):
     with CaptureWriter(path) as writer:
-        writer.write(HELLO, 100_000_000)
+        writer.write(HANDSHAKE, 100_000_000)
         writer.write(START, 150_000_000)
 
 

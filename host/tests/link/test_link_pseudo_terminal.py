@@ -84,7 +84,7 @@ def test_what_was_sent_while_nobody_listened_is_never_a_wrong_frame(serve):
     list(itertools.islice(skin, 5))
     skin._stream.close()
     time.sleep(0.7)
-    link = SerialLink(device)  # hears the stream from its middle, without a greeting
+    link = SerialLink(device)  # joins the stream after its start, without a handshake
     raw = b""
     deadline = time.monotonic() + PATIENCE_S
     while len(raw) < 40_000 and time.monotonic() < deadline:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.hand import Hand, load_hand
 from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
-from taxel_protocol.frames import FRAMES, HubHello, Reply
+from taxel_protocol.frames import FRAMES, HubHandshake, Reply
 from taxel_protocol.layout import pack, unpack
 
 
@@ -39,7 +39,7 @@ def known_counts() -> Callable[[Hand], NDArray[np.uint16]]:
 
 
 class FakeHub:
-    """Answers on a pseudo-terminal: a greeting with its versions, every command with OK; `on_start` follows START."""
+    """Answers on a pseudo-terminal: a handshake with its versions, every command with OK; `on_start` follows START."""
 
     def __init__(
         self, version_chosen: int = 1, version_min: int = 1, version_max: int = 1, on_start: bytes = b""
@@ -68,11 +68,11 @@ class FakeHub:
                 self._answer(FrameType(kind), payload)
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
-        if kind is FrameType.HOST_HELLO:
+        if kind is FrameType.HOST_HANDSHAKE:
             fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
             fields |= {"uptime_us": 0}
             fields |= {"tag": payload[0], "unique_id": bytes(8)} | self._versions
-            os.write(self._master, self._frame(FrameType.HUB_HELLO, pack(HubHello, fields)))
+            os.write(self._master, self._frame(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields)))
         elif kind is FrameType.COMMAND:
             fields, _ = unpack(FRAMES[kind].payload, payload)
             self.commands.append(fields["command"])

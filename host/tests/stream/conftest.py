@@ -52,10 +52,10 @@ class Hub:
         header |= {"cycle": cycle % 65536, "hub_time_us": hub_us % 2**32}
         return self.frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
 
-    def hello(self, tag: int = 0, uptime_us: int = 0) -> bytes:
+    def handshake(self, tag: int = 0, uptime_us: int = 0) -> bytes:
         fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
         fields |= {"tag": tag, "version_min": 1, "version_max": 1, "version_chosen": 1, "unique_id": bytes(8)}
-        return self.message(FrameType.HUB_HELLO, **fields, uptime_us=uptime_us)
+        return self.message(FrameType.HUB_HANDSHAKE, **fields, uptime_us=uptime_us)
 
     def log(self, text: bytes = b"x") -> bytes:
         return self.message(FrameType.LOG, text, level=1, code=0, hub_time_us=0)

@@ -18,7 +18,7 @@ from taxel.link import CaptureLink, CaptureWriter, Chunk, run_emulator
 from taxel.stream import FrameStream
 from taxel.stream.clock import LowerEnvelope
 from taxel_protocol import FrameType, encode_frame
-from taxel_protocol.frames import CommandPayload, HostHello
+from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 TOLERANCE_S = 1e-3
@@ -59,9 +59,9 @@ def skin_stream(hub, boards, seconds, jitter_s, seed=1, hub_ppm=0.0, hub_begin_u
     rng = random.Random(seed)
     truth = {}
     rate = 1.0 + hub_ppm * 1e-6
-    greeted_s = begin_s - 0.05
-    greeting = hub.hello(tag=1, uptime_us=int(hub_begin_us + greeted_s * rate * 1e6))
-    parts = [(greeted_s + host_offset_s, greeting)]
+    handshake_s = begin_s - 0.05
+    handshake = hub.handshake(tag=1, uptime_us=int(hub_begin_us + handshake_s * rate * 1e6))
+    parts = [(handshake_s + host_offset_s, handshake)]
     now, cycle, sequence = begin_s, 0, 0
     addresses = sorted(boards)
 
@@ -189,7 +189,7 @@ def test_a_hub_that_restarts_begins_a_new_clock(make_hub, prepared, one_at_a_tim
     boards = {0x20 + i: [(-1.0, Board(ppm, boot_s=-3.0))] for i, ppm in enumerate(PPMS)}
     first, second = make_hub(100), make_hub(0)
     before = skin_stream(first, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
-    restart = Chunk(second.hello(tag=0, uptime_us=50), before.chunks[-1].arrival_ns + 10_000_000)
+    restart = Chunk(second.handshake(tag=0, uptime_us=50), before.chunks[-1].arrival_ns + 10_000_000)
     boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
     after = skin_stream(second, boards, 5.0, 2e-3, host_offset_s=1005.0)
     truth = before.truth | {(a, s, c + 10_000): t for (a, s, c), t in after.truth.items()}
@@ -214,10 +214,10 @@ def test_without_arrivals_the_hubs_clock_is_the_time_base(hub, prepared):
 
 
 def write_host_input(path):
-    hello = pack(HostHello, {"tag": 1, "version_min": 1, "version_max": 1})
+    handshake = pack(HostHandshake, {"tag": 1, "version_min": 1, "version_max": 1})
     start = pack(CommandPayload, {"tag": 2, "command": 1})
     with CaptureWriter(path) as writer:
-        writer.write(encode_frame(FrameType.HOST_HELLO, 0, hello), 200_000_000)
+        writer.write(encode_frame(FrameType.HOST_HANDSHAKE, 0, handshake), 200_000_000)
         writer.write(encode_frame(FrameType.COMMAND, 1, start), 250_000_000)
 
 

@@ -132,7 +132,7 @@ def test_a_hub_that_restarts_begins_anew_and_loses_nothing(account_of, make_hub,
     before = make_hub(500)
     after = make_hub(0)
     data = b"".join(wire for _, wire in cycles(before, 10, first=900))
-    data += after.hello(tag=0) + after.hello(tag=1) + b"".join(wire for _, wire in cycles(after, 10, first=0))
+    data += after.handshake(tag=0) + after.handshake(tag=1) + b"".join(wire for _, wire in cycles(after, 10, first=0))
     account = account_of(data, [size])
     assert account.restarts == 1
     assert account.lost_on_wire == 0
@@ -143,18 +143,18 @@ def test_losses_just_before_a_restart_do_not_blur_it(account_of, make_hub):
     before, after = make_hub(10), make_hub(0)
     data = before.taxels(0x20, 5)
     before.log()  # lost, and with the hub its number
-    data += after.hello() + after.taxels(0x20, 0)
+    data += after.handshake() + after.taxels(0x20, 0)
     account = account_of(data)
     assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
 
 
-def test_the_first_greeting_of_a_hub_is_no_restart(account_of, hub):
-    assert account_of(hub.hello() + hub.hello(tag=1) + hub.log()).restarts == 0
+def test_the_first_handshake_of_a_hub_is_not_a_restart(account_of, hub):
+    assert account_of(hub.handshake() + hub.handshake(tag=1) + hub.log()).restarts == 0
 
 
-def test_an_answered_greeting_whose_number_is_0_is_no_restart(account_of, make_hub):
+def test_a_requested_handshake_with_sequence_0_is_not_a_restart(account_of, make_hub):
     hub = make_hub(65_535)
-    account = account_of(hub.taxels(0x20, 1) + hub.hello(tag=5) + hub.taxels(0x20, 2))
+    account = account_of(hub.taxels(0x20, 1) + hub.handshake(tag=5) + hub.taxels(0x20, 2))
     assert (account.restarts, account.lost_on_wire) == (0, 0)
 
 
@@ -202,12 +202,12 @@ def test_a_last_frame_without_its_delimiter_is_delivered(hub, prepared, cut):
 
 
 def test_messages_are_told_in_order_with_their_fields(hub, prepared, cut):
-    data = hub.hello(tag=3, uptime_us=17) + hub.log(b"one") + hub.taxels(0x20, 1) + hub.sync(0x20, 5, 6)
+    data = hub.handshake(tag=3, uptime_us=17) + hub.log(b"one") + hub.taxels(0x20, 1) + hub.sync(0x20, 5, 6)
     data += hub.log(b"two")
     client = HubClient(prepared(cut(data)))
     client.stream.poll()
-    assert client.hello is not None
-    assert (client.hello["tag"], client.hello["uptime_us"]) == (3, 17)
+    assert client.last_handshake is not None
+    assert (client.last_handshake["tag"], client.last_handshake["uptime_us"]) == (3, 17)
     assert list(client.logs) == ["one", "two"]
 
 

@@ -75,7 +75,7 @@ def test_messages_have_the_fields_that_construct_reads(sent):
 @bounded
 @given(sent=st.lists(messages(), max_size=8), lost=st.sets(st.integers(0, 7)))
 def test_losses_of_any_sequences_are_those_of_the_definition(tool, sent, lost):
-    """Sequences in any order: doubled, backwards, wrapped; greetings of a hub that began anew among them."""
+    """Sequences in any order: doubled, backwards, wrapped; with handshakes of a restarted hub."""
     arrived = [frame for i, frame in enumerate(sent) if i not in lost]
     decoder = StreamDecoder()
     decoder.push(b"".join(encode_frame(*frame) for frame in arrived))

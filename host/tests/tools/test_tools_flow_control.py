@@ -12,9 +12,9 @@ from taxel.link.virtual import VirtualMemoryLink
 from taxel_tools.application import read_identity
 from taxel_tools.errors import LostError, NackError
 from taxel_tools.hub_queue import HELD_WINDOW, WINDOW
-from taxel_tools.interleave import run, run_all
-from taxel_tools.program import update
-from taxel_tools.steps import Burst, Transfer
+from taxel_tools.scheduler import run, run_all
+from taxel_tools.firmware_update import update
+from taxel_tools.procedure import Burst, Transfer
 from taxel_tools.wires import HubWire
 
 BOTH_WAYS = ("usb_latency_down_ms 16",)
@@ -66,14 +66,14 @@ def test_a_hub_whose_processor_is_away_loses_nothing(worlds, hub):
     world = worlds("flow_control 1", hand="allegro")
     wire = hub(world)
     addresses = wire.scan()
-    talks = {address: read_often(address, 30) for address in addresses}
+    procedures = {address: read_often(address, 30) for address in addresses}
 
     def stall():
         for _ in range(5):
             world.inject("hub_stall", 0, 15)
             yield Transfer(addresses[0], bytes([0x60]), 12)
 
-    results = run_all(wire, talks | {0: stall()})
+    results = run_all(wire, procedures | {0: stall()})
     assert not any(isinstance(result, TaxelError) for result in results.values())
     assert not wire.hub.logs
 
@@ -94,12 +94,12 @@ def test_a_line_that_is_not_wired_is_found_out_and_costs_time_only(worlds, make_
     assert {result.after for result in results.values()} == {(1, 2, 3)}
 
 
-def test_a_hub_that_starts_anew_is_greeted_once_for_all_that_was_under_way(worlds, hub, make_firmware):
+def test_a_restarted_hub_needs_one_handshake_for_all_pending_commands(worlds, hub, make_firmware):
     world = worlds(*HELD, hand="allegro")
     wire = hub(world)
-    greetings = []
-    greet = wire.hub.greet
-    wire.hub.greet = lambda: greetings.append(world.now_s) or greet()
+    handshake_times = []
+    perform_handshake = wire.hub.handshake
+    wire.hub.handshake = lambda: handshake_times.append(world.now_s) or perform_handshake()
     restarts = iter([True])
 
     def hurt(progress) -> None:
@@ -108,7 +108,7 @@ def test_a_hub_that_starts_anew_is_greeted_once_for_all_that_was_under_way(world
 
     results = update_all(wire, make_firmware(), wire.scan(), hurt)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
-    assert len(greetings) <= 2
+    assert len(handshake_times) <= 2
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])

@@ -14,8 +14,8 @@ from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.errors import HUB, BoardError
 from taxel_tools.files import Firmware
 from taxel_tools.hub_target import HubTarget
-from taxel_tools.interleave import run, run_all
-from taxel_tools.program import update_target
+from taxel_tools.scheduler import run, run_all
+from taxel_tools.firmware_update import update_target
 
 HANG = bytes(8) + b"HANG"
 BOARDS = [0x50, 0x51, 0x52, 0x53]
@@ -34,9 +34,9 @@ def attempt(link, firmware, report=lambda progress: None, **options):
 
 def version_of(link):
     client = HubClient(link)
-    client.greet()
+    client.handshake()
     client.stream.release()
-    return tuple(client.hello[f"firmware_{part}"] for part in ("major", "minor", "patch"))
+    return tuple(client.last_handshake[f"firmware_{part}"] for part in ("major", "minor", "patch"))
 
 
 def slot_bytes(world, slot, size):
@@ -80,7 +80,7 @@ def test_boards_are_polled_before_and_after(worlds, make_hub_firmware):
     world = worlds()
     link = VirtualMemoryLink(world)
     client = HubClient(link)
-    client.greet()
+    client.handshake()
     client.start()
     client.wait(0.2)
     target = HubTarget(link)
@@ -88,7 +88,7 @@ def test_boards_are_polled_before_and_after(worlds, make_hub_firmware):
     assert result.after == (1, 2, 3)
     assert target.boards == BOARDS
     client = HubClient(link)
-    client.greet()
+    client.handshake()
     client.start()
     client.wait(0.2)
     assert {frame.address for frame in client.stream.frames} == set(BOARDS)

@@ -10,8 +10,8 @@ from taxel_protocol.bootloader import BootDevice
 from taxel_tools.application import read_identity, version_of
 from taxel_tools.errors import BoardError
 from taxel_tools.files import Firmware
-from taxel_tools.interleave import run, run_all
-from taxel_tools.program import update
+from taxel_tools.scheduler import run, run_all
+from taxel_tools.firmware_update import update
 from taxel_tools.session import BootSession
 
 FIRST, KIND = 0x50, 9
@@ -194,7 +194,7 @@ def test_bytes_lost_on_the_uart_cost_time_and_nothing_else(worlds, hub, make_fir
     assert {result.after for result in results.values()} == {(1, 2, 3)}
 
 
-def test_the_hub_is_greeted_again_when_it_starts_anew(worlds, hub, make_firmware):
+def test_the_handshake_is_repeated_after_a_hub_restart(worlds, hub, make_firmware):
     world = worlds(boards=2)
     wire = hub(world)
     restarts = iter([True])
