@@ -24,8 +24,8 @@ def test_a_pressed_taxel_drops_and_no_other(rig: Rig, skin: Skin, place: int, ta
     rest = mean_counts(rig, skin, address, 1.0)
     rig.stimulus.press(address, taxel, FORCE_N)
     watch(rig, skin, 0.3)
-    drop = rest - mean_counts(rig, skin, address, 0.5)
-    assert np.flatnonzero(drop > ACTIVE_COUNTS).tolist() == [taxel]
+    signal = rest - mean_counts(rig, skin, address, 0.5)
+    assert np.flatnonzero(signal > ACTIVE_COUNTS).tolist() == [taxel]
     rig.stimulus.release()
     watch(rig, skin, 0.3)
     assert np.abs(rest - mean_counts(rig, skin, address, 0.5)).max() < ACTIVE_COUNTS / 2

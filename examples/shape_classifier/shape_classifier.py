@@ -31,7 +31,7 @@ from taxel.generate.run import generate
 from taxel.generate.workers import Processes
 from taxel.grasp.plan import thesis_plan
 from taxel.hand import load_hand
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 
 HERE = Path(__file__).parent
 REPORT = HERE / "report.json"
@@ -39,7 +39,7 @@ REPORT = HERE / "report.json"
 TRAIN_SEED, TEST_SEED = 11, 2  # the diagnosed campaign has seed 1
 
 SCALE_COUNTS = 500.0
-"""Of a drop: what a finger's press makes."""
+"""Of a signal: what a finger's press makes."""
 
 SCALE_TAXELS = 5.0
 """Of the number of active taxels of a board."""
@@ -69,24 +69,24 @@ class Accuracy:
         return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
-def taxel_drops(drop: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of drops f64[g, n]: every taxel's, in about unit size."""
-    return np.asarray(drop / SCALE_COUNTS)
+def taxel_signals(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of signals f64[g, n]: every taxel's, in about unit size."""
+    return np.asarray(signal / SCALE_COUNTS)
 
 
-def active_taxels(drop: NDArray[np.float64]) -> NDArray[np.float64]:
+def active_taxels(signal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Whether each taxel is active, as the thesis uses them, f64[g, n] of 0 and 1."""
-    return np.asarray(drop > ACTIVE_DROP_COUNTS, dtype=np.float64)
+    return np.asarray(signal > ACTIVE_SIGNAL_COUNTS, dtype=np.float64)
 
 
-def active_on_boards(drop: NDArray[np.float64]) -> NDArray[np.float64]:
+def active_on_boards(signal: NDArray[np.float64]) -> NDArray[np.float64]:
     """How many taxels of each board are active, f64[g, 17] in about unit size: how large contact is, not where."""
     board = load_hand("allegro").board_index
-    return np.asarray(active_taxels(drop) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
+    return np.asarray(active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
 
 VIEWS = {
-    "every taxel's drop": taxel_drops,
+    "every taxel's signal": taxel_signals,
     "which taxels are active": active_taxels,
     "how many on each board": active_on_boards,
 }
@@ -100,7 +100,7 @@ def classifier(view: str) -> Any:
 
 def right(view: str, train: Holds, test: Holds) -> NDArray[np.bool_]:
     """Which grasps of `test` a classifier tells right that was trained on `train`, bool[g]."""
-    return np.asarray(classifier(view).fit(train.drop, train.label).predict(test.drop) == test.label)
+    return np.asarray(classifier(view).fit(train.signal_counts, train.label).predict(test.signal_counts) == test.label)
 
 
 def accuracy(found: NDArray[np.bool_]) -> Accuracy:
@@ -124,7 +124,8 @@ def compared(plain: Holds, added: Holds, test: Holds) -> dict[str, Any]:
         rise, low, high = gain(before, after)
         row: dict[str, Any] = {"gain": rise, "gain_ci95": [low, high]}
         if folds > 1:
-            row["own_data"] = float(cross_val_score(classifier(view), plain.drop, plain.label, cv=folds).mean())
+            own_scores = cross_val_score(classifier(view), plain.signal_counts, plain.label, cv=folds)
+            row["own_data"] = float(own_scores.mean())
         for name, one in (("without_effects", before), ("with_effects", after)):
             share = accuracy(one)
             row[name] = {"right": share.right, "accuracy": share.value, "ci95": list(share.ci95)}

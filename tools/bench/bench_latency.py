@@ -58,9 +58,9 @@ def _delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np
     delays = np.empty(taxels.shape)
     for column, board in enumerate(hand.boards):
         times, raw = np.array(arrived[board.address]), np.array(counts[board.address]).astype(float)
-        drops = np.median(raw[times < FIRST_S], axis=0) - raw
+        signals = np.median(raw[times < FIRST_S], axis=0) - raw
         for press, onset in enumerate(onsets):
-            active = (drops[:, taxels[press, column]] > ACTIVATION_THRESHOLD_COUNTS) & (times > onset)
+            active = (signals[:, taxels[press, column]] > ACTIVATION_THRESHOLD_COUNTS) & (times > onset)
             delays[press, column] = times[np.argmax(active)] - onset if active.any() else np.inf
     scans = min(board["scans"] for board in counted["boards"])
     return delays, 1e-6 * counted["cycle_time_us"], length / scans

@@ -1,6 +1,6 @@
 """Which numbers of the simulator's sensor model fit single taxels of the emulated skin?
 
-python tools/sim/fit_sensor_model.py            a few seconds; prints drops, fit and residuals
+python tools/sim/fit_sensor_model.py            a few seconds; prints signals, fit and residuals
 
 One taxel in the middle of every board is pressed over a ladder of forces, as an experimenter calibrates a skin with a
 probe and a load cell: only forces go in and only raw counts come out.
@@ -34,11 +34,11 @@ SETTLE_S = 0.4
 
 @dataclass(frozen=True)
 class Ladder:
-    """What was measured: mean baseline, and the mean drop over boards and its spread between them at each force."""
+    """What was measured: mean baseline, and the mean signal over boards and its spread between them at each force."""
 
     force_n: FloatArray
     baseline_counts: float
-    drop: FloatArray
+    signal_counts: FloatArray
     spread: FloatArray
 
 
@@ -61,9 +61,9 @@ def press_ladder(hand: Hand, seed: int) -> Ladder:
                     break
                 seconds.append(scan.time_s)
                 counts.append(np.where(scan.valid[pressed], scan.raw_counts[pressed], np.nan))
-    at, drops = np.array(seconds), baseline - np.array(counts)
+    at, signals = np.array(seconds), baseline - np.array(counts)
     during = [(at > start + SETTLE_S) & (at < start + HOLD_S - SETTLE_S) for start in starts]
-    means = np.array([np.nanmean(drops[rung], axis=0) for rung in during])
+    means = np.array([np.nanmean(signals[rung], axis=0) for rung in during])
     return Ladder(LADDER_N, float(baseline.mean()), means.mean(axis=1), means.std(axis=1, ddof=1))
 
 
@@ -73,10 +73,11 @@ def saturating(force_n: FloatArray, full: float, half: float) -> FloatArray:
 
 
 def fit(ladder: Ladder) -> tuple[float, float]:
-    """Full-scale drop (counts) and half force (newtons) that fit best, least squares."""
+    """Full-scale signal (counts) and half force (newtons) that fit best, least squares."""
     low, high = FIT_RANGE_N
     used = (ladder.force_n >= low) & (ladder.force_n <= high)
-    found, _ = curve_fit(saturating, ladder.force_n[used], ladder.drop[used], p0=(ladder.drop.max(), 5.0))
+    start = (ladder.signal_counts.max(), 5.0)
+    found, _ = curve_fit(saturating, ladder.force_n[used], ladder.signal_counts[used], p0=start)
     return float(found[0]), float(found[1])
 
 
@@ -88,18 +89,18 @@ def main() -> None:
     options = parser.parse_args()
     ladder = press_ladder(load_hand(options.hand), options.seed)
     full, half = fit(ladder)
-    residual = ladder.drop - saturating(ladder.force_n, full, half)
+    residual = ladder.signal_counts - saturating(ladder.force_n, full, half)
     inside = (ladder.force_n >= FIT_RANGE_N[0]) & (ladder.force_n <= FIT_RANGE_N[1])
     print(f"seed {options.seed}, baseline {ladder.baseline_counts:.1f} counts")
-    print(" force N    drop  spread     fit  residual")
-    for force, drop, spread, left in zip(ladder.force_n, ladder.drop, ladder.spread, residual, strict=True):
-        print(f"{force:8.3f} {drop:7.1f} {spread:7.1f} {drop - left:7.1f} {left:9.1f}")
+    print(" force N    signal  spread     fit  residual")
+    for force, signal, spread, left in zip(ladder.force_n, ladder.signal_counts, ladder.spread, residual, strict=True):
+        print(f"{force:8.3f} {signal:7.1f} {spread:7.1f} {signal - left:7.1f} {left:9.1f}")
     worst = np.flatnonzero(inside)[np.abs(residual[inside]).argmax()]
     print(f"full_scale_drop_counts {full:.1f}, half_force_n {half:.3f}, fitted to {FIT_RANGE_N[0]}..{FIT_RANGE_N[1]} N")
     rms = np.sqrt(np.mean(residual[inside] ** 2))
     print(f"there RMS {rms:.1f} counts, largest {residual[worst]:.1f} at {LADDER_N[worst]:.3f} N")
     active = ACTIVATION_THRESHOLD_COUNTS
-    measured = brentq(lambda force: np.interp(force, ladder.force_n, ladder.drop) - active, 0.02, 20.0)
+    measured = brentq(lambda force: np.interp(force, ladder.force_n, ladder.signal_counts) - active, 0.02, 20.0)
     print(f"{active:g} counts: {measured:.3f} N measured, {half * active / (full - active):.3f} N by the fit")
 
 

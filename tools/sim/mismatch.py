@@ -12,20 +12,20 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.counts import used_taxels
+from taxel.cloud.contacts import used_taxels
 from taxel.recording.grasp_dataset import GraspDataset
 
 Key = tuple[str, str]
 
 
-def hold_drops(path: str, every: bool) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
-    """Mean drop over hold, counts [n], of every grasp by (object, approach) and session; and the taxels that count."""
-    drops: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
+def hold_signals(path: str, every: bool) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
+    """Mean signal over hold, counts [n], of each grasp by (object, approach) and session; and the taxels that count."""
+    signals: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:
         for grasp in data:
-            own = drops.setdefault((grasp.object, grasp.approach), {})
-            own.setdefault(grasp.session, []).append(grasp.hold_drop())
-        return drops, np.ones(data.taxels.n, bool) if every else used_taxels(data)
+            own = signals.setdefault((grasp.object, grasp.approach), {})
+            own.setdefault(grasp.session, []).append(grasp.mean_hold_signal())
+        return signals, np.ones(data.taxels.n, bool) if every else used_taxels(data)
 
 
 def main() -> int:
@@ -34,13 +34,13 @@ def main() -> int:
     if len(paths) != 2:
         print("usage: mismatch.py [--all] REAL.h5 SIM.h5", file=sys.stderr)
         return 2
-    (real, used), (sim, _) = (hold_drops(path, "--all" in sys.argv[1:]) for path in paths)
+    (real, used), (sim, _) = (hold_signals(path, "--all" in sys.argv[1:]) for path in paths)
     gaps, floors = [], []
     print(f"{'approach':<36}{'gap':>8}{'floor':>8}{'one grasp':>11}   counts, RMS over taxels")
     for key, sessions in sorted(real.items()):
         means = np.stack([np.mean(own, axis=0) for own in sessions.values()])
-        grasps = np.stack([drop for own in sessions.values() for drop in own])
-        model = np.mean([drop for own in sim[key].values() for drop in own], axis=0)
+        grasps = np.stack([signal for own in sessions.values() for signal in own])
+        model = np.mean([signal for own in sim[key].values() for signal in own], axis=0)
         mean = means.mean(axis=0)
         felt = used & ((mean > 10.0) | (model > 10.0))
         gap2 = float(np.mean((mean - model)[felt] ** 2))

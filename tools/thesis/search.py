@@ -27,7 +27,7 @@ from taxel.cloud.errors import RegistrationError
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.propagation import Propagation
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.thesis.findings import Finding, findings
 from taxel.thesis.matching import REAL, SIM, SPREAD, ObjectClouds, ObjectResult, measure, treated
@@ -41,10 +41,10 @@ SPREAD_CUT: Final = 4.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """spread_m: length of an exponential kernel. crosstalk: share of each other drop on a taxel's lines. gain: of all
-    drops. offset_counts: of each taxel in each grasp (slow noise), board_counts: of those of one board besides. Drops
-    above knee_counts rise less: `flat` of the rise is lost. reach_m, from_counts: of the propagation in the simulated
-    clouds. rectangular, cylindrical, triangular: which of the files has that object. The defaults stand for what was
+    """spread_m: length of an exponential kernel. crosstalk: share of each other signal on a taxel's lines. gain: of all
+    signals. offset_counts: of each taxel in each grasp (slow noise), board_counts: of those of one board besides.
+    Signals above knee_counts rise less: `flat` of the rise is lost. reach_m, from_counts: of the propagation in the
+    simulated clouds. rectangular, cylindrical, triangular: which of the files has that object. The defaults stand for what was
     chosen: a film's length is about a fifth longer than the kernel's, and 0.7 of pink noise is left in the mean over
     hold less the baseline.
     """
@@ -77,11 +77,11 @@ NOISY_BOARD: Final = "medial_front_middle"
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """One simulated grasp. places: f64[n, 3], object's frame. drop, force: f64[n], means over hold."""
+    """One simulated grasp. places: f64[n, 3], object's frame. signal, force: f64[n], means over hold."""
 
     object: str
     places: FloatArray
-    drop: FloatArray
+    signal_counts: FloatArray
     force: FloatArray
 
 
@@ -92,7 +92,7 @@ def grasps_of(path: Path) -> list[Pressed]:
             Pressed(
                 grasp.object,
                 taxel_points(data, grasp),
-                np.nan_to_num(grasp.hold_drop(baseline_frames(grasp))),
+                np.nan_to_num(grasp.mean_hold_signal(baseline_frames(grasp))),
                 np.asarray(grasp.contact_force, np.float64)[grasp.phase == Phase.HOLD].mean(axis=0),
             )
             for grasp in data
@@ -118,17 +118,17 @@ class Stage:
         self.displaced = [grasps_of(one) for one in displaced]
         self.boards = [np.flatnonzero(self.taxels.sensor == board) for board in np.unique(self.taxels.sensor)]
 
-    def drops(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
+    def signals(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
         """Counts of a hand with the candidate's spread, coupling, gain, noise and knee, f64[n]."""
         result = np.zeros_like(force)
         for own in self.boards:
             apart = np.linalg.norm(self.taxels.position[own][:, None] - self.taxels.position[own], axis=2)
             kernel = np.where(apart < SPREAD_CUT * candidate.spread_m, np.exp(-apart / candidate.spread_m), 0.0)
             spread = (kernel / kernel.sum(axis=0)) @ force[own]
-            drop = candidate.gain * self.model.full_scale_drop_counts * spread / (spread + self.model.half_force_n)
+            signal = candidate.gain * self.model.full_scale_drop_counts * spread / (spread + self.model.half_force_n)
             lines = [(line[own][:, None] == line[own]).astype(float) for line in (self.taxels.tx, self.taxels.rx)]
-            others = sum(line @ drop for line in lines) - 2.0 * drop
-            result[own] = drop + candidate.crosstalk * others
+            others = sum(line @ signal for line in lines) - 2.0 * signal
+            result[own] = signal + candidate.crosstalk * others
         result -= candidate.flat * np.maximum(result - candidate.knee_counts - self.knee, 0.0)
         noise = np.hypot(candidate.offset_counts, candidate.board_counts * self.noisy)
         return np.asarray(result + noise * rng.normal(size=len(result)))
@@ -146,12 +146,12 @@ def items_of(stage: Stage, candidate: Candidate, seed: int) -> dict[str, ObjectC
     for number, pressed in enumerate(stage.grasps):
         moved = stage.displaced[int(getattr(candidate, of_dataset(pressed.object)))][number]
         own = parts.setdefault(pressed.object, {REAL: [], SIM: [], SPREAD: []})
-        drop = stage.drops(moved.force, candidate, rng)
-        active = stage.used & (pressed.drop > ACTIVE_DROP_COUNTS)
-        reached, counts = reach.applied(active, pressed.drop, near)
+        signal = stage.signals(moved.force, candidate, rng)
+        active = stage.used & (pressed.signal_counts > ACTIVE_SIGNAL_COUNTS)
+        reached, counts = reach.applied(active, pressed.signal_counts, near)
         for name, where, value, on in (
-            (REAL, moved.places, drop, stage.used & (drop > ACTIVE_DROP_COUNTS)),
-            (SIM, pressed.places, pressed.drop, active),
+            (REAL, moved.places, signal, stage.used & (signal > ACTIVE_SIGNAL_COUNTS)),
+            (SIM, pressed.places, pressed.signal_counts, active),
             (SPREAD, pressed.places, counts, reached & stage.used),
         ):
             own[name].append((where[on], value[on]))

@@ -39,8 +39,7 @@ def _traces(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 MOST_CURRENT: Final = 1.35
-"""Of a board's source: with more its counter has no room left for drops, reads 0, and is a board that does not answer.
-"""
+"""Of a board's source: with more its counter has no range left for a signal, and reads 0."""
 
 
 def _board_factor(name: str, form: str, most: float = np.inf) -> Form:

@@ -33,7 +33,7 @@ def taxels_that_show(place: Place, sim: Path) -> list[int]:
 
 
 def _expected(sim: Path) -> tuple[TaxelTable, NDArray[np.float64]]:
-    """The taxels of a dataset, and the largest drop of each in all grasps, counts, f64[n]."""
+    """The taxels of a dataset, and the largest signal of each in all grasps, counts, f64[n]."""
     with GraspDataset(sim) as data:
         table, most = data.taxels, np.zeros(len(data.taxels.sensor))
         for grasp in data:

@@ -21,7 +21,7 @@ from taxel.cloud.fusion import fused
 from taxel.cloud.propagation import Propagation
 from taxel.errors import TaxelError
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 
 cloud_app = typer.Typer(
     help="Contact clouds of grasped objects: make, filter, align, measure, tell the shape.",
@@ -35,7 +35,9 @@ def make(
     dataset: Annotated[Path, typer.Argument(help="Grasp dataset of a hand or a simulator.", metavar="DATASET.h5")],
     item: Annotated[str, typer.Option("--object", help="The object whose grasps are accumulated.")],
     out: Out,
-    threshold: Annotated[float, typer.Option(help="Counts that an active taxel has dropped by.")] = ACTIVE_DROP_COUNTS,
+    threshold: Annotated[
+        float, typer.Option(help="Signal in counts above which a taxel is active.")
+    ] = ACTIVE_SIGNAL_COUNTS,
     approach: Annotated[str, typer.Option(help="Only grasps of this approach.")] = "",
     propagate_mm: Annotated[
         float, typer.Option(help="Active taxels activate those of their board that are nearer; 5.5: the four beside.")
@@ -67,7 +69,9 @@ def make(
 def filter_cloud(
     cloud: CloudFile,
     out: Out,
-    threshold: Annotated[float | None, typer.Option(help="Counts; points of smaller drops go.")] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Signal in counts; points with a smaller signal are removed.")
+    ] = None,
     sor_points: Annotated[int | None, typer.Option(help="N of the outlier filter; a point counts itself.")] = None,
     sor_sigma: Annotated[float | None, typer.Option(help="nSigma of the outlier filter.")] = None,
     overwrite: Overwrite = False,

@@ -23,7 +23,7 @@ from taxel.cloud.match import match as match_cloud
 from taxel.cloud.models import chosen_models
 from taxel.errors import TaxelError
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 
 DATASETS: Final = (".h5", ".hdf5")
 
@@ -51,7 +51,9 @@ def match(
     each_approach: Annotated[
         bool, typer.Option("--each-approach", help="Also what the grasps of each approach tell alone.")
     ] = False,
-    threshold: Annotated[float, typer.Option(help="Counts that an active taxel has dropped by.")] = ACTIVE_DROP_COUNTS,
+    threshold: Annotated[
+        float, typer.Option(help="Signal in counts above which a taxel is active.")
+    ] = ACTIVE_SIGNAL_COUNTS,
     anywhere: Anywhere = False,
     draws: Annotated[int, typer.Option(help="Draws of grasps behind the confidence; 0: none.")] = DRAWS,
     seed: Annotated[int, typer.Option(help="Of those draws.")] = 0,

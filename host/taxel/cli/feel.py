@@ -74,23 +74,23 @@ def _presses(console: Console, out: Path, seed: int) -> None:
     )
     save_heat_map(
         hand,
-        result.largest_drop,
+        result.largest_signal,
         result.ever_active,
         out / "skin.png",
-        "Emulated skin: largest drop during the presses",
+        "Emulated skin: largest signal during the presses",
     )
 
 
 def _press_table(presses: list[PressOutcome]) -> Table:
     table = Table(title="presses")
-    for heading in ("board", "probe", "felt after", "active", "drop"):
+    for heading in ("board", "probe", "felt after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
     for outcome in presses:
         press = outcome.press
         felt = "not felt" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
         table.add_row(
             press.board, f"{press.force_n:g} N, {1e3 * press.diameter_m:g} mm", felt,
-            str(len(outcome.active_taxels)), f"{outcome.largest_drop:.0f} counts",
+            str(len(outcome.active_taxels)), f"{outcome.largest_signal:.0f} counts",
         )  # fmt: skip
     return table
 
@@ -105,4 +105,5 @@ def _measured(console: Console, out: Path, seconds: float) -> None:
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder, console.status(f"replaying {name}"):
             score = replay_touches(load_recording(name), hand, seconds=seconds, folder=Path(folder))
         console.print(f"{name}: {score}")
-    save_heat_map(hand, score.map_drop, score.map_active, out / "measured.png", f"Measured touch on the skin ({name})")
+    title = f"Measured touch on the skin ({name})"
+    save_heat_map(hand, score.map_signal, score.map_active, out / "measured.png", title)

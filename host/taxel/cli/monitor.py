@@ -34,7 +34,7 @@ def monitor(
         int, typer.Option(min=2, max=10000, help="Frames of each board that its baseline is taken from.")
     ] = BASELINE_SAMPLES,
     threshold: Annotated[
-        float, typer.Option(min=1.0, help="Drop in counts above which a taxel is active.")
+        float, typer.Option(min=1.0, help="Signal in counts above which a taxel is active.")
     ] = ACTIVATION_THRESHOLD_COUNTS,
     seconds: Annotated[float | None, typer.Option(help="End after so many seconds.")] = None,
     once: Annotated[

@@ -13,7 +13,7 @@ from taxel.cloud.errors import CloudError
 from taxel.cloud.propagation import Propagation
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
 from taxel.types import BoolArray, FloatArray
 
 
@@ -23,7 +23,7 @@ class _Felt:
 
     grasp: Grasp
     places: FloatArray
-    drop: FloatArray
+    signal_counts: FloatArray
     active: BoolArray
     quiet: BoolArray
 
@@ -31,7 +31,7 @@ class _Felt:
 def accumulate(
     data: GraspDataset,
     object_name: str,
-    threshold: float = ACTIVE_DROP_COUNTS,
+    threshold: float = ACTIVE_SIGNAL_COUNTS,
     *,
     propagation: Propagation | None = None,
     taxels: BoolArray | None = None,
@@ -39,7 +39,7 @@ def accumulate(
 ) -> ContactCloud:
     """The contact cloud of an object, in the object's nominal frame, metres.
 
-    A point for each grasp and taxel whose drop, the mean over hold, exceeds `threshold` counts, strictly. A taxel
+    A point for each grasp and taxel whose signal, the mean over hold, exceeds `threshold` counts, strictly. A taxel
     without a valid hold frame is in neither `points` nor `quiet`; a grasp without a baseline is left out.
 
     propagation: what the thesis adds to simulated clouds; None: nothing. taxels: which count, bool[n]; None: those of
@@ -57,7 +57,7 @@ def accumulate(
     return ContactCloud(
         f"{data.path}, {object_name}",
         np.concatenate([np.empty((0, 3)), *(one.places[one.active] for one in felt)]),
-        np.concatenate([np.empty(0), *(one.drop[one.active] for one in felt)]),
+        np.concatenate([np.empty(0), *(one.signal_counts[one.active] for one in felt)]),
         np.concatenate([np.empty(0, np.int64), *rows]),
         np.concatenate([np.empty(0, np.int64), *(np.flatnonzero(one.active) for one in felt)]),
         tuple(one.grasp.id for one in felt),
@@ -81,11 +81,11 @@ def _felt(
     grasps = [grasp for grasp in data if grasp.object == object_name]
     for done, grasp in enumerate(grasps, 1):
         if frames := baseline_frames(grasp):
-            drop = grasp.hold_drop(frames)
-            known = counting & ~np.isnan(drop)
-            active: BoolArray = known & (np.where(known, drop, 0.0) > threshold)
+            signal = grasp.mean_hold_signal(frames)
+            known = counting & ~np.isnan(signal)
+            active: BoolArray = known & (np.where(known, signal, 0.0) > threshold)
             if propagation is not None and near is not None:
-                reached, drop = propagation.applied(active, drop, near)
+                reached, signal = propagation.applied(active, signal, near)
                 active = reached & known
-            yield _Felt(grasp, taxel_points(data, grasp), drop, active, known & ~active)
+            yield _Felt(grasp, taxel_points(data, grasp), signal, active, known & ~active)
         show(done, len(grasps))

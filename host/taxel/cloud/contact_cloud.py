@@ -28,7 +28,7 @@ class ContactCloud:
     Attributes:
         name: for messages, such as a file.
         points: f64[N, 3]. Of a dataset: taxel centres in the frame of the object as it was placed.
-        counts: f64[N], drop below the baseline, mean over hold; NaN where unknown.
+        counts: f64[N], signal (baseline minus raw count), mean over hold; NaN where unknown.
         grasp: i64[N], row in `grasps`. taxel: i64[N], row in the dataset's taxel table; -1 where unknown.
         grasps: ids. grasp_approach: i64[G], row in `approaches`. approaches: names.
         quiet: f64[M, 3], the taxels that were read and not active; quiet_grasp: i64[M]. Empty where unknown.

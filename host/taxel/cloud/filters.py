@@ -30,10 +30,10 @@ SAME: Final = 1e-12
 
 
 def force_filter(cloud: ContactCloud, threshold: float) -> ContactCloud:
-    """The points whose drop exceeds `threshold` counts, strictly. Raises CloudError where counts are unknown."""
+    """The points whose signal exceeds `threshold` counts, strictly. Raises CloudError where counts are unknown."""
     if np.isnan(cloud.counts).any():
         found = f"{int(np.isnan(cloud.counts).sum())} without"
-        raise CloudError(cloud.name, "counts", "a drop for each point", found, "make the cloud from a dataset")
+        raise CloudError(cloud.name, "counts", "a signal for each point", found, "make the cloud from a dataset")
     return cloud.take(cloud.counts > threshold)
 
 

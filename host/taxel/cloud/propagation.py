@@ -24,7 +24,7 @@ NEIGHBOUR_M: Final = 0.0055
 class Propagation:
     """Which taxels activate which others.
 
-    reach_m: to taxels of the same board that lie nearer. from_counts: only taxels whose drop exceeds it do so; the
+    reach_m: to taxels of the same board that lie nearer. from_counts: only taxels whose signal exceeds it do so; the
     thesis lets every active taxel do so.
     """
 
@@ -41,14 +41,14 @@ class Propagation:
         rows, columns = np.concatenate([found, found[:, ::-1]]).T
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))
 
-    def applied(self, active: BoolArray, drop: FloatArray, near: csr_array) -> tuple[BoolArray, FloatArray]:
+    def applied(self, active: BoolArray, signal: FloatArray, near: csr_array) -> tuple[BoolArray, FloatArray]:
         """Activity after contact has propagated, and its counts: bool[n], f64[n].
 
         A neighbour has the counts of the strongest active taxel beside it: what it felt itself is below the threshold.
-        drop: f64[n], counts; near: of `neighbours`.
+        signal: f64[n], counts; near: of `neighbours`.
         """
-        strength = np.where(active & (np.nan_to_num(drop) > self.from_counts), drop, 0.0)
+        strength = np.where(active & (np.nan_to_num(signal) > self.from_counts), signal, 0.0)
         strongest = np.zeros(len(strength))
         rows = np.repeat(np.arange(len(strength)), np.diff(near.indptr))
         np.maximum.at(strongest, rows, strength[near.indices])
-        return active | (strongest > 0.0), np.where(active, drop, strongest)
+        return active | (strongest > 0.0), np.where(active, signal, strongest)

@@ -17,7 +17,7 @@ from scipy.special import ndtr
 from taxel.gap.features import SessionMeans, known_mean
 from taxel.gap.metric import jackknife
 from taxel.gap.pair import Pair
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.types import FloatArray
 
 SOFT_COUNTS: Final = 20.0
@@ -41,8 +41,8 @@ def cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> d
         places = _world(pair, cell)
         drops = real.value[cell, :, hold]
         made: NDArray[np.bool_] = np.any(np.isfinite(drops), axis=1)
-        active = np.where(np.isfinite(drops), ndtr((drops - ACTIVE_DROP_COUNTS) / SOFT_COUNTS), 0.0)
-        simulated = ndtr((model[cell, hold] - ACTIVE_DROP_COUNTS) / SOFT_COUNTS)
+        active = np.where(np.isfinite(drops), ndtr((drops - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS), 0.0)
+        simulated = ndtr((model[cell, hold] - ACTIVE_SIGNAL_COUNTS) / SOFT_COUNTS)
         row = [chamfer_mm(places, one, simulated) if there else np.nan for one, there in zip(active, made, strict=True)]
         distance.append(row)
         if not made.any():

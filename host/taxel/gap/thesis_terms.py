@@ -28,7 +28,7 @@ from taxel.gap.metric import terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.rounds import GLANCE
 from taxel.gap.trial import Selection
-from taxel.recording.grasp_format import ACTIVE_DROP_COUNTS, Phase
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.types import BoolArray, FloatArray
 
 GRASPS: Final = 10.0
@@ -54,11 +54,11 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
     pair, real, layout, before = judge.state.pair, judge.sessions, judge.layout, judge.state.mean
     hold = int(pair.clock.bins_of(Phase.HOLD)[0])
     clouds = Clouds(pair, real.value[:, :, hold])
-    plain, hand = clouds.active(ACTIVE_DROP_COUNTS), clouds.active(FORCE_FILTER_COUNTS)
-    sim, firm = activity(before[:, hold], ACTIVE_DROP_COUNTS), activity(before[:, hold], FORCE_FILTER_COUNTS)
+    plain, hand = clouds.active(ACTIVE_SIGNAL_COUNTS), clouds.active(FORCE_FILTER_COUNTS)
+    sim, firm = activity(before[:, hold], ACTIVE_SIGNAL_COUNTS), activity(before[:, hold], FORCE_FILTER_COUNTS)
     clean, firm_clean = clouds.without_outliers(hand), clouds.without_outliers(firm)
     steps = [
-        clouds.entry("as they are", plain, sim, sim, f"active from a drop of {ACTIVE_DROP_COUNTS:g} counts"),
+        clouds.entry("as they are", plain, sim, sim, f"active from a drop of {ACTIVE_SIGNAL_COUNTS:g} counts"),
         clouds.entry("force filter", hand, firm, sim, f"drop of {FORCE_FILTER_COUNTS:g} counts{_newtons(pair)}"),
         clouds.entry("SOR too", clean, firm_clean, sim, _rules(pair)),
     ]
@@ -68,7 +68,7 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
         skipped = {"step": f"contact propagation: not added, {found}", "gap": None, "mm": None, "mm_hand_only": None}
         return [*steps, {**skipped, "points": steps[-1]["points"], "note": found}]
     link, after = found
-    sim, firm = activity(after[:, hold], ACTIVE_DROP_COUNTS), activity(after[:, hold], FORCE_FILTER_COUNTS)
+    sim, firm = activity(after[:, hold], ACTIVE_SIGNAL_COUNTS), activity(after[:, hold], FORCE_FILTER_COUNTS)
     last = clouds.entry("contact propagation too", clean, clouds.without_outliers(firm), sim, _values(link))
     last["gap"] = float(np.sqrt(total(terms(real, after, layout).gap2)))
     return [*steps, last]

@@ -1,4 +1,4 @@
-"""What a learner reads of a generated folder: hold drops and labels, shard after shard."""
+"""What a learner reads of a generated folder: hold signals and labels, shard after shard."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from taxel.recording.grasp_dataset import GraspDataset
 
 @dataclass(frozen=True, eq=False)
 class Holds:
-    """What g grasps felt while they held. drop: f64[g, n], counts by which each taxel has fallen, mean over hold; 0
+    """What g grasps felt while they held. signal_counts: f64[g, n], baseline minus raw count, mean over hold; 0
     where no frame of hold arrived. label: str[g], the kind of object.
     """
 
-    drop: NDArray[np.float64]
+    signal_counts: NDArray[np.float64]
     label: NDArray[np.str_]
 
 
@@ -52,7 +52,7 @@ def generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
 
 
 def generated_holds(folder: Path) -> Holds:
-    """Hold drops and labels of a generated folder."""
+    """Hold signals and labels of a generated folder."""
     return _holds(generated_grasps(folder))
 
 
@@ -63,5 +63,5 @@ def dataset_holds(path: Path) -> Holds:
 
 
 def _holds(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
-    found = [(np.nan_to_num(grasp.hold_drop(max(baseline_frames(grasp), 1))), label) for grasp, label in grasps]
-    return Holds(np.array([drop for drop, _ in found]), np.array([label for _, label in found]))
+    found = [(np.nan_to_num(grasp.mean_hold_signal(max(baseline_frames(grasp), 1))), label) for grasp, label in grasps]
+    return Holds(np.array([signal for signal, _ in found]), np.array([label for _, label in found]))

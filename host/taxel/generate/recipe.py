@@ -14,7 +14,7 @@ from taxel.generate.solids import ObjectKind, default_kinds
 from taxel.grasp.timeline import Timeline
 from taxel.sim.closing import RATE_HZ, SETTLE_S
 from taxel.sim.sensing import Level
-from taxel.sim.sensor_model import FULL_SCALE_DROP_COUNTS, HALF_FORCE_N, NOISE_COUNTS, REST_COUNTS
+from taxel.sim.sensor_model import FULL_SCALE_SIGNAL_COUNTS, HALF_FORCE_N, NOISE_COUNTS, REST_COUNTS
 from taxel.sim.soft_push import SOFT_STEP_S
 
 HAND: Final = "allegro"
@@ -76,7 +76,7 @@ class SensorRanges:
     """The sensor model, drawn once for each shard: a dataset states one, as a skin that stays mounted has one."""
 
     baseline_counts: Range = fixed(REST_COUNTS)
-    full_scale_drop_counts: Range = fixed(FULL_SCALE_DROP_COUNTS)
+    full_scale_drop_counts: Range = fixed(FULL_SCALE_SIGNAL_COUNTS)
     half_force_n: Range = fixed(HALF_FORCE_N)
     noise_counts: Range = fixed(NOISE_COUNTS)
     noise_line_counts: Range = fixed(0.0)

@@ -19,7 +19,7 @@ def save_heat_map(
     active: NDArray[np.bool_],
     path: str | os.PathLike[str],
     title: str,
-    label: str = "drop of the raw count",
+    label: str = "signal",
 ) -> None:
     """Draw `values` [n] (NaN: missing) with the `active` [n] taxels framed, and save it as `path` (PNG, SVG or PDF by
     its name).

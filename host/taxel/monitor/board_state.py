@@ -74,7 +74,7 @@ class BoardState:
         return now_s - self.last_s < SILENT_S  # False before the first frame
 
     def judge(self, now_s: float) -> ActivationFrame | None:
-        """Drops and active taxels since the last reading; None if nothing is known. Begins the next reading."""
+        """Signals and active taxels since the last reading; None if nothing is known. Begins the next reading."""
         self._has_new = False
         if self._activation is None or not self.is_sending(now_s):
             return None
@@ -100,7 +100,7 @@ class BoardState:
             bus_faults=None if status is None else sum(status[name] for name in _BUS_FAULTS),
             silent_s=max(0.0, now_s - self.last_s) if self.frames else None,
             active=int(judged.active.sum()) if judged else 0,
-            largest_drop=float(judged.drop.max()) if judged else float("nan"),
+            largest_signal=float(judged.signal_counts.max()) if judged else float("nan"),
             baseline=self.progress,
             state="streaming" if is_sending else self._word(status, is_expected),
         )

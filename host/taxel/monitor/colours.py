@@ -1,4 +1,4 @@
-"""The colours of drops: viridis, with a step at the threshold so that an active taxel is seen at once.
+"""The colours of signals: viridis, with a step at the threshold so that an active taxel is seen at once.
 
 Viridis (van der Walt and Smith, 2015) rises evenly in lightness, so that colour-blind people read it too. Inactive
 taxels use its darkest part, active ones its upper half.
@@ -36,16 +36,16 @@ def _table() -> NDArray[np.uint8]:
 
 
 TABLE = _table()
-"""Colours u8[STEPS + 1, 3]: from no drop to the top of the scale, then grey for what is not known."""
+"""Colours u8[STEPS + 1, 3]: from no signal to the top of the scale, then grey for what is not known."""
 
 
-def steps_of(drop: NDArray[np.float64], threshold: float, top: float) -> NDArray[np.intp]:
-    """Row of `TABLE` for each drop [n] in counts; `top`: counts at the end of the scale, above `threshold`."""
-    known = np.nan_to_num(drop, nan=0.0)
+def steps_of(signal: NDArray[np.float64], threshold: float, top: float) -> NDArray[np.intp]:
+    """Row of `TABLE` for each signal [n] in counts; `top`: counts at the end of the scale, above `threshold`."""
+    known = np.nan_to_num(signal, nan=0.0)
     quiet = np.clip(QUIET_STEPS * known / threshold, 0, QUIET_STEPS - 1)
     loud = QUIET_STEPS + np.clip((STEPS - QUIET_STEPS) * (known - threshold) / (top - threshold), 0, None)
     steps = np.minimum(np.where(known > threshold, loud, quiet), STEPS - 1).astype(np.intp)
-    return np.where(np.isnan(drop), UNKNOWN, steps)
+    return np.where(np.isnan(signal), UNKNOWN, steps)
 
 
 def linear_light(colour: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,7 +54,7 @@ def linear_light(colour: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Scale:
-    """The end of the scale: follows the largest drop up at once and down after `hold_s`, in round numbers."""
+    """The end of the scale: follows the largest signal up at once and down after `hold_s`, in round numbers."""
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
         self.threshold = threshold
@@ -63,9 +63,9 @@ class Scale:
         self._reached_s = -np.inf
         self.top = _round_up(self._least)
 
-    def update(self, largest_drop: float, now_s: float) -> float:
-        """The end of the scale, counts, given the largest drop (NaN: not known) at `now_s` seconds."""
-        wanted = _round_up(max(self._least, 0.0 if np.isnan(largest_drop) else largest_drop))
+    def update(self, largest_signal: float, now_s: float) -> float:
+        """The end of the scale, counts, given the largest signal (NaN: not known) at `now_s` seconds."""
+        wanted = _round_up(max(self._least, 0.0 if np.isnan(largest_signal) else largest_signal))
         if wanted >= self.top or now_s - self._reached_s > self._hold_s:
             self.top, self._reached_s = wanted, now_s
         return self.top

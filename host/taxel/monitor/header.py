@@ -24,7 +24,7 @@ def figures(reading: SkinReading) -> list[Part]:
     if reading.is_measuring:
         parts += [
             (f"{int(reading.active.sum())} active", False),
-            (f"drop up to {_counts(reading.largest_drop)}", False),
+            (f"signal up to {_counts(reading.largest_signal)}", False),
         ]
     else:
         parts.append((f"baseline {100 * reading.baseline:.0f} %", False))

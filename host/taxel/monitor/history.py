@@ -7,11 +7,11 @@ from taxel.monitor.reading import SkinReading
 
 
 class History:
-    """Keeps the drops of the last `length` readings: f32[length, n], the oldest is overwritten."""
+    """Keeps the signals of the last `length` readings: f32[length, n], the oldest is overwritten."""
 
     def __init__(self, n_taxels: int, length: int = 300) -> None:
         self._times = np.full(length, np.nan)
-        self._drops = np.full((length, n_taxels), np.nan, dtype=np.float32)
+        self._signals = np.full((length, n_taxels), np.nan, dtype=np.float32)
         self._next = 0
         self._count = 0
 
@@ -26,7 +26,7 @@ class History:
         if reading.time_s < newest:
             self._count = 0  # the clock of the stream has begun anew
         self._times[self._next] = reading.time_s
-        self._drops[self._next] = reading.drop
+        self._signals[self._next] = reading.signal_counts
         self._next = (self._next + 1) % len(self._times)
         self._count = min(self._count + 1, len(self._times))
 
@@ -40,11 +40,11 @@ class History:
         return times - times[-1] if times.size else times
 
     def taxels(self, index: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Drops of some taxels [k], f32[t, k], counts; NaN where nothing was known."""
-        return np.asarray(self._drops[np.ix_(self._rows(), index)])
+        """Signals of some taxels [k], f32[t, k], counts; NaN where nothing was known."""
+        return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
     def most_active(self, count: int) -> NDArray[np.intp]:
-        """The taxels with the largest drop of all kept readings, the largest first; those never known come last."""
-        kept = self._drops[self._rows()]
+        """The taxels with the largest signal of all kept readings, the largest first; those never known come last."""
+        kept = self._signals[self._rows()]
         largest = np.nan_to_num(kept, nan=-np.inf).max(axis=0, initial=-np.inf)
         return np.argsort(-largest, kind="stable")[:count]

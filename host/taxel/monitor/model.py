@@ -76,7 +76,7 @@ class SkinMonitor:
         """How the skin is; `now_s`: `time.monotonic`; `is_ended`: nothing more will come."""
         clock_s = now_s if self._is_real_time else self._newest_s
         states = list(self._boards.values())
-        drop = np.full(self.hand.n_taxels, np.nan)
+        signal = np.full(self.hand.n_taxels, np.nan)
         active = np.zeros(self.hand.n_taxels, dtype=bool)
         suspect = 0
         boards = []
@@ -85,7 +85,7 @@ class SkinMonitor:
         for state, rate_hz in zip(states, rates.tolist(), strict=True):
             judged = state.judge(clock_s)
             if judged is not None:
-                drop[state.where], active[state.where] = judged.drop, judged.active
+                signal[state.where], active[state.where] = judged.signal_counts, judged.active
                 suspect += int(judged.suspect_baseline.sum())
             address = state.board.address
             status = self.skin.hub.board_status.get(address)
@@ -93,7 +93,7 @@ class SkinMonitor:
             boards.append(state.read(judged, clock_s, rate_hz, counts.get(address), status, is_expected))
         sending = [state.progress for state in states if state.frames]
         reading = SkinReading(
-            drop=drop,
+            signal_counts=signal,
             active=active,
             raw_counts=self._raw.copy(),
             boards=tuple(boards),

@@ -13,7 +13,7 @@ _HEADINGS = (
     ("board", "over a name: its address"),
     ("Hz", "frames a second"),
     ("active", "active taxels"),
-    ("drop", "largest drop below the baseline, counts"),
+    ("signal", "largest signal (counts below the baseline)"),
     ("lost", "frames that are missing"),
     ("bad", "frames with a wrong CRC of their own"),
     ("bus", "polls that failed on the bus"),
@@ -39,7 +39,7 @@ def _parts(parts: list[Part]) -> str:
 def legend_html(threshold: float, top: float) -> str:
     """The scale of colours."""
     return (
-        f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED}">drop below the baseline, counts</div>'
+        f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED}">signal (counts below the baseline)</div>'
         '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
         f'<span style="flex:1;height:0.9em;background:{_gradient(0, QUIET_STEPS - 1)}"></span>{threshold:g}'
         f'<span style="flex:3;height:0.9em;background:{_gradient(QUIET_STEPS, STEPS - 1)}"></span>{top:g}'
@@ -75,7 +75,7 @@ def _row(board: BoardReading) -> str:
     cells = [
         f"{board.rate_hz:.1f}" if board.is_well else escape(board.state),
         active,
-        "-" if math.isnan(board.largest_drop) else f"{board.largest_drop:.0f}",
+        "-" if math.isnan(board.largest_signal) else f"{board.largest_signal:.0f}",
         str(board.missing),
         str(board.damaged),
         "-" if board.bus_faults is None else str(board.bus_faults),

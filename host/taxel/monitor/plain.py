@@ -33,6 +33,6 @@ class OnceView:
         """Show nothing."""
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Whether drops and rates are known, or nothing comes."""
+        """Whether signals and rates are known, or nothing comes."""
         has_waited = reading.watched_s > self._patience_s and not reading.boards_streaming
         return has_waited or (reading.is_measuring and reading.scans_hz > 0.0)

@@ -20,7 +20,7 @@ class BoardReading:
         bus_faults: polls that the hub lost on the bus: NACKs, time-outs, CRC and bus errors; None until the hub says.
         silent_s: seconds since the last frame; None before the first.
         active: active taxels.
-        largest_drop: counts; NaN while there is no baseline or no frame.
+        largest_signal: counts; NaN while there is no baseline or no frame.
         baseline: share of the baseline's samples that have come, 0 to 1.
         state: a word or two: "streaming", "silent", "absent", "incompatible", "no frame yet".
     """
@@ -33,7 +33,7 @@ class BoardReading:
     bus_faults: int | None
     silent_s: float | None
     active: int
-    largest_drop: float
+    largest_signal: float
     baseline: float
     state: str
 
@@ -48,8 +48,8 @@ class SkinReading:
     """The whole skin; taxels in the hand's order.
 
     Attributes:
-        drop: f64[n], counts below the baseline, the largest since the last reading; NaN where nothing is known.
-        active: bool[n], the drop is larger than the threshold.
+        signal_counts: f64[n], baseline minus raw count, the largest since the last reading; NaN where unknown.
+        active: bool[n], the signal is larger than the threshold.
         raw_counts: u16[n], of the newest frame of each board; 0 before the first.
         boards: one for each board of the hand, in its order.
         time_s: of the newest frame, on the stream's clock; NaN before the first.
@@ -69,7 +69,7 @@ class SkinReading:
         advice: what to do, if anything, in one line.
     """
 
-    drop: NDArray[np.float64]
+    signal_counts: NDArray[np.float64]
     active: NDArray[np.bool_]
     raw_counts: NDArray[np.uint16]
     boards: tuple[BoardReading, ...]
@@ -106,9 +106,9 @@ class SkinReading:
         return self.baseline >= 1.0
 
     @property
-    def largest_drop(self) -> float:
+    def largest_signal(self) -> float:
         """Counts, of all taxels; NaN if nothing is known."""
-        known = self.drop[np.isfinite(self.drop)]
+        known = self.signal_counts[np.isfinite(self.signal_counts)]
         return float(known.max()) if known.size else float("nan")
 
     def as_dict(self) -> dict[str, Any]:
@@ -121,7 +121,7 @@ class SkinReading:
             "boards_streaming": self.boards_streaming,
             "baseline": round(self.baseline, 3),
             "active": int(self.active.sum()),
-            "largest_drop": _known(self.largest_drop, 1),
+            "largest_drop": _known(self.largest_signal, 1),
             "frames": self.frames,
             "lost_on_wire": self.lost_on_wire,
             "damaged": self.damaged,
@@ -149,7 +149,7 @@ def _board_dict(reading: BoardReading) -> dict[str, Any]:
         "damaged": reading.damaged,
         "bus_faults": reading.bus_faults,
         "active": reading.active,
-        "largest_drop": _known(reading.largest_drop, 1),
+        "largest_drop": _known(reading.largest_signal, 1),
     }
 
 

@@ -23,11 +23,11 @@ WORST = "bold yellow"
 LEGEND_BAR = 16
 TABLE_GAP = 3
 _COLUMNS: tuple[tuple[str, int, Callable[[BoardReading], str]], ...] = (
-    ("board", -22, lambda b: b.board.name.replace("_", " ")),
+    ("board", -21, lambda b: b.board.name.replace("_", " ")),
     ("addr", 4, lambda b: f"0x{b.board.address:02X}"),
     ("Hz", 5, lambda b: f"{b.rate_hz:.1f}"),
     ("active", 6, lambda b: str(b.active) if b.baseline >= 1.0 else f"{100 * b.baseline:.0f} %"),
-    ("drop", 5, lambda b: "-" if math.isnan(b.largest_drop) else f"{b.largest_drop:.0f}"),
+    ("signal", 6, lambda b: "-" if math.isnan(b.largest_signal) else f"{b.largest_signal:.0f}"),
     ("missing", 7, lambda b: str(b.missing)),
     ("damaged", 7, lambda b: str(b.damaged)),
     ("bus", 5, lambda b: "-" if b.bus_faults is None else str(b.bus_faults)),
@@ -52,7 +52,7 @@ class Screen:
     def draw(self, reading: SkinReading, width: int, height: int, has_colour: bool = True) -> Canvas:
         """The screen, `width` x `height` characters."""
         canvas = Canvas(width, height, has_colour)
-        top = self._scale.update(reading.largest_drop, reading.watched_s)
+        top = self._scale.update(reading.largest_signal, reading.watched_s)
         self._head(canvas, reading, top, has_colour)
         table_height = len(self._hand.boards) + 1
         placing, place = _arrange(self._hand, width, height - HEADER, table_height)
@@ -97,7 +97,7 @@ class Screen:
         canvas.write(2, column + LEGEND_BAR - quiet, words, DIM)
 
     def _map(self, canvas: Canvas, reading: SkinReading, placing: Placing, top: float) -> None:
-        steps = steps_of(reading.drop, self._scale.threshold, top)
+        steps = steps_of(reading.signal_counts, self._scale.threshold, top)
         scale, rows, columns = placing.scale, *_cells(self._hand, placing)
         picture = np.full((2 * placing.height, placing.width), NOTHING, dtype=np.intp)
         active = np.zeros_like(picture, dtype=bool)

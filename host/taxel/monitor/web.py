@@ -122,11 +122,11 @@ class WebView:
         names = gui.add_checkbox("board names", initial_value=False)
         again = gui.add_button("Take the baseline again", hint="Nothing may touch the skin meanwhile.")
         options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
-        self._choice = gui.add_dropdown("drop over time of", options, initial_value=BOARDS)
+        self._choice = gui.add_dropdown("signal over time of", options, initial_value=BOARDS)
         self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
         self._plot = gui.add_uplot(
             (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _lines(self._plotted),
-            scales=_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "drop, counts"}),
+            scales=_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "signal, counts"}),
             legend={"live": False}, height=200, padding=(10, 24, 0, 0),
         )  # fmt: skip
         self._table = gui.add_html("")
@@ -154,9 +154,9 @@ class WebView:
         self._drawings += 1
         if not self.is_seen and not reading.is_ended:
             return
-        top = self._scale.update(reading.largest_drop, reading.watched_s)
+        top = self._scale.update(reading.largest_signal, reading.watched_s)
         with self._server.atomic():
-            steps = steps_of(reading.drop, self._scale.threshold, top)
+            steps = steps_of(reading.signal_counts, self._scale.threshold, top)
             if not np.array_equal(steps, self._steps):  # a browser draws the whole hand for each change
                 self._taxels.colors, self._steps = TABLE[steps], steps
             if self._drawings % PANEL_EVERY == 0 or reading.is_ended:
@@ -177,12 +177,12 @@ class WebView:
         self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
 
     def _series(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-        """Names and drops f32[t, k] of what is chosen."""
+        """Names and signals f32[t, k] of what is chosen."""
         hand, chosen = self._monitor.hand, self._choice.value
         if chosen == BOARDS:
             every = np.arange(hand.n_taxels)
-            drops = self._history.taxels(every)
-            boards = np.stack([_largest(part) for part in hand.split(drops).values()], axis=1)
+            signals = self._history.taxels(every)
+            boards = np.stack([_largest(part) for part in hand.split(signals).values()], axis=1)
             order = np.argsort(-np.nan_to_num(boards, nan=-np.inf).max(axis=0, initial=-np.inf), kind="stable")[:LINES]
             return tuple(hand.boards[i].name.replace("_", " ") for i in order), boards[:, order]
         index = self._history.most_active(hand.n_taxels)
@@ -200,9 +200,9 @@ class WebView:
         return False
 
 
-def _largest(drops: NDArray[np.float32]) -> NDArray[np.float32]:
+def _largest(signals: NDArray[np.float32]) -> NDArray[np.float32]:
     """The largest of each row [t, k] that is known; NaN where none is."""
-    largest = np.nan_to_num(drops, nan=-np.inf).max(axis=1, initial=-np.inf)
+    largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
 
 

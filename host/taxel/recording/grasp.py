@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taxel.recording.grasp_checks import check_content, check_integer, check_text
 from taxel.recording.grasp_format import (
-    ACTIVE_DROP_COUNTS,
+    ACTIVE_SIGNAL_COUNTS,
     BASELINE_FRAMES,
     GRASP,
     SIM,
@@ -136,7 +136,7 @@ class Grasp:
         total, count = self._sums(self._frames(Phase.BASELINE, n), present)
         return np.where(present[self._sensor_index], total / count, np.nan)
 
-    def hold_drop(self, baseline_frames: int = BASELINE_FRAMES) -> FloatArray:
+    def mean_hold_signal(self, baseline_frames: int = BASELINE_FRAMES) -> FloatArray:
         """f64[n], counts: baseline minus mean over the valid hold frames; NaN where a sensor has no valid hold frame.
 
         Raises DatasetError where a sensor has valid hold frames and too few for its baseline.
@@ -146,21 +146,21 @@ class Grasp:
         self._require(_positive(baseline_frames), known)
         rest_sum, rest_count = self._sums(self._frames(Phase.BASELINE, baseline_frames), known)
         hold_sum, hold_count = self._sums(hold, known)
-        # Exact integers until the one division: a drop of exactly the threshold must not round to above it.
-        drop = (rest_sum * hold_count - hold_sum * rest_count) / (rest_count * hold_count)
-        return np.where(known[self._sensor_index], drop, np.nan)
+        # Exact integers until the one division: a signal of exactly the threshold must not round to above it.
+        signal = (rest_sum * hold_count - hold_sum * rest_count) / (rest_count * hold_count)
+        return np.where(known[self._sensor_index], signal, np.nan)
 
     def active(
-        self, threshold: float = ACTIVE_DROP_COUNTS, baseline_frames: int = BASELINE_FRAMES
+        self, threshold: float = ACTIVE_SIGNAL_COUNTS, baseline_frames: int = BASELINE_FRAMES
     ) -> tuple[BoolArray, BoolArray]:
         """Which taxels were active during hold, and of which that is known: (bool[n], bool[n]).
 
-        Active: the drop exceeds threshold, strictly. Not known: the sensor has no valid hold frame; that is missing,
-        not inactive. Raises DatasetError as `hold_drop` does.
+        Active: the signal exceeds threshold, strictly. Not known: the sensor has no valid hold frame; that is missing,
+        not inactive. Raises DatasetError as `mean_hold_signal` does.
         """
-        drop = self.hold_drop(baseline_frames)
-        known = ~np.isnan(drop)
-        return known & (np.where(known, drop, 0.0) > threshold), known
+        signal = self.mean_hold_signal(baseline_frames)
+        known = ~np.isnan(signal)
+        return known & (np.where(known, signal, 0.0) > threshold), known
 
     def require_baseline(self, frames: int) -> None:
         """Refuse a grasp with fewer valid phase-0 frames than asked for on a sensor that is not missing."""

@@ -19,7 +19,7 @@ LAYERS = ("uncoupled", "coupled")
 BASELINE_FRAMES = 100
 """Valid phase-0 frames that make a taxel's baseline (format page, "What counts as active")."""
 
-ACTIVE_DROP_COUNTS = 150.0
+ACTIVE_SIGNAL_COUNTS = 150.0
 """A taxel is active when its count falls by more than this (format page, "What counts as active")."""
 
 

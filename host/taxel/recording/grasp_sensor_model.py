@@ -23,11 +23,13 @@ OPTIONAL = ("noise_counts", "noise_line_counts", "contact_stiffness_n_per_m", "l
 
 @dataclass(frozen=True, eq=False)
 class SensorModel:
-    """Force to counts: drop(F) = full_scale_drop_counts * F / (F + half_force_n), raw = round(baseline - drop + noise).
+    """Force to counts: signal(F) = full_scale_drop_counts * F / (F + half_force_n).
+
+    raw = round(baseline - signal + noise).
 
     baseline_counts: one number or f64[n], without contact.
-    full_scale_drop_counts: the drop that an endless force would reach.
-    half_force_n: the force of half that drop, newtons.
+    full_scale_drop_counts: the signal that an endless force would reach.
+    half_force_n: the force of half that signal, newtons.
     noise_counts, noise_line_counts: standard deviations; each taxel's own, and common to the taxels of an RX line.
     contact_stiffness_n_per_m: of the dielectric under one taxel. layer: "uncoupled" or "coupled".
     """
@@ -40,7 +42,7 @@ class SensorModel:
     contact_stiffness_n_per_m: float | None = None
     layer: str | None = None
 
-    def drop(self, force: npt.ArrayLike) -> NDArray[np.float64]:
+    def predict_signal(self, force: npt.ArrayLike) -> NDArray[np.float64]:
         """f64 of the shape of force, counts. force: newtons, 0 or more."""
         newtons = np.asarray(force, np.float64)
         return np.asarray(self.full_scale_drop_counts * newtons / (newtons + self.half_force_n))
@@ -55,7 +57,7 @@ class SensorModel:
 
         Raises ValueError where line is needed and missing.
         """
-        exact = self.baseline_counts - self.drop(force)
+        exact = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:
             exact = exact + generator.normal(0.0, self.noise_counts, exact.shape)
         if self.noise_line_counts:

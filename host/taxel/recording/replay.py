@@ -142,7 +142,7 @@ def _decode_board(
     decoded = Activation(baseline.result().mean, threshold)(raw[ready:])
     sampled_s = time_s[ready:, None] + _taxel_offsets(frames[ready:], time_s[ready:], raw.shape[1]) - begin_s
     cycle = _unwrapped(np.array([first_cycle, *(frame.cycle for frame in frames)]))[1 + ready :]
-    return DecodedBoard(hand.slice_of(board.address), cycle, sampled_s, decoded.drop, decoded.active)
+    return DecodedBoard(hand.slice_of(board.address), cycle, sampled_s, decoded.signal_counts, decoded.active)
 
 
 def _taxel_offsets(frames: list[TaxelFrame], time_s: NDArray[np.float64], n_taxels: int) -> NDArray[np.float64]:

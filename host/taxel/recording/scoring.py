@@ -17,7 +17,7 @@ STEP_TOLERANCE_S = 1.5e-3
 """The mapping of three clocks onto one, and the length of a conversion (0.14 ms), with room to spare."""
 
 EXACT_COUNTS = 0.5
-"""Counts are whole numbers: a drop nearer than this to the source's value is that value."""
+"""Counts are whole numbers: a signal nearer than this to the source's value is that value."""
 
 
 class SourceTouches:
@@ -58,14 +58,14 @@ class DecodedBoard:
     """What the skin made of the samples of one board.
 
     taxels: where the board lies on the hand's taxel axis. cycle: int64[F], poll cycle of each frame.
-    sampled_s: f64[F, k], when each taxel was converted, on the source's clock. drop: f64[F, k], counts.
+    sampled_s: f64[F, k], when each taxel was converted, on the source's clock. signal_counts: f64[F, k].
     active: bool[F, k].
     """
 
     taxels: slice
     cycle: NDArray[np.int64]
     sampled_s: NDArray[np.float64]
-    drop: NDArray[np.float64]
+    signal_counts: NDArray[np.float64]
     active: NDArray[np.bool_]
 
 
@@ -74,7 +74,7 @@ class ReplayScore:
     """How decoded taxels compare with the source.
 
     A sample is one taxel in one board frame. true_positives, false_positives, false_negatives, true_negatives: samples
-    away from a step; at_steps: samples where either answer is right. wrong_counts: samples whose drop is not the
+    away from a step; at_steps: samples where either answer is right. wrong_counts: samples whose signal is not the
     source's value, neither of the frame before the instant nor of that after it.
 
     touches: touches in the source; touches_found: those with a sample that is rightly active; touches_unsampled: those
@@ -82,7 +82,7 @@ class ReplayScore:
     cycles with an active taxel none of which is right. onset_delay_s: f64[touches_found], from a touch's first frame to
     the instant of its first right sample (to read and send that sample takes longer still).
 
-    duration_s: from the first to the last sample; frames: board frames. map_drop f64[n] and map_active bool[n]: the
+    duration_s: from the first to the last sample; frames: board frames. map_signal f64[n] and map_active bool[n]: the
     whole skin in the poll cycle with the most active taxels, NaN and False where a board's frame is missing.
     """
 
@@ -99,7 +99,7 @@ class ReplayScore:
     duration_s: float
     boards: int
     frames: int
-    map_drop: NDArray[np.float64]
+    map_signal: NDArray[np.float64]
     map_active: NDArray[np.bool_]
 
     @property
@@ -178,10 +178,10 @@ class _BoardComparison:
         return right
 
     def wrong_counts(self) -> int:
-        """Samples whose drop is neither value."""
-        values, drop = self._source.values, self.board.drop
-        off_before = np.abs(values[self._before, self._taxel] - drop) > EXACT_COUNTS
-        off_after = np.abs(values[self._after, self._taxel] - drop) > EXACT_COUNTS
+        """Samples whose signal is neither value."""
+        values, signal = self._source.values, self.board.signal_counts
+        off_before = np.abs(values[self._before, self._taxel] - signal) > EXACT_COUNTS
+        off_after = np.abs(values[self._after, self._taxel] - signal) > EXACT_COUNTS
         return int((off_before & off_after).sum())
 
     def touch_of(self, where: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -204,7 +204,7 @@ def score_replay(
     parts = [_BoardComparison(source, board, tolerance_s) for board in boards if len(board.cycle)]
     sampled, first_s = _first_samples(source, parts)
     found = np.isfinite(first_s)
-    drop, active = _fullest_map(source.values.shape[1], boards)
+    signal, active = _fullest_map(source.values.shape[1], boards)
     return ReplayScore(
         true_positives=sum(int((part.touched & part.board.active).sum()) for part in parts),
         false_positives=sum(int((part.board.active & ~part.right).sum()) for part in parts),
@@ -219,7 +219,7 @@ def score_replay(
         duration_s=float(max(p.board.sampled_s.max() for p in parts) - min(p.board.sampled_s.min() for p in parts)),
         boards=len(parts),
         frames=sum(len(part.board.cycle) for part in parts),
-        map_drop=drop,
+        map_signal=signal,
         map_active=active,
     )
 
@@ -250,14 +250,14 @@ def _spurious_runs(parts: Sequence[_BoardComparison]) -> int:
 
 
 def _fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Drop and activity of the whole skin in the poll cycle with the most active taxels."""
+    """Signal and activity of the whole skin in the poll cycle with the most active taxels."""
     cycles = np.concatenate([board.cycle for board in boards])
     counts = np.concatenate([board.active.sum(axis=1) for board in boards])
     known, index = np.unique(cycles, return_inverse=True)
     fullest = known[np.argmax(np.bincount(index, counts))]
-    drop, active = np.full(n_taxels, np.nan), np.zeros(n_taxels, dtype=bool)
+    signal, active = np.full(n_taxels, np.nan), np.zeros(n_taxels, dtype=bool)
     for board in boards:
         for frame in np.flatnonzero(board.cycle == fullest)[:1].tolist():
-            drop[board.taxels] = board.drop[frame]
+            signal[board.taxels] = board.signal_counts[frame]
             active[board.taxels] = board.active[frame]
-    return drop, active
+    return signal, active

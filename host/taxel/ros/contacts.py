@@ -40,7 +40,7 @@ _POINT_FIELDS = point_fields()
 def activations(hand: Hand, felt: ActivationFrame, cycle: int, threshold: float, time_ns: int) -> dict[str, Any]:
     """A taxel_msgs/Activations of one cycle."""
     taxels = np.flatnonzero(felt.active)
-    known = felt.drop[~felt.missing]
+    known = felt.signal_counts[~felt.missing]
     return {
         "header": header(time_ns, ""),
         "cycle": cycle,
@@ -50,7 +50,7 @@ def activations(hand: Hand, felt: ActivationFrame, cycle: int, threshold: float,
         "largest_drop": float(known.max()) if len(known) else 0.0,
         "taxel": taxels,
         "address": hand.sensor[taxels],
-        "drop": felt.drop[taxels],
+        "drop": felt.signal_counts[taxels],
     }
 
 
@@ -67,7 +67,7 @@ def contact_cloud(
     for axis, name in enumerate("xyz"):
         points[name] = positions[taxels, axis]
         points[f"normal_{name}"] = normals[taxels, axis]
-    points["drop"] = felt.drop[taxels]
+    points["drop"] = felt.signal_counts[taxels]
     points["taxel"] = taxels
     points["address"] = hand.sensor[taxels]
     return {

@@ -1,4 +1,4 @@
-"""Which taxels are active: the drop below the baseline is larger than a threshold."""
+"""Which taxels are active: the signal (baseline minus raw count) is larger than a threshold."""
 
 from dataclasses import dataclass
 
@@ -16,16 +16,16 @@ ACTIVATION_THRESHOLD_COUNTS = 150.0
 class ActivationFrame:
     """What each taxel says; every field has the shape of what was measured, [n] or [T, n].
 
-    drop: f64, counts below the baseline (contact is positive); NaN where missing.
-    active: bool, drop > threshold, strictly; False where missing.
+    signal_counts: f64, counts below the baseline (contact is positive); NaN where missing.
+    active: bool, signal > threshold, strictly; False where missing.
     missing: bool, nothing was measured, which is not the same as inactive.
-    saturated: bool, a raw count at or under the floor or at 65,535. The true drop may be larger than
-        `drop`, or the line is broken or shorted; an active saturated taxel stays active.
+    saturated: bool, a raw count at or under the floor or at 65,535. The true signal may be larger than
+        `signal`, or the line is broken or shorted; an active saturated taxel stays active.
     suspect_baseline: bool, the raw count lies above the baseline by more than the threshold. Contact cannot
         raise a raw count, so the baseline was taken while something touched the taxel, or has drifted away.
     """
 
-    drop: FloatArray
+    signal_counts: FloatArray
     active: BoolArray
     missing: BoolArray
     saturated: BoolArray
@@ -33,7 +33,7 @@ class ActivationFrame:
 
 
 class Activation:
-    """Compares raw counts with a baseline: drop = baseline - raw count, active if drop > threshold, strictly.
+    """Compares raw counts with a baseline: signal = baseline - raw count, active if signal > threshold, strictly.
 
     baseline_mean: f64[n], counts, all finite.
     threshold: counts, above 0. Default and definition: thesis section 3.4.
@@ -104,14 +104,14 @@ class Activation:
         return at_rail
 
     def _judge(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
-        drop = self.baseline_mean - counts
+        signal = self.baseline_mean - counts
         # A comparison with NaN is False, so a missing taxel is neither active nor suspect.
         return ActivationFrame(
-            drop=drop,
-            active=drop > self.threshold,
+            signal_counts=signal,
+            active=signal > self.threshold,
             missing=np.isnan(counts),
             saturated=saturated,
-            suspect_baseline=-drop > self.threshold,
+            suspect_baseline=-signal > self.threshold,
         )
 
 

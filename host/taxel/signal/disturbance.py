@@ -1,13 +1,13 @@
 """Was a taxel touched while its baseline was being taken?
 
 Problem: one baseline is a plain mean over about 100 samples, so a touch during some of them shifts it, and
-every drop measured afterwards is short by that shift. The test has to see a touch and to ignore white
+every signal measured afterwards is short by that shift. The test has to see a touch and to ignore white
 noise, single-sample impulses and slow drift.
 
 Test: the running median over 13 consecutive samples, the last joined to the first. A median of 13 ignores up
 to 6 impulses, and follows a touch held for 7 samples or more. A taxel is disturbed if the highest and the
 lowest running median lie further apart than the limit (90 counts). Using the distance between the two, not a
-drop below some level, makes it indifferent to whether the touch fills a tenth or nine tenths of the samples;
+signal below some level, makes it indifferent to whether the touch fills a tenth or nine tenths of the samples;
 joining the ends makes it indifferent to where a touch of nine tenths lies.
 
 A second test sees many short taps, which a running median ignores: the mean lies further than half the

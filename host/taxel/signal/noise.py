@@ -85,10 +85,10 @@ def noise_report(
     )
 
 
-def snr(drop_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
-    """Signal to noise: mean drop under contact over the noise without contact, any shapes that broadcast.
+def snr(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
+    """Signal to noise: mean signal under contact over the noise without contact, any shapes that broadcast.
 
-    drop_mean and noise_sigma in counts; NaN (missing) stays NaN. Signal over noise as in TI SLAA843A (2019)
+    signal_mean and noise_sigma in counts; NaN (missing) stays NaN. Signal over noise as in TI SLAA843A (2019)
     section 3.5, with sigma for the noise. CapSense guides divide by the peak-to-peak noise, which gives
     smaller numbers. Returns f64, 0-d for two scalars. Raises ValueError if a noise is 0, negative or
     infinite.
@@ -96,16 +96,16 @@ def snr(drop_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
     sigma = np.asarray(noise_sigma, dtype=np.float64)
     if ((sigma <= 0) | np.isinf(sigma)).any():
         raise ValueError("noise_sigma: expected finite counts above 0; a taxel without any noise is not measuring")
-    return np.asarray(np.asarray(drop_mean, dtype=np.float64) / sigma)
+    return np.asarray(np.asarray(signal_mean, dtype=np.float64) / sigma)
 
 
-def snr_db(drop_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
-    """`snr` in decibels, 20 log10 since counts are an amplitude; -inf where the drop is 0 or negative.
+def snr_db(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray:
+    """`snr` in decibels, 20 log10 since counts are an amplitude; -inf where the signal is 0 or negative.
 
     Shapes, units and errors as in `snr`.
     """
     with np.errstate(divide="ignore"):
-        return np.asarray(20.0 * np.log10(np.maximum(snr(drop_mean, noise_sigma), 0.0)))
+        return np.asarray(20.0 * np.log10(np.maximum(snr(signal_mean, noise_sigma), 0.0)))
 
 
 def _labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:

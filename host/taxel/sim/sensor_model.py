@@ -1,4 +1,4 @@
-"""From force to raw counts: a saturating drop, white noise, and noise common to an RX line."""
+"""From force to raw counts: a saturating signal, white noise, and noise common to an RX line."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from taxel.hand import Hand
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.types import FloatArray
 
-__all__ = ["FULL_SCALE_DROP_COUNTS", "HALF_FORCE_N", "REST_COUNTS", "SensorModelError", "SimSensor"]
+__all__ = ["FULL_SCALE_SIGNAL_COUNTS", "HALF_FORCE_N", "REST_COUNTS", "SensorModelError", "SimSensor"]
 
 REST_COUNTS = 2426.0
-FULL_SCALE_DROP_COUNTS = 1915.0
+FULL_SCALE_SIGNAL_COUNTS = 1915.0
 HALF_FORCE_N = 1.656
 """What an experimenter finds who presses single taxels of the emulated skin with known forces and fits the form to 0.05
 to 5 N. Source: tools/sim/fit_sensor_model.py."""
@@ -40,15 +40,15 @@ class SensorModelError(TaxelError, ValueError):
 
 @dataclass(frozen=True)
 class SimSensor:
-    """The simulator's sensor: raw = round(baseline - drop + noise), with the drop of the dataset's sensor model.
+    """The simulator's sensor: raw = round(baseline - signal + noise), with the signal of the dataset's sensor model.
 
-    drop(F) = full_scale_drop_counts F / (F + half_force_n); all taxels are alike. noise_counts: standard deviation of
+    signal(F) = full_scale_drop_counts F / (F + half_force_n); all taxels are alike. noise_counts: standard deviation of
     white noise. noise_line_counts: of noise that all taxels of one RX line of one board share in one frame, as they
     share its amplifier; every frame is drawn anew. Raises SensorModelError for a number out of range.
     """
 
     baseline_counts: float = REST_COUNTS
-    full_scale_drop_counts: float = FULL_SCALE_DROP_COUNTS
+    full_scale_drop_counts: float = FULL_SCALE_SIGNAL_COUNTS
     half_force_n: float = HALF_FORCE_N
     noise_counts: float = NOISE_COUNTS
     noise_line_counts: float = 0.0
@@ -74,15 +74,15 @@ class SimSensor:
             layer,
         )
 
-    def drop(self, force_n: npt.ArrayLike) -> FloatArray:
-        """Drop of the raw count, counts, f64[...], under forces f64[...] of at least 0 newtons."""
+    def predict_signal(self, force_n: npt.ArrayLike) -> FloatArray:
+        """Signal f64[...], counts below the baseline, under forces f64[...] of at least 0 newtons."""
         force = np.asarray(force_n, dtype=np.float64)
         return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n))
 
-    def force_for(self, drop_counts: float) -> float:
-        """The force, newtons, that makes such a drop; infinite from the full scale on."""
-        left = self.full_scale_drop_counts - drop_counts
-        return self.half_force_n * drop_counts / left if left > 0 else float("inf")
+    def force_for(self, signal_counts: float) -> float:
+        """The force, newtons, that makes such a signal; infinite from the full scale on."""
+        left = self.full_scale_drop_counts - signal_counts
+        return self.half_force_n * signal_counts / left if left > 0 else float("inf")
 
     def raw_counts(self, hand: Hand, force_n: npt.ArrayLike, generator: np.random.Generator) -> npt.NDArray[np.uint16]:
         """Raw counts u16[T, n] under contact forces f64[T, n], newtons.
@@ -95,7 +95,7 @@ class SimSensor:
             raise ValueError(f"force_n: expected [T, {hand.n_taxels}], found {force.shape}")
         if not np.isfinite(force).all() or (force < 0).any():
             raise ValueError("force_n: expected finite forces of at least 0, found others")
-        counts = self.baseline_counts - self.drop(force)
+        counts = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:
             counts += generator.normal(scale=self.noise_counts, size=force.shape)
         if self.noise_line_counts:

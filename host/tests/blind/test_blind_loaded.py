@@ -19,7 +19,7 @@ PRESSED = 3
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A check of one world, whose report names nothing; in its simulation one taxel drops by 400 counts."""
+    """A check of one world, whose report names nothing; in its simulation one taxel has a signal of 400 counts."""
     out = tmp_path_factory.mktemp("check")
     own = out / WORLDS / "0000"
     own.mkdir(parents=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.campaign.scatter import STILL
+from taxel.campaign.variation import NO_VARIATION
 from taxel.campaign.session import LEAD_IN_S, check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import ContactLibraryError
@@ -67,7 +67,7 @@ def test_every_poll_gives_a_frame_of_every_board(records, timeline):
         assert (np.diff(record.sensor_time, axis=0) > 0).all()
 
 
-def test_counts_rest_in_the_baseline_drop_in_the_hold_and_come_back(records):
+def test_counts_drop_in_hold_and_return_to_the_baseline(records):
     for record in records:
         still = record.raw_counts[record.phase == Phase.BASELINE].astype(float)
         rest, hold = still.mean(axis=0), record.raw_counts[record.phase == Phase.HOLD].mean(axis=0)
@@ -96,7 +96,7 @@ def test_the_object_is_believed_where_it_nominally_stands_while_it_truly_stands_
     records, setup, settings, two_of_one_session
 ):
     assert all((record.object_pose == setup.object_pose("cylinder")).all() for record in records)
-    elsewhere = replace(settings, scatter=replace(STILL, object_m=2e-3))
+    elsewhere = replace(settings, variation=replace(NO_VARIATION, object_m=2e-3))
     other = run_session(setup, two_of_one_session[:1], elsewhere)[0]
     assert (other.object_pose == records[0].object_pose).all()
     one, two = (record.raw_counts[record.phase == Phase.HOLD].mean(axis=0) for record in (other, records[0]))
@@ -133,7 +133,7 @@ def test_effects_change_the_counts_and_neither_joints_nor_poses(alone, setup, tw
 
 def test_a_board_that_is_silent_repeats_its_last_counts(setup, two_of_one_session, settings):
     begin = LEAD_IN_S + 1.0
-    effects = (f"silent from board=0x22 seconds={begin}", "silent flaky p=0.2")
+    effects = (f"no_progress from board=0x22 seconds={begin}", "no_progress flaky p=0.2")
     record = run_session(setup, two_of_one_session[:1], replace(settings, effects=effects))[0]
     column = [board.address for board in setup.hand.boards].index(0x22)
     quiet = record.timestamp > begin + 0.1

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.counts import contact_points
-from taxel.campaign.simulated import SimSettings, run_simulated, simulate_planned
+from taxel.campaign.point_counts import count_contact_points
+from taxel.campaign.simulated import SimSettings, run_simulated, simulate_planned_grasp
 from taxel.grasp.timeline import Phase
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
@@ -52,7 +52,7 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(whole, plan, timeline):
             assert grasp.phase.tolist() == timeline.phase_at(grasp.timestamp).tolist()
             assert grasp.valid.all()
             assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
-    assert contact_points(whole)["cylinder"].points > 20
+    assert count_contact_points(whole)["cylinder"].points > 20
 
 
 def test_it_states_how_force_became_counts(whole, settings):
@@ -68,8 +68,8 @@ def test_it_states_how_force_became_counts(whole, settings):
 def test_counts_follow_from_force_and_noise_as_stated(whole):
     with GraspDataset(whole) as data:
         grasp, model = data[data.ids[0]], data.sensor_model
-        drop = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
-        noise = grasp.raw_counts - (model.baseline_counts - drop)
+        signal = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
+        noise = grasp.raw_counts - (model.baseline_counts - signal)
     assert noise.mean() == pytest.approx(0.0, abs=0.1)
     assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
 
@@ -138,10 +138,10 @@ def test_every_level_makes_a_valid_file_that_names_its_layer(level, plan, timeli
 
 def test_noise_depends_on_seed_and_grasp_alone(setup, plan, settings):
     settings = replace(settings, sensing=Sensing("rigid"))
-    again = [simulate_planned(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
+    again = [simulate_planned_grasp(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
     assert (again[0] == again[2]).all()
     assert (again[0][0] != again[1][0]).any()
-    other = simulate_planned(setup, plan[0], replace(settings, seed=2))
+    other = simulate_planned_grasp(setup, plan[0], replace(settings, seed=2))
     assert (again[0] != other.raw_counts).any()
-    silent = replace(settings, sensor=SimSensor(noise_counts=0.0))
-    assert (simulate_planned(setup, plan[0], silent).raw_counts[0] == round(silent.sensor.baseline_counts)).all()
+    no_progress = replace(settings, sensor=SimSensor(noise_counts=0.0))
+    assert (simulate_planned_grasp(setup, plan[0], no_progress).raw_counts[0] == round(no_progress.sensor.baseline_counts)).all()

@@ -37,12 +37,12 @@ def sheet() -> TaxelTable:
 
 @dataclass(frozen=True)
 class Press:
-    """A grasp to be written: taxels and the counts that they drop by, and boards that are not heard."""
+    """A grasp to be written: taxels with their signals in counts, and boards without frames."""
 
     item: str = "cylinder"
     approach: str = "side_1"
     iteration: int = 0
-    drops: tuple[tuple[int, int], ...] = ()
+    signals: tuple[tuple[int, int], ...] = ()
     silent: tuple[int, ...] = ()
     baseline: bool = True
 
@@ -66,8 +66,8 @@ def write_dataset(path, presses, source="real"):
     ) as out:
         for number, press in enumerate(presses):
             raw = np.full((len(PHASES), 4 * BOARD), REST, np.uint16)
-            for taxel, drop in press.drops:
-                raw[PHASES == 2, taxel] -= drop
+            for taxel, signal in press.signals:
+                raw[PHASES == 2, taxel] -= signal
             valid = np.ones((len(PHASES), 4), bool)
             valid[:, list(press.silent)] = False
             if not press.baseline:

@@ -54,7 +54,7 @@ def recorded(dataset):
     rng = np.random.default_rng(1)
     patch = [tuple((int(taxel), int(rng.integers(160, 500))) for taxel in range(2 * BOARD)) for _ in range(4)]
     approaches = ("side_1", "top", "side_1", "top")
-    return dataset(*({"approach": one, "drops": drops} for one, drops in zip(approaches, patch, strict=True)))
+    return dataset(*({"approach": one, "signals": signals} for one, signals in zip(approaches, patch, strict=True)))
 
 
 @pytest.mark.parametrize("name", ["make", "filter", "distance", "align", "match", "sweep", "convert"])
@@ -191,7 +191,7 @@ def test_bad_input_is_one_line(refused, recorded, on_cylinder, tmp_path):
     )
     assert "expected both or none" in refused(*few, "--sor-points", 6)
     assert "expected --threshold, or --sor-points and --sor-sigma" in refused(*few)
-    assert "counts: expected a drop for each point, found 50 without" in refused(
+    assert "counts: expected a signal for each point, found 50 without" in refused(
         "filter", line, "--out", out, "--threshold", 190
     )
     assert "expected a closed surface, found 3 edges of one face only" in refused(

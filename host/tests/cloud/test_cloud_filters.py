@@ -100,12 +100,12 @@ def test_sigma_is_of_the_population():
     assert kept(mean, 1.6).tolist() == [True, True, True, False]
 
 
-def test_the_force_filter_keeps_drops_above_it(surface_cloud):
+def test_the_force_filter_keeps_signals_above_it(surface_cloud):
     cloud = surface_cloud("cylinder")
     strong = force_filter(cloud, 190.0)
     assert len(strong) == (cloud.counts > 190.0).sum()
     assert strong.counts.min() > 190.0
-    with pytest.raises(CloudError, match="counts: expected a drop for each point, found 400 without"):
+    with pytest.raises(CloudError, match="counts: expected a signal for each point, found 400 without"):
         force_filter(replace(cloud, counts=np.full(len(cloud), np.nan)), 190.0)
 
 

@@ -118,7 +118,7 @@ class World:
                     yield self._grasp(source, cell, session, repeat, self.force(cell, scale), rng)
 
     def _grasp(self, source, cell, session, repeat, force, rng) -> GraspRecord:
-        drop = MODEL.drop(force)
+        drop = MODEL.predict_signal(force)
         if source == "real" and self.effect is not None:
             drop = self.effect(force, drop)
         raw = np.rint(30_000.0 - drop + rng.normal(0.0, 4.0 if source == "real" else self.noise, force.shape))

@@ -40,11 +40,11 @@ def test_it_trains_tests_and_says_both_accuracies(example, whole, capsys, tmp_pa
 def test_a_training_set_that_lacks_what_the_test_set_has_is_told_apart(example):
     rng = np.random.default_rng(4)
     labels = np.repeat(["a", "b"], 40)
-    drop = rng.normal(0.0, 100.0, (80, 1073))
-    drop[:40, :200] += 400.0
-    plain, test = example.Holds(drop, labels), example.Holds(drop[:, ::-1], labels)
+    signal = rng.normal(0.0, 100.0, (80, 1073))
+    signal[:40, :200] += 400.0
+    plain, test = example.Holds(signal, labels), example.Holds(signal[:, ::-1], labels)
     told = example.compared(plain, test, test)
-    row = told["views"]["every taxel's drop"]
+    row = told["views"]["every taxel's signal"]
     assert row["with_effects"]["accuracy"] == 1.0
     assert row["without_effects"]["accuracy"] < 0.7
     assert row["gain_ci95"][0] > 0.0

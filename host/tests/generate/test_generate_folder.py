@@ -174,8 +174,8 @@ def test_objects_of_one_size_keep_their_name_and_can_be_compared_with_a_recordin
 
 def test_a_learner_reads_holds_and_labels(whole):
     holds = generated_holds(whole.folder)
-    assert holds.drop.shape == (5, 1073)
+    assert holds.signal_counts.shape == (5, 1073)
     assert set(holds.label.tolist()) <= {"cylinder", "rectangular_prism", "triangular_prism"}
-    assert (holds.drop.max(axis=1) > 300).all()
+    assert (holds.signal_counts.max(axis=1) > 300).all()
     with pytest.raises(FolderError, match="the index of a generated folder"):
         generated_holds(whole.folder.parent)

@@ -20,8 +20,8 @@ def test_a_touch_between_two_readings_is_seen(puppet):
     skin.pass_time(0.05)
     reading = skin.read()
     assert np.flatnonzero(reading.active).tolist() == [7]
-    assert reading.drop[7] == 400.0
-    assert reading.boards[0].largest_drop == reading.largest_drop == 400.0
+    assert reading.signal_counts[7] == 400.0
+    assert reading.boards[0].largest_signal == reading.largest_signal == 400.0
     skin.pass_time(0.05)
     assert not skin.read().active.any()  # and it is told once
 
@@ -53,13 +53,13 @@ def test_a_board_that_is_plugged_in_later_takes_its_own_baseline(puppet):
     reading = skin.read()
     assert reading.is_measuring
     assert reading.boards[-1].state == "no frame yet"
-    assert np.isnan(reading.drop[skin.hand.slice_of(late.address)]).all()
+    assert np.isnan(reading.signal_counts[skin.hand.slice_of(late.address)]).all()
     skin.pass_time(0.1)
     assert skin.read().boards[-1].baseline == pytest.approx(2 / 3)
     skin.pass_time(0.1)
     reading = skin.read()
     assert reading.boards[-1].state == "streaming"
-    assert (reading.drop == 0.0).all()
+    assert (reading.signal_counts == 0.0).all()
 
 
 def test_a_silent_boards_last_words_are_not_shown(puppet):
@@ -72,7 +72,7 @@ def test_a_silent_boards_last_words_are_not_shown(puppet):
     reading = skin.read()
     assert reading.boards[0].state == "silent"
     assert reading.boards[0].rate_hz == 0.0
-    assert np.isnan(reading.drop[0])
+    assert np.isnan(reading.signal_counts[0])
     assert not reading.active.any()
     assert "palm (0x20)" in reading.advice
 

@@ -64,7 +64,7 @@ def test_every_taxel_is_on_the_screen_once(pressed, width, height):
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_the_screen_says_what_counts(pressed, width, height):
     text = words(screen(pressed, width, height))
-    for part in ("puppet", "20.0 scans/s", "17/17 boards", "2 active", "drop up to 500", "no errors", "500 counts"):
+    for part in ("puppet", "20.0 scans/s", "17/17 boards", "2 active", "signal up to 500", "no errors", "500 counts"):
         assert part in text
 
 

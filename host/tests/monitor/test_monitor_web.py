@@ -62,11 +62,11 @@ def test_the_hand_is_seen_in_a_browser(show):
     show.until_text("17/17 boards")
     skin.raw[palm] -= 450
     show.until_text("121 active")
-    for words in ("20.0 scans/s", "drop up to 450", "no errors", "back of hand"):
+    for words in ("20.0 scans/s", "signal up to 450", "no errors", "back of hand"):
         show.until_text(words)
     lines = "[...document.querySelectorAll('.u-label')].map(element => element.innerText).join()"
     show.until(lambda: "palm" in show.page.value(lines))
-    active, quiet = (TABLE[steps_of(np.array([drop]), 150.0, 500.0)[0]] for drop in (450.0, 0.0))
+    active, quiet = (TABLE[steps_of(np.array([signal]), 150.0, 500.0)[0]] for signal in (450.0, 0.0))
 
     def is_shown(least_active, most_active):
         picture = show.page.picture()
@@ -95,8 +95,8 @@ def test_time_series_are_of_what_is_chosen(puppet):
     skin.pass_time(1.0)
     thumb = skin.hand.slice_of(skin.hand.board_named("fingertip_thumb").address)
     with web.WebView(skin.monitor, "puppet", 0) as view:
-        for drop in (0, 300, 600):
-            skin.raw[thumb.start + 7] -= drop
+        for signal in (0, 300, 600):
+            skin.raw[thumb.start + 7] -= signal
             skin.pass_time(0.1)
             view.draw(skin.read())
         view._choice.value = web.MOST_ACTIVE

@@ -115,7 +115,7 @@ def test_a_simulated_file_has_forces_and_a_sensor_model(tmp_path):
         model = data.sensor_model
         assert (model.baseline_counts, model.noise_counts, model.layer) == (30_000.0, 0.0, "uncoupled")
         assert model.contact_stiffness_n_per_m is None
-        assert model.drop([0.0, 2.0, 6.0]).tolist() == [0.0, 2000.0, 3000.0]
+        assert model.predict_signal([0.0, 2.0, 6.0]).tolist() == [0.0, 2000.0, 3000.0]
         data.check()
 
 
@@ -180,7 +180,7 @@ def test_the_baseline_is_the_mean_of_the_first_valid_frames_of_the_own_sensor(re
         assert data["0001"].baseline(4).tolist() == [250.0, 30_000.0, 30_000.0, 32.5, 30_000.0]
 
 
-def test_a_drop_of_exactly_the_threshold_is_not_active(real):
+def test_a_signal_of_exactly_the_threshold_is_not_active(real):
     counts, _ = counts_of(real)
     rest = np.array([30_000, 30_001, 30_000])  # a mean that no float holds
     counts[:3] = rest[:, None]
@@ -192,8 +192,8 @@ def test_a_drop_of_exactly_the_threshold_is_not_active(real):
     counts[hold[0], 2] += 1
     change(real, "raw_counts", counts)
     with GraspDataset(real) as data:
-        drop = data["0001"].hold_drop(3)
-        assert drop[[0, 3, 4]].tolist() == [150.0] * 3
+        signal = data["0001"].mean_hold_signal(3)
+        assert signal[[0, 3, 4]].tolist() == [150.0] * 3
         active, known = data["0001"].active(baseline_frames=3)
         assert active.tolist() == [False, True, False, False, False]
         assert known.all()
@@ -208,7 +208,7 @@ def test_a_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real):
         active, known = data["0001"].active(baseline_frames=6)
         assert known.tolist() == [True, True, True, False, False]
         assert active.tolist() == [True, True, True, False, False]
-        assert np.isnan(data["0001"].hold_drop(6)).tolist() == (~known).tolist()
+        assert np.isnan(data["0001"].mean_hold_signal(6)).tolist() == (~known).tolist()
 
 
 def test_a_grasp_without_a_hold_phase_is_all_unknown(real):
@@ -227,7 +227,7 @@ def test_invalid_hold_frames_do_not_count(real):
     change(real, "raw_counts", counts)
     change(real, "valid", valid)
     with GraspDataset(real) as data:
-        assert data["0001"].hold_drop(6).tolist() == [1000.0] * 5
+        assert data["0001"].mean_hold_signal(6).tolist() == [1000.0] * 5
 
 
 def test_too_few_baseline_frames_are_refused(real):

@@ -159,7 +159,7 @@ CHANGES = {
     "no half force": ("sensor_model@half_force_n", None, "sim"),
     "half force 0": ("sensor_model@half_force_n", 0.0, "sim"),
     "half force as text": ("sensor_model@half_force_n", "2", "sim"),
-    "infinite drop": ("sensor_model@full_scale_drop_counts", np.inf, "sim"),
+    "infinite signal": ("sensor_model@full_scale_drop_counts", np.inf, "sim"),
     "baselines of other taxels": ("sensor_model@baseline_counts", np.ones(TAXELS + 1), "sim"),
     "NaN among the baselines": ("sensor_model@baseline_counts", np.array([1.0, np.nan, 1.0]), "sim"),
     "negative noise": ("sensor_model@noise_counts", -1.0, "sim"),

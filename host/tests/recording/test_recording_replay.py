@@ -49,7 +49,7 @@ def test_known_touches_are_found_where_and_when_they_were():
     pressed = np.zeros((27, 15), bool)
     pressed[10:13, 6:10] = True
     assert sorted(np.flatnonzero(score.map_active)) == sorted(tiling.taxel_of_cell[pressed.ravel()])
-    assert np.nanmax(score.map_drop) == 240.0
+    assert np.nanmax(score.map_signal) == 240.0
 
 
 def test_a_recording_without_touch_gives_no_activity():

@@ -22,8 +22,8 @@ def decoded(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample
     n = taxels.stop - taxels.start
     start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
     sampled_s = start_s[:, None] + 1e-3 * np.arange(n)
-    drop = source.values[source.row_at(sampled_s - delay_s), np.arange(taxels.start, taxels.stop)].astype(float)
-    return DecodedBoard(taxels, np.arange(len(start_s)), sampled_s, drop, drop > 150.0)
+    signal = source.values[source.row_at(sampled_s - delay_s), np.arange(taxels.start, taxels.stop)].astype(float)
+    return DecodedBoard(taxels, np.arange(len(start_s)), sampled_s, signal, signal > 150.0)
 
 
 @pytest.fixture
@@ -71,8 +71,8 @@ def test_samples_are_counted_one_by_one():
     source = source_of([[0, 0], [200, 0], [0, 0]])
     at = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
     active = np.array([[False, False], [True, False], [False, True], [False, True]])
-    drop = np.where(active, 200.0, 0.0)
-    score = score_replay(source, [DecodedBoard(slice(0, 2), np.arange(4), at, drop, active)])
+    signal = np.where(active, 200.0, 0.0)
+    score = score_replay(source, [DecodedBoard(slice(0, 2), np.arange(4), at, signal, active)])
     assert score.true_positives == 1
     assert score.false_negatives == 1
     assert score.false_positives == 2
@@ -104,7 +104,9 @@ def test_beyond_the_tolerance_a_step_is_decided():
 
 def test_a_decode_shifted_by_one_taxel_scores_badly(two_touches):
     good = decoded(two_touches)
-    shifted = replace(good, drop=np.roll(good.drop, 1, axis=1), active=np.roll(good.active, 1, axis=1))
+    shifted = replace(
+        good, signal_counts=np.roll(good.signal_counts, 1, axis=1), active=np.roll(good.active, 1, axis=1)
+    )
     score = score_replay(two_touches, [shifted])
     assert score.f1 < 0.5
     assert score.false_positives > 0
@@ -150,13 +152,13 @@ def test_boards_are_scored_together(two_touches):
     score = score_replay(two_touches, parts)
     assert (score.boards, score.touches_found, score.f1) == (2, 2, 1.0)
     assert score.map_active.tolist() == [False, False, False, True, True, False]
-    assert score.map_drop.tolist() == [0.0, 0.0, 0.0, 180.0, 151.0, 150.0]
+    assert score.map_signal.tolist() == [0.0, 0.0, 0.0, 180.0, 151.0, 150.0]
 
 
 def test_a_board_without_a_frame_is_missing_in_the_map(two_touches):
     board = decoded(two_touches, taxels=slice(3, 6))
     score = score_replay(two_touches, [board])
-    assert np.isnan(score.map_drop).tolist() == [True, True, True, False, False, False]
+    assert np.isnan(score.map_signal).tolist() == [True, True, True, False, False, False]
 
 
 def test_nothing_to_score_is_refused(two_touches):

@@ -1,4 +1,4 @@
-"""Active means a drop of strictly more than the threshold; missing and saturated are said apart."""
+"""Active means a signal of strictly more than the threshold; missing and saturated are said apart."""
 
 import numpy as np
 import pytest
@@ -9,10 +9,10 @@ from hypothesis.extra import numpy as hnp
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, Activation, baseline_of
 
 
-def test_a_drop_of_exactly_150_counts_is_not_active():
+def test_a_signal_of_exactly_150_counts_is_not_active():
     frame = Activation([1000.0, 1000.0, 1000.0])(np.array([851, 850, 849], np.uint16))
     assert ACTIVATION_THRESHOLD_COUNTS == 150.0
-    assert frame.drop.tolist() == [149.0, 150.0, 151.0]
+    assert frame.signal_counts.tolist() == [149.0, 150.0, 151.0]
     assert frame.active.tolist() == [False, False, True]
 
 
@@ -30,7 +30,7 @@ def test_missing_is_not_inactive():
     frame = Activation([1000.0] * 3)([500, 500, 1000], valid=[True, False, True])
     assert frame.active.tolist() == [True, False, False]
     assert frame.missing.tolist() == [False, True, False]
-    assert np.isnan(frame.drop).tolist() == [False, True, False]
+    assert np.isnan(frame.signal_counts).tolist() == [False, True, False]
 
 
 def test_a_missing_frame_raises_no_flag():
@@ -85,7 +85,7 @@ def test_a_block_of_frames_equals_its_frames_one_by_one(raw, valid, mean):
     block = activation(raw, valid)
     for index in range(7):
         frame = activation(raw[index], valid[index])
-        for field in ("drop", "active", "missing", "saturated", "suspect_baseline"):
+        for field in ("signal_counts", "active", "missing", "saturated", "suspect_baseline"):
             assert getattr(block, field)[index].tobytes() == getattr(frame, field).tobytes()
 
 
@@ -98,7 +98,7 @@ def test_over_a_hold_the_mean_of_the_valid_frames_decides():
     raw = np.array([[849, 849, 0], [851, 850, 0], [0, 0, 0]], np.uint16)
     valid = np.array([[True, True, False], [True, True, False], [False, False, False]])
     hold = Activation([1000.0] * 3).over_hold(raw, valid)
-    assert hold.drop[:2].tolist() == [150.0, 150.5]
+    assert hold.signal_counts[:2].tolist() == [150.0, 150.5]
     assert hold.active.tolist() == [False, True, False]
     assert hold.missing.tolist() == [False, False, True]
 

@@ -107,14 +107,14 @@ def test_a_taxel_with_too_few_samples_is_not_a_number():
     assert np.isnan(report.common_mode_sigma).all()
 
 
-def test_signal_to_noise_is_the_drop_over_the_noise():
+def test_signal_to_noise_is_the_signal_over_the_noise():
     assert float(snr(300.0, 15.0)) == 20.0
     assert float(snr_db(300.0, 30.0)) == pytest.approx(20.0)
     assert snr([300.0, np.nan], [15.0, 15.0])[0] == 20.0
     assert np.isnan(snr_db([np.nan], 15.0)).all()
 
 
-def test_no_drop_is_no_signal():
+def test_snr_of_a_signal_of_zero_or_below_is_minus_infinity_decibels():
     assert snr_db([0.0, -5.0], 10.0).tolist() == [-np.inf, -np.inf]
 
 

@@ -70,4 +70,4 @@ def test_frames_are_apart():
 def test_an_active_taxel_gets_a_force_that_the_sensor_sees():
     force = nominal_forces(np.array([[True, False]]))
     assert force.tolist() == [[NOMINAL_FORCE_N, 0.0]]
-    assert SimSensor().drop(NOMINAL_FORCE_N) > 2 * 150
+    assert SimSensor().predict_signal(NOMINAL_FORCE_N) > 2 * 150

@@ -19,10 +19,10 @@ def at_rest(frames):
     return np.zeros((frames, HAND.n_taxels))
 
 
-def test_the_drop_saturates_with_half_of_it_at_the_half_force():
+def test_the_signal_saturates_with_half_of_it_at_the_half_force():
     sensor = SimSensor(full_scale_drop_counts=800.0, half_force_n=2.0)
-    assert sensor.drop([0.0, 2.0, 1e9]).tolist() == pytest.approx([0.0, 400.0, 800.0])
-    assert sensor.drop(sensor.force_for(150.0)) == pytest.approx(150.0)
+    assert sensor.predict_signal([0.0, 2.0, 1e9]).tolist() == pytest.approx([0.0, 400.0, 800.0])
+    assert sensor.predict_signal(sensor.force_for(150.0)) == pytest.approx(150.0)
     assert sensor.force_for(800.0) == np.inf
 
 

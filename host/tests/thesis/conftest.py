@@ -61,9 +61,9 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
             pose = on_surface(shapes[name], rng)
             pose[:3, 3] += own.normal(0.0, noise_m, 3)
             apart = np.linalg.norm(board().position, axis=1) / 0.005
-            drop = np.rint(600.0 * np.exp(-0.5 * (apart / width) ** 2)).astype(np.uint16)
+            signal = np.rint(600.0 * np.exp(-0.5 * (apart / width) ** 2)).astype(np.uint16)
             raw = np.full((len(PHASES), N), REST, np.uint16)
-            raw[PHASES == 2] -= drop
+            raw[PHASES == 2] -= signal
             record = GraspRecord(
                 object=name,
                 approach=f"side_{number % 2}",
@@ -77,7 +77,7 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
                 object_pose=np.eye(4),
             )
             if source == "sim":
-                force = MODEL.half_force_n * drop / (MODEL.full_scale_drop_counts - drop)
+                force = MODEL.half_force_n * signal / (MODEL.full_scale_drop_counts - signal)
                 still = np.where(PHASES[:, None] == 2, force, 0.0)
                 record = replace(record, contact_force=still, separation=np.where(still > 0, -0.001, 0.05))
             out.add(record, f"{number:04d}")

@@ -122,11 +122,11 @@ def loading_curve(curve: Curve) -> bytes:
 
 
 def small_forces(
-    force_n: NDArray[np.float64], drop: NDArray[np.float64], error: float, visible_n: float, sigmas: float
+    force_n: NDArray[np.float64], signal: NDArray[np.float64], error: float, visible_n: float, sigmas: float
 ) -> bytes:
-    """Drops under small forces, f64[k], and the noise of one frame that they must stand out of, counts."""
-    figure, axes = _axes("force (N)", "drop (counts)", height=3.0)
-    axes.errorbar(force_n, drop, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)
+    """Signals under small forces, f64[k], and the noise of one frame that they must stand out of, counts."""
+    figure, axes = _axes("force (N)", "signal (counts)", height=3.0)
+    axes.errorbar(force_n, signal, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)
     axes.axhline(sigmas * error, color=RED, linestyle="--", linewidth=1.2, label=f"{sigmas:g} standard deviations")
     if np.isfinite(visible_n):
         axes.axvline(visible_n, color=EDGE, linewidth=1.2, label=f"visible from {visible_n:.3f} N")

@@ -51,20 +51,22 @@ class Curve:
 
 
 def smallest_visible(
-    force_n: NDArray[np.float64], drop: NDArray[np.float64], error: float, sigmas: float = 3.0
+    force_n: NDArray[np.float64], signal: NDArray[np.float64], error: float, sigmas: float = 3.0
 ) -> float:
-    """Smallest force whose drop stands out of noise: where the line through the drops crosses `sigmas` standard errors.
+    """Smallest force with a visible signal: where the line through the signals crosses `sigmas` standard errors.
 
-    force_n: f64[k], rising, all small; drop: f64[k], counts; error: standard error of one drop. A straight line through
-    the origin is fitted, since a layer is linear at first. NaN if counts do not fall with force at all.
+    force_n: f64[k], rising, all small; signal: f64[k], counts; error: standard error of one signal. A straight line
+    through the origin is fitted, since a layer is linear at first. NaN if counts do not fall with force at all.
     """
-    slope = float(force_n @ drop / (force_n @ force_n))
+    slope = float(force_n @ signal / (force_n @ force_n))
     return sigmas * error / slope if slope > 0.0 else float("nan")
 
 
-def first_visible(force_n: NDArray[np.float64], drop: NDArray[np.float64], error: float, sigmas: float = 3.0) -> float:
-    """Smallest force of the ladder from which on all drops are `sigmas` standard errors or more; NaN: none."""
-    seen = drop > sigmas * error
+def first_visible(
+    force_n: NDArray[np.float64], signal: NDArray[np.float64], error: float, sigmas: float = 3.0
+) -> float:
+    """Smallest force of the ladder from which on all signals are `sigmas` standard errors or more; NaN: none."""
+    seen = signal > sigmas * error
     hidden = np.nonzero(~seen)[0]
     first = int(hidden[-1]) + 1 if len(hidden) else 0
     return float(force_n[first]) if first < len(force_n) else float("nan")

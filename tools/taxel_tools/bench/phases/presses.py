@@ -81,7 +81,7 @@ class PressEach:
             if station.probe.is_automatic:
                 station.frames(1, SETTLE_FRAMES - 1)
             else:
-                _drop_by_hand(station, rest, pressed=False)
+                _signal_by_hand(station, rest, pressed=False)
             log.progress((taxel + 1) / count)
         return response
 
@@ -104,7 +104,7 @@ class PressEach:
         station.picture(
             log,
             "presses.png",
-            lambda: board_map(station.kind, presses.own, "drop when pressed (counts)", explained),
+            lambda: board_map(station.kind, presses.own, "signal when pressed (counts)", explained),
             "What each taxel answers to a press on it; faults are framed",
         )
 
@@ -133,14 +133,14 @@ def _press_by_hand(station: Station, taxel: int, force_n: float, diameter_m: flo
     for _ in range(MANUAL_ATTEMPTS):
         station.probe.release()
         station.probe.press(taxel, force_n, diameter_m)
-        if int(np.argmax(_drop_by_hand(station, rest, pressed=True))) == taxel:
+        if int(np.argmax(_signal_by_hand(station, rest, pressed=True))) == taxel:
             return
 
 
-def _drop_by_hand(station: Station, rest: NDArray[np.float64], *, pressed: bool) -> NDArray[np.float64]:
-    """Wait until a taxel answers, or none does any more, but not for ever; the drop then, f64[taxels]."""
+def _signal_by_hand(station: Station, rest: NDArray[np.float64], *, pressed: bool) -> NDArray[np.float64]:
+    """Wait until a taxel answers, or none does any more, but not for ever; the signal then, f64[taxels]."""
     began = station.wire.now_s()
     while True:
-        drop = np.asarray(rest - station.frames(2).mean)
-        if (drop.max() > ACTIVATION_THRESHOLD_COUNTS) == pressed or station.wire.now_s() - began > MANUAL_S:
-            return drop
+        signal = np.asarray(rest - station.frames(2).mean)
+        if (signal.max() > ACTIVATION_THRESHOLD_COUNTS) == pressed or station.wire.now_s() - began > MANUAL_S:
+            return signal

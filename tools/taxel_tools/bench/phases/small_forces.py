@@ -20,7 +20,7 @@ LADDER_N: Final = (0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.10)
 
 
 class SmallForces:
-    """A ladder of small forces on a few taxels; the force whose drop stands out of one frame's noise."""
+    """A ladder of small forces on a few taxels; the force whose signal stands out of one frame's noise."""
 
     name = "small_forces"
     title = "Smallest visible force"
@@ -51,7 +51,7 @@ class SmallForces:
         station = context
         forces = np.array(LADDER_N)
         chosen = station.middle_taxels(count)
-        drops = np.zeros((len(chosen), len(forces)))
+        signals = np.zeros((len(chosen), len(forces)))
         sigmas = np.zeros(len(chosen))
         try:
             for place, taxel in enumerate(chosen):
@@ -59,19 +59,19 @@ class SmallForces:
                 sigmas[place] = untouched.std(ddof=1)
                 for step, force in enumerate(forces):
                     station.probe.press(taxel, float(force), diameter_m)
-                    drops[place, step] = untouched.mean() - station.frames(frames, SETTLE_FRAMES).mean[taxel]
+                    signals[place, step] = untouched.mean() - station.frames(frames, SETTLE_FRAMES).mean[taxel]
                 station.probe.release()
                 log.progress((place + 1) / len(chosen))
         finally:
             station.probe.release()
-        drop, noise = drops.mean(axis=0), float(sigmas.mean())
-        visible = smallest_visible(forces, drop, noise, SIGMAS)
+        signal, noise = signals.mean(axis=0), float(sigmas.mean())
+        visible = smallest_visible(forces, signal, noise, SIGMAS)
         log.measure("visible", visible, "N")
-        log.measure("seen", first_visible(forces, drop, noise, SIGMAS), "N")
-        log.measure("counts_a_newton", float(forces @ drop / (forces @ forces)), "counts/N")
+        log.measure("seen", first_visible(forces, signal, noise, SIGMAS), "N")
+        log.measure("counts_a_newton", float(forces @ signal / (forces @ forces)), "counts/N")
         station.picture(
             log,
             "small_forces.png",
-            lambda: small_forces(forces, drop, noise, visible, SIGMAS),
-            "Drops under small forces, against the noise of one frame",
+            lambda: small_forces(forces, signal, noise, visible, SIGMAS),
+            "Signals under small forces, against the noise of one frame",
         )
