@@ -223,7 +223,7 @@ int taxel_bench_processor(struct taxel_bench *bench, uint8_t address, struct tax
     *processor = (struct taxel_bench_processor){
         .resets = psoc->resets,
         .cycles = cpu->cycle,
-        .slept = cpu->slept,
+        .slept = cpu->sleep_cycles,
         .faults = cpu->faults,
         .fault_kind = cpu->fault.kind,
         .fault_pc = cpu->fault.pc,
@@ -243,16 +243,16 @@ int taxel_bench_cost(struct taxel_bench *bench, uint8_t address, unsigned except
     if (!psoc || exception >= CORTEX_M0_EXCEPTIONS) {
         return TAXEL_BENCH_NO_SUCH_BOARD;
     }
-    const struct cortex_m0_cost *own = &psoc->account.cost[exception];
+    const struct cortex_m0_cost *measured = &psoc->account.cost[exception];
     *cost = (struct taxel_bench_cost){
-        .count = own->count,
-        .own = own->own,
-        .own_min = own->own_min,
-        .own_max = own->own_max,
-        .inclusive = own->inclusive,
-        .inclusive_max = own->inclusive_max,
-        .latency = own->latency,
-        .latency_max = own->latency_max,
+        .count = measured->count,
+        .own = measured->exclusive,
+        .own_min = measured->exclusive_min,
+        .own_max = measured->exclusive_max,
+        .inclusive = measured->inclusive,
+        .inclusive_max = measured->inclusive_max,
+        .latency = measured->latency,
+        .latency_max = measured->latency_max,
     };
     return 0;
 }

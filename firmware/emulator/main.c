@@ -28,12 +28,12 @@ struct options {
     bool live;
 };
 
-static volatile sig_atomic_t stop_wanted;
+static volatile sig_atomic_t stop_requested;
 
 static void on_signal(int number)
 {
     (void)number;
-    stop_wanted = 1;
+    stop_requested = 1;
     endpoint_stop_waiting = 1;
 }
 
@@ -130,7 +130,7 @@ static int run(struct world *world, const struct options *options)
 {
     const vtime end = (vtime)(options->duration * (double)VTIME_SECOND);
     double last = seconds_now();
-    while (world->now < end && !stop_wanted && !world->endpoint->client_gone) {
+    while (world->now < end && !stop_requested && !world->endpoint->client_gone) {
         vtime step = FAST_STEP;
         if (world_poll(world)) {
             return -1;

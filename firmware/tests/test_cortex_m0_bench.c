@@ -8,14 +8,14 @@
 #define STR_R0_R1 0x6008u
 #define STEPS_MAX 1000u
 
-static enum cortex_m0_answer answer(struct bench *bench, struct cortex_m0_access *access, bool write)
+static enum cortex_m0_bus_status respond(struct bench *bench, struct cortex_m0_access *access, bool write)
 {
     if (bench->count < BENCH_ACCESSES) {
         bench->accesses[bench->count] = (struct bench_access){*access, write};
     }
     bench->count++;
-    if (bench->answer != CORTEX_M0_OK || access->address - BENCH_PORT >= sizeof bench->port) {
-        return bench->answer == CORTEX_M0_OK ? CORTEX_M0_ERROR : bench->answer;
+    if (bench->status != CORTEX_M0_OK || access->address - BENCH_PORT >= sizeof bench->port) {
+        return bench->status == CORTEX_M0_OK ? CORTEX_M0_ERROR : bench->status;
     }
     uint8_t *const bytes = (uint8_t *)bench->port + (access->address - BENCH_PORT);
     if (write) {
@@ -33,27 +33,27 @@ static enum cortex_m0_answer answer(struct bench *bench, struct cortex_m0_access
     return CORTEX_M0_OK;
 }
 
-static enum cortex_m0_answer on_read(void *context, struct cortex_m0_access *access)
+static enum cortex_m0_bus_status on_read(void *context, struct cortex_m0_access *access)
 {
-    return answer(context, access, false);
+    return respond(context, access, false);
 }
 
-static enum cortex_m0_answer on_write(void *context, struct cortex_m0_access *access)
+static enum cortex_m0_bus_status on_write(void *context, struct cortex_m0_access *access)
 {
-    return answer(context, access, true);
+    return respond(context, access, true);
 }
 
-void bench_put(struct bench *bench, uint32_t address, const uint16_t *halves, unsigned count)
+void bench_put(struct bench *bench, uint32_t address, const uint16_t *halfwords, unsigned count)
 {
     uint8_t *const memory = address >= BENCH_RAM_BASE ? bench->ram + (address - BENCH_RAM_BASE) : bench->flash + address;
-    memcpy(memory, halves, count * sizeof *halves);
-    cortex_m0_changed(&bench->cpu, address, (uint32_t)(count * sizeof *halves));
+    memcpy(memory, halfwords, count * sizeof *halfwords);
+    cortex_m0_memory_changed(&bench->cpu, address, (uint32_t)(count * sizeof *halfwords));
 }
 
 void bench_word(struct bench *bench, uint32_t address, uint32_t value)
 {
-    const uint16_t halves[] = {(uint16_t)value, (uint16_t)(value >> 16)};
-    bench_put(bench, address, halves, 2);
+    const uint16_t halfwords[] = {(uint16_t)value, (uint16_t)(value >> 16)};
+    bench_put(bench, address, halfwords, 2);
 }
 
 uint32_t bench_read(const struct bench *bench, uint32_t address)
@@ -131,7 +131,7 @@ void bench_store(struct bench *bench, uint32_t address, uint32_t value)
     bench_access(bench, STR_R0_R1, address, value);
 }
 
-uint64_t bench_until(struct bench *bench, uint32_t address)
+uint64_t bench_run_to(struct bench *bench, uint32_t address)
 {
     const uint64_t begin = bench->cpu.cycle;
     for (unsigned i = 0; i < STEPS_MAX; i++) {

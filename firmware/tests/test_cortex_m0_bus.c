@@ -1,5 +1,5 @@
-/* What the caller of the processor relies on: accesses with their cycle, stalls, stops, repeated accesses, and the
- * accounts. */
+/* Interface between processor and caller: bus accesses with their cycles, stalls, stops, retried accesses, and cycle
+ * accounting. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -11,7 +11,7 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-static void at_the_port(uint16_t instruction)
+static void prepare_port_access(uint16_t instruction)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, NOP, instruction, NOP, NOP);
@@ -19,7 +19,7 @@ static void at_the_port(uint16_t instruction)
     cortex_m0_step(cpu);
 }
 
-static void an_access_says_where_when_and_how_wide(void)
+static void a_bus_access_reports_address_cycle_and_size(void)
 {
     static const struct {
         uint16_t instruction;
@@ -32,25 +32,25 @@ static void an_access_says_where_when_and_how_wide(void)
         {0x8008, 2, true, 0x5678, 0},       {0x7008, 1, true, 0x78, 0},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
-        at_the_port(rows[i].instruction);
+        prepare_port_access(rows[i].instruction);
         bench.port[0] = 0x89ABCDEFu;
         cpu->r[0] = 0x12345678u;
         cortex_m0_step(cpu);
-        const struct bench_access *const seen = &bench.accesses[0];
+        const struct bench_access *const recorded = &bench.accesses[0];
         CHECK_EQUAL(bench.count, 1);
-        CHECK_EQUAL(seen->write, rows[i].write);
-        CHECK_EQUAL(seen->access.address, BENCH_PORT);
-        CHECK_EQUAL(seen->access.size, rows[i].size);
-        CHECK_EQUAL(seen->access.value, rows[i].value);
-        CHECK_EQUAL(seen->access.cycle, 2); /* the NOP, then the address; the data follow it */
+        CHECK_EQUAL(recorded->write, rows[i].write);
+        CHECK_EQUAL(recorded->access.address, BENCH_PORT);
+        CHECK_EQUAL(recorded->access.size, rows[i].size);
+        CHECK_EQUAL(recorded->access.value, rows[i].value);
+        CHECK_EQUAL(recorded->access.cycle, 2); /* the NOP, the address phase, then the data phase */
         CHECK_EQUAL(cpu->r[0], rows[i].write ? 0x12345678u : rows[i].loaded);
         CHECK_EQUAL(cpu->cycle, 3);
     }
 }
 
-static void wait_states_of_a_peripheral_are_waited_for(void)
+static void wait_states_of_a_peripheral_delay_the_instruction(void)
 {
-    at_the_port(LDR_R0_R1);
+    prepare_port_access(LDR_R0_R1);
     bench.stall = 7;
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->cycle, 3 + 7);
@@ -58,7 +58,7 @@ static void wait_states_of_a_peripheral_are_waited_for(void)
 
 static void a_list_of_registers_is_accessed_word_by_word(void)
 {
-    at_the_port(0xC90D); /* LDM r1!, {r0, r2, r3} */
+    prepare_port_access(0xC90D); /* LDM r1!, {r0, r2, r3} */
     bench.stall = 2;
     for (uint32_t i = 0; i < 3; i++) {
         bench.port[i] = i + 1u;
@@ -74,9 +74,9 @@ static void a_list_of_registers_is_accessed_word_by_word(void)
     CHECK_EQUAL(cpu->cycle, 1 + 4 + 6);
 }
 
-static void a_list_that_fails_in_the_middle_leaves_the_registers(void)
+static void a_register_list_that_faults_midway_leaves_the_registers_unchanged(void)
 {
-    at_the_port(0xC90D);
+    prepare_port_access(0xC90D);
     cpu->r[1] = BENCH_PORT + sizeof bench.port - 4u;
     bench.port[7] = 77;
     cortex_m0_step(cpu);
@@ -86,16 +86,16 @@ static void a_list_that_fails_in_the_middle_leaves_the_registers(void)
     CHECK_EQUAL(cpu->r[1], BENCH_PORT + sizeof bench.port - 4u);
 }
 
-static void a_stack_may_lie_outside_of_ram(void)
+static void a_stack_may_lie_outside_ram(void)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, 0xB503, 0xBC04, 0xBD08, 0xBF00); /* PUSH {r0, r1, LR}; POP {r2}; POP {r3, PC} */
     cpu->r[0] = 10;
     cpu->r[1] = 11;
     cpu->r[13] = BENCH_PORT + 16u;
-    cortex_m0_forget_stack(cpu);
+    cortex_m0_reset_stack_marks(cpu);
     cpu->r[14] = (BENCH_MAIN + 6u) | 1u;
-    CHECK_EQUAL(bench_until(&bench, BENCH_MAIN + 6u), 4 + 2 + 6);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_MAIN + 6u), 4 + 2 + 6);
     CHECK_EQUAL(cpu->r[2], 10);
     CHECK_EQUAL(cpu->r[3], 11);
     CHECK_EQUAL(cpu->r[13], BENCH_PORT + 16u);
@@ -103,54 +103,54 @@ static void a_stack_may_lie_outside_of_ram(void)
     CHECK_EQUAL(bench.count, 6);
 }
 
-static void a_callback_can_stop_behind_its_instruction(void)
+static void a_callback_can_stop_the_run_after_its_instruction(void)
 {
-    at_the_port(STR_R0_R1);
+    prepare_port_access(STR_R0_R1);
     bench.stops = true;
     CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_STOPPED);
     CHECK_EQUAL(cpu->cycle, 3);
     CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 4u);
-    CHECK_EQUAL(cortex_m0_run(cpu, 4), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(cpu, 4), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(bench.count, 1);
     cortex_m0_stop(cpu);
     CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_STOPPED);
     CHECK_EQUAL(cpu->cycle, 4);
 }
 
-static void an_access_can_be_put_off(void)
+static void an_access_can_be_retried_in_a_later_run(void)
 {
-    at_the_port(STR_R0_R1);
+    prepare_port_access(STR_R0_R1);
     cpu->r[0] = 5;
-    bench.answer = CORTEX_M0_LATER;
+    bench.status = CORTEX_M0_RETRY;
     for (int i = 0; i < 3; i++) {
-        CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_WAITS);
+        CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_BUS_RETRY);
         CHECK_EQUAL(cpu->cycle, 1);
         CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 2u);
     }
-    bench.answer = CORTEX_M0_OK;
+    bench.status = CORTEX_M0_OK;
     cortex_m0_run(cpu, 3);
     CHECK_EQUAL(bench.count, 4);
     CHECK_EQUAL(bench.port[0], 5);
     CHECK_EQUAL(cpu->cycle, 3);
 }
 
-static void an_interrupt_that_came_meanwhile_is_served_before_the_access(void)
+static void an_interrupt_raised_during_a_retry_is_served_before_the_access(void)
 {
-    at_the_port(STR_R0_R1);
+    prepare_port_access(STR_R0_R1);
     cpu->enabled |= UINT64_C(1) << IRQ(0);
-    bench.answer = CORTEX_M0_LATER;
+    bench.status = CORTEX_M0_RETRY;
     cortex_m0_run(cpu, 1000);
     cortex_m0_pulse(cpu, 0);
-    bench.answer = CORTEX_M0_OK;
+    bench.status = CORTEX_M0_OK;
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->ipsr, IRQ(0));
     CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 2u);
     CHECK_EQUAL(bench.count, 1);
 }
 
-static void an_access_can_raise_an_interrupt_that_comes_next(void)
+static void an_interrupt_raised_by_an_access_is_taken_after_its_instruction(void)
 {
-    at_the_port(STR_R0_R1);
+    prepare_port_access(STR_R0_R1);
     cpu->enabled |= UINT64_C(1) << IRQ(6);
     bench.raises = 6;
     cortex_m0_run(cpu, 4);
@@ -161,9 +161,9 @@ static void an_access_can_raise_an_interrupt_that_comes_next(void)
     CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 4u);
 }
 
-static void a_store_to_flash_is_the_callers(void)
+static void a_store_to_flash_calls_the_write_callback(void)
 {
-    at_the_port(STR_R0_R1);
+    prepare_port_access(STR_R0_R1);
     cpu->r[1] = 0xA00;
     cortex_m0_step(cpu);
     CHECK_EQUAL(bench.accesses[0].access.address, 0xA00);
@@ -172,7 +172,7 @@ static void a_store_to_flash_is_the_callers(void)
     CHECK_EQUAL(bench_read(&bench, 0xA00), 0);
 }
 
-static void without_a_bus_there_is_nothing(void)
+static void without_callbacks_every_bus_access_faults(void)
 {
     bench_init(&bench);
     bench.config.read = NULL;
@@ -185,8 +185,8 @@ static void without_a_bus_there_is_nothing(void)
     }
 }
 
-/* The worse one runs NOP NOP BX; the better one, empty, comes in its second instruction. */
-static void a_handlers_own_cycles_are_without_those_that_preempt_it(void)
+/* Interrupt 1 (lower priority) executes NOP NOP BX; interrupt 0 (empty handler) is raised in its second instruction. */
+static void exclusive_cycles_of_a_handler_exclude_preempting_handlers(void)
 {
     struct cortex_m0_account account;
     bench_init(&bench);
@@ -199,21 +199,21 @@ static void a_handlers_own_cycles_are_without_those_that_preempt_it(void)
     cortex_m0_pulse(cpu, 1);
     cortex_m0_run(cpu, 17);
     cortex_m0_pulse(cpu, 0);
-    bench_until(&bench, BENCH_MAIN);
+    bench_run_to(&bench, BENCH_MAIN);
     const struct cortex_m0_cost *const outer = &account.cost[IRQ(1)], *const inner = &account.cost[IRQ(0)];
     CHECK_EQUAL(inner->count, 1);
-    CHECK_EQUAL(inner->own, 16 + 3 + 12);
+    CHECK_EQUAL(inner->exclusive, 16 + 3 + 12);
     CHECK_EQUAL(inner->inclusive, 16 + 3 + 12);
     CHECK_EQUAL(outer->count, 1);
-    CHECK_EQUAL(outer->own, 16 + 1 + 1 + 3 + 12);
-    CHECK_EQUAL(outer->inclusive, outer->own + inner->own);
+    CHECK_EQUAL(outer->exclusive, 16 + 1 + 1 + 3 + 12);
+    CHECK_EQUAL(outer->inclusive, outer->exclusive + inner->exclusive);
     CHECK_EQUAL(account.depth_max, 2);
     CHECK_EQUAL(account.depth, 0);
     CHECK_EQUAL(cpu->cycle, outer->inclusive);
     CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 64); /* two frames */
 }
 
-static void an_account_that_begins_in_a_handler_counts_from_the_next(void)
+static void accounting_started_inside_a_handler_counts_from_the_next_handler(void)
 {
     struct cortex_m0_account account;
     bench_init(&bench);
@@ -230,19 +230,19 @@ static void an_account_that_begins_in_a_handler_counts_from_the_next(void)
     CHECK_EQUAL(account.cost[IRQ(0)].count, 1);
 }
 
-static void the_lowest_stack_pointer_is_remembered(void)
+static void the_minimum_of_the_stack_pointer_is_recorded(void)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, 0xB5F0, 0xB084, 0xB004, 0xBCF0, 0x466A, 0x3A64, 0x4695); /* push, sub, add, pop; mov SP, SP - 100 */
-    bench_until(&bench, BENCH_MAIN + 8u);
+    bench_run_to(&bench, BENCH_MAIN + 8u);
     CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 20 + 16);
-    bench_until(&bench, BENCH_MAIN + 14u);
+    bench_run_to(&bench, BENCH_MAIN + 14u);
     CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 4 + 100);
-    cortex_m0_forget_stack(cpu);
+    cortex_m0_reset_stack_marks(cpu);
     CHECK_EQUAL(cortex_m0_lowest_msp(cpu), cpu->r[13]);
 }
 
-static void what_cannot_be_is_refused(void)
+static void invalid_memory_configurations_are_rejected(void)
 {
     struct cortex_m0 other;
     bench_init(&bench);
@@ -259,21 +259,21 @@ static void what_cannot_be_is_refused(void)
 
 int main(void)
 {
-    RUN(an_access_says_where_when_and_how_wide);
-    RUN(wait_states_of_a_peripheral_are_waited_for);
+    RUN(a_bus_access_reports_address_cycle_and_size);
+    RUN(wait_states_of_a_peripheral_delay_the_instruction);
     RUN(a_list_of_registers_is_accessed_word_by_word);
-    RUN(a_list_that_fails_in_the_middle_leaves_the_registers);
-    RUN(a_stack_may_lie_outside_of_ram);
-    RUN(a_callback_can_stop_behind_its_instruction);
-    RUN(an_access_can_be_put_off);
-    RUN(an_interrupt_that_came_meanwhile_is_served_before_the_access);
-    RUN(an_access_can_raise_an_interrupt_that_comes_next);
-    RUN(a_store_to_flash_is_the_callers);
-    RUN(without_a_bus_there_is_nothing);
-    RUN(a_handlers_own_cycles_are_without_those_that_preempt_it);
-    RUN(an_account_that_begins_in_a_handler_counts_from_the_next);
-    RUN(the_lowest_stack_pointer_is_remembered);
-    RUN(what_cannot_be_is_refused);
+    RUN(a_register_list_that_faults_midway_leaves_the_registers_unchanged);
+    RUN(a_stack_may_lie_outside_ram);
+    RUN(a_callback_can_stop_the_run_after_its_instruction);
+    RUN(an_access_can_be_retried_in_a_later_run);
+    RUN(an_interrupt_raised_during_a_retry_is_served_before_the_access);
+    RUN(an_interrupt_raised_by_an_access_is_taken_after_its_instruction);
+    RUN(a_store_to_flash_calls_the_write_callback);
+    RUN(without_callbacks_every_bus_access_faults);
+    RUN(exclusive_cycles_of_a_handler_exclude_preempting_handlers);
+    RUN(accounting_started_inside_a_handler_counts_from_the_next_handler);
+    RUN(the_minimum_of_the_stack_pointer_is_recorded);
+    RUN(invalid_memory_configurations_are_rejected);
     cortex_m0_free(cpu);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Decoded code: changed by itself or by others, at the ends of memory; breakpoints. */
+/* Decoded instructions: invalidation after changes by the program or the caller, ends of the memory, breakpoints. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -7,8 +7,8 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* A loop in RAM overwrites an instruction of itself, and one that follows at once. */
-static void code_in_ram_may_change_itself(void)
+/* The code in RAM overwrites an instruction that follows it directly. */
+static void code_in_ram_may_modify_itself(void)
 {
     bench_init(&bench);
     BENCH_PUT(&bench, BENCH_RAM_BASE, 0x3001, 0x8011, 0x3001, 0x4770); /* ADDS r0, #1; STRH r1, [r2]; ADDS r0, #1; BX LR */
@@ -18,13 +18,13 @@ static void code_in_ram_may_change_itself(void)
         cpu->r[0] = 0;
         cpu->r[14] = BENCH_MAIN | 1u;
         cpu->r[15] = BENCH_RAM_BASE;
-        bench_until(&bench, BENCH_MAIN);
+        bench_run_to(&bench, BENCH_MAIN);
         CHECK_EQUAL(cpu->r[0], 1 + 16 + turn);
     }
 }
 
-/* The lowest instruction that was ever decoded is the upper half of the word that is stored; then by a list, and a byte. */
-static void a_store_of_any_width_reaches_the_code_in_it(void)
+/* The first decoded instruction is the upper half of a stored word; stores by STR, STM, STRB and STRH. */
+static void a_store_of_any_width_invalidates_the_decoded_instructions(void)
 {
     static const struct {
         uint16_t instruction;
@@ -47,63 +47,63 @@ static void a_store_of_any_width_reaches_the_code_in_it(void)
     }
 }
 
-static void half_of_a_wide_instruction_may_change(void)
+static void one_half_of_a_32_bit_instruction_may_change(void)
 {
     bench_init(&bench);
     BENCH_PUT(&bench, BENCH_RAM_BASE, 0xF000, 0xF802, 0xE7FE, 0xBF00, 0x4770, 0x4770); /* BL to 8 */
     BENCH_PUT(&bench, BENCH_MAIN, 0x8011);
     cpu->r[15] = BENCH_RAM_BASE;
-    CHECK_EQUAL(bench_until(&bench, BENCH_RAM_BASE + 8u), 4);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_RAM_BASE + 8u), 4);
     cpu->r[1] = 0xF803; /* BL to 10 */
     cpu->r[2] = BENCH_RAM_BASE + 2u;
     cpu->r[15] = BENCH_MAIN;
     cortex_m0_step(cpu);
     cpu->r[15] = BENCH_RAM_BASE;
-    CHECK_EQUAL(bench_until(&bench, BENCH_RAM_BASE + 10u), 4);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_RAM_BASE + 10u), 4);
 }
 
-static void a_row_of_flash_that_was_written_is_decoded_anew(void)
+static void a_written_flash_row_is_decoded_again(void)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, 0x3001, 0xE7FD); /* ADDS r0, #1; B */
     cortex_m0_run(cpu, 4);
     CHECK_EQUAL(cpu->r[0], 1);
     memcpy(bench.flash + BENCH_MAIN, &(const uint16_t){0x3005}, 2);
-    cortex_m0_changed(cpu, BENCH_MAIN & ~127u, 128);
+    cortex_m0_memory_changed(cpu, BENCH_MAIN & ~127u, 128);
     cortex_m0_run(cpu, 8);
     CHECK_EQUAL(cpu->r[0], 6);
-    cortex_m0_changed(cpu, 0, UINT32_MAX); /* all there is */
-    cortex_m0_changed(cpu, 0xFFFFFF00u, 0x100);
+    cortex_m0_memory_changed(cpu, 0, UINT32_MAX); /* the whole address space */
+    cortex_m0_memory_changed(cpu, 0xFFFFFF00u, 0x100);
     cortex_m0_run(cpu, 12);
     CHECK_EQUAL(cpu->r[0], 11);
 }
 
-static void code_ends_where_memory_ends(void)
+static void execution_beyond_the_end_of_memory_faults(void)
 {
     bench_init(&bench);
     BENCH_PUT(&bench, BENCH_FLASH - 2u, NOP);
     cpu->r[15] = BENCH_FLASH - 2u;
-    bench_until(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
+    bench_run_to(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_FETCH);
     CHECK_EQUAL(cpu->fault.pc, BENCH_FLASH);
     bench_init(&bench);
     BENCH_PUT(&bench, BENCH_FLASH - 2u, 0xF000); /* the first half of BL */
     cpu->r[15] = BENCH_FLASH - 2u;
-    bench_until(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
+    bench_run_to(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_FETCH);
     CHECK_EQUAL(cpu->fault.pc, BENCH_FLASH - 2u);
     CHECK_EQUAL(cpu->fault.address, BENCH_FLASH);
-    cortex_m0_changed(cpu, 0, UINT32_MAX); /* the end stays where it is */
+    cortex_m0_memory_changed(cpu, 0, UINT32_MAX); /* the end marker of the memory must survive */
     cpu->r[15] = BENCH_FLASH - 2u;
     cpu->ipsr = 0;
     cpu->active = 0;
     BENCH_PUT(&bench, BENCH_FLASH - 2u, NOP);
-    bench_until(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
+    bench_run_to(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
     CHECK_EQUAL(cpu->fault.pc, BENCH_FLASH);
 }
 
-/* Every condition under all flags, to a place in flash and to one below address 0: taken in the same cases. */
-static void conditional_branches_out_of_memory_are_taken_as_those_within(void)
+/* Every condition is evaluated with all flags, once for a target in flash and once for a target below address 0. */
+static void conditional_branches_out_of_memory_are_taken_like_branches_within(void)
 {
     bench_init(&bench);
     for (uint32_t flags = 0; flags < 16; flags++) {
@@ -126,11 +126,11 @@ static void conditional_branches_out_of_memory_are_taken_as_those_within(void)
     cpu->r[15] = 0xF0;
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->r[15], 0xF0u - 2044u);
-    bench_until(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
+    bench_run_to(&bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT));
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_FETCH);
 }
 
-static void a_breakpoint_halts_if_asked_to(void)
+static void a_breakpoint_halts_if_configured(void)
 {
     bench_init(&bench);
     bench.config.halt_on_breakpoint = true;
@@ -144,13 +144,13 @@ static void a_breakpoint_halts_if_asked_to(void)
 
 int main(void)
 {
-    RUN(code_in_ram_may_change_itself);
-    RUN(a_store_of_any_width_reaches_the_code_in_it);
-    RUN(half_of_a_wide_instruction_may_change);
-    RUN(a_row_of_flash_that_was_written_is_decoded_anew);
-    RUN(code_ends_where_memory_ends);
-    RUN(conditional_branches_out_of_memory_are_taken_as_those_within);
-    RUN(a_breakpoint_halts_if_asked_to);
+    RUN(code_in_ram_may_modify_itself);
+    RUN(a_store_of_any_width_invalidates_the_decoded_instructions);
+    RUN(one_half_of_a_32_bit_instruction_may_change);
+    RUN(a_written_flash_row_is_decoded_again);
+    RUN(execution_beyond_the_end_of_memory_faults);
+    RUN(conditional_branches_out_of_memory_are_taken_like_branches_within);
+    RUN(a_breakpoint_halts_if_configured);
     cortex_m0_free(cpu);
     return check_summary();
 }

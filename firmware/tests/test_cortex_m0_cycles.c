@@ -1,5 +1,5 @@
-/* Cycle counts against table 3-1 of the Cortex-M0 manual (ARM DDI 0432C), zero wait states and single-cycle multiplier unless
- * said otherwise, and sequences counted by hand from it. */
+/* Cycle counts compared with table 3-1 of the Cortex-M0 manual (ARM DDI 0432C), and with sequences counted by hand from
+ * that table. Zero wait states and a single-cycle multiplier unless stated otherwise. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -11,7 +11,7 @@ struct row {
     unsigned cycles;
 };
 
-/* r1 is an address in RAM, r2 is 0, r3 is BENCH_MAIN + 0x41, r4 is 4; Z is set. */
+/* Preconditions: r1 is an address in RAM, r2 is 0, r3 is BENCH_MAIN + 0x41, r4 is 4, Z is set. */
 static const struct row table[] = {
     {"MOVS r0, #1", 0x2001, 0, 1},
     {"MOVS r0, r1", 0x0008, 0, 1},
@@ -110,19 +110,19 @@ static void prepare(const struct row *row)
     cpu->r[3] = (BENCH_MAIN + 0x40u) | 1u;
     cpu->r[4] = 4;
     cpu->r[13] = BENCH_RAM_BASE + 0x200u;
-    cpu->event = true; /* WFE goes on at once */
+    cpu->event = true; /* WFE then does not sleep */
     cortex_m0_set_xpsr(cpu, 0x41000000u);
-    bench_word(&bench, BENCH_RAM_BASE + 0x204u, BENCH_MAIN | 1u); /* what POP loads into PC */
+    bench_word(&bench, BENCH_RAM_BASE + 0x204u, BENCH_MAIN | 1u); /* value that POP loads into PC */
 }
 
-static void every_row_of_the_table_takes_its_cycles(void)
+static void every_instruction_takes_the_cycles_of_the_manual(void)
 {
     bench_init(&bench);
     for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
         prepare(&table[i]);
         cortex_m0_run(&bench.cpu, bench.cpu.cycle + 1u);
         uint64_t cycles = bench.cpu.cycle;
-        if (bench.cpu.progress) { /* a register list is stopped within */
+        if (bench.cpu.progress) { /* the run ended within a register list */
             cortex_m0_step(&bench.cpu);
             cycles = bench.cpu.cycle;
         }
@@ -133,7 +133,7 @@ static void every_row_of_the_table_takes_its_cycles(void)
     }
 }
 
-static void the_other_multiplier_takes_32_cycles(void)
+static void the_iterative_multiplier_takes_32_cycles(void)
 {
     bench_init(&bench);
     bench.config.timing.multiply = 32;
@@ -142,9 +142,9 @@ static void the_other_multiplier_takes_32_cycles(void)
     CHECK_EQUAL(bench.cpu.cycle, 32);
 }
 
-/* movs r0,#100 (1); 100 times: ldr r2,[r1] (2), str r2,[r3] (2), adds r1,#4 (1), adds r3,#4 (1), subs r0,#1 (1), bne: 99
- * times 3, once 1. */
-static void a_copying_loop_takes_what_is_counted_by_hand(void)
+/* movs r0,#100 (1); 100 times: ldr r2,[r1] (2), str r2,[r3] (2), adds r1,#4 (1), adds r3,#4 (1), subs r0,#1 (1), bne:
+ * 99 times 3 and once 1. */
+static void a_copy_loop_takes_the_cycles_counted_by_hand(void)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, 0x2064, 0x680A, 0x601A, 0x3104, 0x3304, 0x3801, 0xD1F9, 0xE7FE);
@@ -153,23 +153,25 @@ static void a_copying_loop_takes_what_is_counted_by_hand(void)
     for (uint32_t i = 0; i < 100; i++) {
         bench_word(&bench, BENCH_RAM_BASE + 4u * i, i * 0x01010101u);
     }
-    CHECK_EQUAL(bench_until(&bench, BENCH_MAIN + 14u), 1 + 100 * (2 + 2 + 1 + 1 + 1) + 99 * 3 + 1);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_MAIN + 14u), 1 + 100 * (2 + 2 + 1 + 1 + 1) + 99 * 3 + 1);
     CHECK_BYTES(bench.ram + 0x200, bench.ram, 400);
 }
 
-/* main: bl f (4), then here. f: push {r4,lr} (1+2), movs r4,#3 (1), muls r4,r4 (1), mov r0,r4 (1), pop {r4,pc} (4+2). */
-static void a_call_takes_what_is_counted_by_hand(void)
+/* main: bl f (4), then the branch to itself. f: push {r4,lr} (1+2), movs r4,#3 (1), muls r4,r4 (1), mov r0,r4 (1), pop
+ * {r4,pc} (4+2). */
+static void a_function_call_takes_the_cycles_counted_by_hand(void)
 {
     bench_init(&bench);
     BENCH_PROGRAM(&bench, 0xF000, 0xF802, 0xE7FE, 0xBF00, 0xB510, 0x2403, 0x4364, 0x4620, 0xBD10);
-    CHECK_EQUAL(bench_until(&bench, BENCH_MAIN + 4u), 4 + 3 + 1 + 1 + 1 + 6);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_MAIN + 4u), 4 + 3 + 1 + 1 + 1 + 6);
     CHECK_EQUAL(bench.cpu.r[0], 9);
     CHECK_EQUAL(bench.cpu.r[13], BENCH_STACK);
 }
 
-/* With one wait state, a taken branch's first fetch and data read from flash take one cycle more each: ldr r0, here (2+1),
- * ldr r2,[r1] from RAM (2), b (3+1), bx (3+1), bl (4+1), pop pc (5+1); straight on nothing. */
-static void flash_wait_states_slow_branches_and_literals(void)
+/* With one wait state, the first fetch after a taken branch and each data read from flash take one more cycle: ldr r0,
+ * literal (2+1), ldr r2,[r1] from RAM (2), b (3+1), bx (3+1), bl (4+1), pop pc (5+1); sequential instructions take
+ * none. */
+static void flash_wait_states_delay_branches_and_literals(void)
 {
     bench_init(&bench);
     bench.config.timing.flash_wait = 1;
@@ -191,7 +193,7 @@ static void flash_wait_states_slow_branches_and_literals(void)
     CHECK_EQUAL(bench.cpu.cycle - begin, 2);
 }
 
-static void code_in_ram_knows_no_wait_states(void)
+static void code_in_ram_has_no_wait_states(void)
 {
     bench_init(&bench);
     bench.config.timing.flash_wait = 1;
@@ -199,27 +201,26 @@ static void code_in_ram_knows_no_wait_states(void)
     BENCH_PUT(&bench, BENCH_RAM_BASE, 0xE7FF, 0xE7FF, 0x4720);        /* B, B, BX r4 */
     bench.cpu.r[3] = BENCH_RAM_BASE | 1u;
     bench.cpu.r[4] = BENCH_MAIN | 1u;
-    CHECK_EQUAL(bench_until(&bench, BENCH_RAM_BASE + 4u), 3 + 3 + 3);
-    CHECK_EQUAL(bench_until(&bench, BENCH_MAIN), 3 + 1);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_RAM_BASE + 4u), 3 + 3 + 3);
+    CHECK_EQUAL(bench_run_to(&bench, BENCH_MAIN), 3 + 1);
 }
 
 static void a_run_ends_at_the_first_instruction_that_reaches_its_cycle(void)
 {
     bench_init(&bench);
-    BENCH_PROGRAM(&bench, 0x3001, 0x3001, 0xE7FC); /* ADDS, ADDS, B: 5 cycles a turn */
-    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 0), CORTEX_M0_TIME);
+    BENCH_PROGRAM(&bench, 0x3001, 0x3001, 0xE7FC); /* ADDS, ADDS, B: 5 cycles per iteration */
+    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 0), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(bench.cpu.r[0], 0);
-    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 2), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 2), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(bench.cpu.cycle, 2);
-    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 3), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 3), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(bench.cpu.cycle, 5);
-    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 5000000), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(&bench.cpu, 5000000), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(bench.cpu.cycle, 5000000);
     CHECK_EQUAL(bench.cpu.r[0], 2000000);
 }
 
-/* However a run is cut up, the same instructions take the same cycles. */
-static void slices_change_nothing(void)
+static void dividing_a_run_into_slices_does_not_change_the_result(void)
 {
     uint32_t whole[16];
     for (unsigned slice = 10007; slice; slice /= 7) {
@@ -238,14 +239,14 @@ static void slices_change_nothing(void)
 
 int main(void)
 {
-    RUN(every_row_of_the_table_takes_its_cycles);
-    RUN(the_other_multiplier_takes_32_cycles);
-    RUN(a_copying_loop_takes_what_is_counted_by_hand);
-    RUN(a_call_takes_what_is_counted_by_hand);
-    RUN(flash_wait_states_slow_branches_and_literals);
-    RUN(code_in_ram_knows_no_wait_states);
+    RUN(every_instruction_takes_the_cycles_of_the_manual);
+    RUN(the_iterative_multiplier_takes_32_cycles);
+    RUN(a_copy_loop_takes_the_cycles_counted_by_hand);
+    RUN(a_function_call_takes_the_cycles_counted_by_hand);
+    RUN(flash_wait_states_delay_branches_and_literals);
+    RUN(code_in_ram_has_no_wait_states);
     RUN(a_run_ends_at_the_first_instruction_that_reaches_its_cycle);
-    RUN(slices_change_nothing);
+    RUN(dividing_a_run_into_slices_does_not_change_the_result);
     bench_init(&bench);
     cortex_m0_free(&bench.cpu);
     return check_summary();

@@ -1,4 +1,4 @@
-/* Into handlers and back: frames, priorities, nesting, tail-chaining, late arrival. */
+/* Exception entry and return: stack frames, priorities, nesting, tail-chaining, late arrival. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -8,14 +8,14 @@
 #define BIT(number) (UINT64_C(1) << (number))
 #define IRQ(number) (CORTEX_M0_IRQ0 + (number))
 #define ENTRY 16u
-#define RETURN (3u + 12u) /* BX LR, then the frame */
+#define RETURN (3u + 12u) /* BX LR, then unstacking */
 #define TAIL_CHAIN (3u + 6u)
 
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* Interrupt n has priority n % 4, all are enabled; the program is NOPs. */
-static void quiet_program(void)
+/* Program of NOPs; all interrupts are enabled and interrupt n has priority n % 4. */
+static void start_nop_program(void)
 {
     bench_nops(&bench);
     cpu->enabled = ~UINT64_C(0);
@@ -25,9 +25,9 @@ static void quiet_program(void)
     }
 }
 
-static void an_interrupt_takes_16_cycles_and_comes_back_as_if_nothing_had_been(void)
+static void an_interrupt_takes_16_cycles_and_restores_every_register(void)
 {
-    quiet_program();
+    start_nop_program();
     for (uint32_t i = 0; i < 13; i++) {
         cpu->r[i] = 0x100u + i;
     }
@@ -57,14 +57,14 @@ static void an_interrupt_takes_16_cycles_and_comes_back_as_if_nothing_had_been(v
     CHECK_EQUAL(cpu->active, 0);
 }
 
-static void pending_interrupts_follow_each_other_without_a_frame(void)
+static void pending_interrupts_are_tail_chained_without_a_new_frame(void)
 {
-    quiet_program();
+    start_nop_program();
     cortex_m0_pulse(cpu, 8);
     cortex_m0_pulse(cpu, 4);
-    cortex_m0_pulse(cpu, 1); /* worse priority */
+    cortex_m0_pulse(cpu, 1); /* lower priority */
     cortex_m0_step(cpu);
-    CHECK_EQUAL(cpu->ipsr, IRQ(4)); /* of equals, the lower number */
+    CHECK_EQUAL(cpu->ipsr, IRQ(4)); /* equal priority: the lower number first */
     const uint32_t sp = cpu->r[13];
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->ipsr, IRQ(8));
@@ -78,11 +78,11 @@ static void pending_interrupts_follow_each_other_without_a_frame(void)
     CHECK_EQUAL(cpu->cycle, ENTRY + 2 * TAIL_CHAIN + RETURN);
 }
 
-static void a_better_interrupt_that_comes_late_is_served_first(void)
+static void a_higher_priority_interrupt_that_arrives_during_stacking_is_served_first(void)
 {
-    quiet_program();
+    start_nop_program();
     cortex_m0_pulse(cpu, 3);
-    CHECK_EQUAL(cortex_m0_run(cpu, 11), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(cpu, 11), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(cpu->cycle, 11);
     CHECK_EQUAL(cpu->ipsr, 0); /* still stacking */
     cortex_m0_pulse(cpu, 0);
@@ -95,9 +95,9 @@ static void a_better_interrupt_that_comes_late_is_served_first(void)
     CHECK_EQUAL(cpu->r[13], BENCH_STACK - 32u);
 }
 
-static void a_better_interrupt_that_comes_too_late_preempts(void)
+static void a_higher_priority_interrupt_that_arrives_after_stacking_preempts(void)
 {
-    quiet_program();
+    start_nop_program();
     cortex_m0_pulse(cpu, 3);
     cortex_m0_run(cpu, 12);
     CHECK_EQUAL(cpu->cycle, ENTRY);
@@ -115,9 +115,9 @@ static void a_better_interrupt_that_comes_too_late_preempts(void)
     CHECK_EQUAL(cpu->r[13], BENCH_STACK);
 }
 
-static void an_equal_or_worse_interrupt_waits(void)
+static void an_interrupt_of_equal_or_lower_priority_waits(void)
 {
-    quiet_program();
+    start_nop_program();
     BENCH_PUT(&bench, BENCH_HANDLER(IRQ(5)), NOP, NOP, BX_LR);
     cortex_m0_pulse(cpu, 5);
     cortex_m0_step(cpu);
@@ -132,7 +132,7 @@ static void an_equal_or_worse_interrupt_waits(void)
 
 static void a_line_that_stays_high_interrupts_again_and_a_pulse_does_not(void)
 {
-    quiet_program();
+    start_nop_program();
     cortex_m0_set_line(cpu, 2, true);
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->pending, 0);
@@ -145,7 +145,7 @@ static void a_line_that_stays_high_interrupts_again_and_a_pulse_does_not(void)
     cortex_m0_set_line(cpu, 2, false);
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->ipsr, IRQ(2));
-    cortex_m0_pulse(cpu, 2); /* while its handler runs: once more */
+    cortex_m0_pulse(cpu, 2); /* while its handler is active: pending again */
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->ipsr, IRQ(2));
     cortex_m0_step(cpu);
@@ -154,7 +154,7 @@ static void a_line_that_stays_high_interrupts_again_and_a_pulse_does_not(void)
 
 static void primask_holds_back_all_but_nmi_and_hard_fault(void)
 {
-    quiet_program();
+    start_nop_program();
     BENCH_PUT(&bench, BENCH_MAIN, 0xB672, NOP, NOP, 0xB662, NOP); /* CPSID, ..., CPSIE */
     cortex_m0_step(cpu);
     cortex_m0_pulse(cpu, 0);
@@ -173,9 +173,9 @@ static void primask_holds_back_all_but_nmi_and_hard_fault(void)
     CHECK_EQUAL(bench_read(&bench, cpu->r[13] + 24u), BENCH_MAIN + 8u);
 }
 
-static void a_supervisor_call_returns_behind_itself(void)
+static void a_supervisor_call_returns_to_the_next_instruction(void)
 {
-    quiet_program();
+    start_nop_program();
     BENCH_PUT(&bench, BENCH_MAIN, 0xDF07, NOP);
     cortex_m0_step(cpu);
     cortex_m0_step(cpu);
@@ -185,9 +185,9 @@ static void a_supervisor_call_returns_behind_itself(void)
     CHECK_EQUAL(cpu->r[15], BENCH_MAIN + 2u);
 }
 
-static void a_thread_with_its_own_stack_is_stacked_there(void)
+static void a_thread_on_the_process_stack_is_stacked_there(void)
 {
-    quiet_program();
+    start_nop_program();
     const uint32_t psp = BENCH_RAM_BASE + 0x100u;
     BENCH_PUT(&bench, BENCH_MAIN, 0xF380, 0x8809, 0xF381, 0x8814, NOP, NOP); /* MSR PSP, r0; MSR CONTROL, r1 */
     cpu->r[0] = psp;
@@ -208,9 +208,9 @@ static void a_thread_with_its_own_stack_is_stacked_there(void)
     CHECK_EQUAL(cortex_m0_lowest_msp(cpu), BENCH_STACK);
 }
 
-static void a_frame_is_aligned_to_8_and_the_stack_pointer_comes_back(void)
+static void a_frame_is_aligned_to_8_bytes_and_the_stack_pointer_is_restored(void)
 {
-    quiet_program();
+    start_nop_program();
     cpu->r[13] = BENCH_STACK - 4u;
     cortex_m0_pulse(cpu, 0);
     cortex_m0_step(cpu);
@@ -220,15 +220,15 @@ static void a_frame_is_aligned_to_8_and_the_stack_pointer_comes_back(void)
     CHECK_EQUAL(cpu->r[13], BENCH_STACK - 4u);
 }
 
-static void a_list_is_abandoned_for_an_interrupt_and_begun_anew(void)
+static void a_register_list_is_abandoned_for_an_interrupt_and_restarted(void)
 {
-    quiet_program();
+    start_nop_program();
     BENCH_PUT(&bench, BENCH_MAIN, 0xCAFB, NOP); /* LDM r2!, {r0, r1, r3-r7}: 8 cycles */
     cpu->r[2] = BENCH_RAM_BASE;
     for (uint32_t i = 0; i < 7; i++) {
         bench_word(&bench, BENCH_RAM_BASE + 4u * i, i + 1u);
     }
-    CHECK_EQUAL(cortex_m0_run(cpu, 5), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(cpu, 5), CORTEX_M0_DEADLINE);
     CHECK_EQUAL(cpu->cycle, 5);
     cortex_m0_pulse(cpu, 0);
     cortex_m0_step(cpu);
@@ -242,10 +242,10 @@ static void a_list_is_abandoned_for_an_interrupt_and_begun_anew(void)
     CHECK_EQUAL(cpu->r[7], 7);
 }
 
-static void a_list_that_nothing_interrupts_goes_on(void)
+static void a_register_list_that_is_not_interrupted_continues_in_the_next_run(void)
 {
-    quiet_program();
-    BENCH_PUT(&bench, BENCH_MAIN, 0xB5FF, 0xBDFF); /* PUSH and POP of all */
+    start_nop_program();
+    BENCH_PUT(&bench, BENCH_MAIN, 0xB5FF, 0xBDFF); /* PUSH and POP of all registers */
     cpu->r[14] = (BENCH_MAIN + 8u) | 1u;
     for (uint64_t until = 1; until <= 10 + 13; until++) {
         cortex_m0_run(cpu, until);
@@ -256,7 +256,7 @@ static void a_list_that_nothing_interrupts_goes_on(void)
 
 static void vectors_may_lie_in_ram(void)
 {
-    quiet_program();
+    start_nop_program();
     bench_word(&bench, BENCH_RAM_BASE + 4u * IRQ(0), BENCH_HANDLER(IRQ(7)) | 1u);
     cortex_m0_set_vectors(cpu, BENCH_RAM_BASE);
     cortex_m0_pulse(cpu, 0);
@@ -267,18 +267,18 @@ static void vectors_may_lie_in_ram(void)
 
 int main(void)
 {
-    RUN(an_interrupt_takes_16_cycles_and_comes_back_as_if_nothing_had_been);
-    RUN(pending_interrupts_follow_each_other_without_a_frame);
-    RUN(a_better_interrupt_that_comes_late_is_served_first);
-    RUN(a_better_interrupt_that_comes_too_late_preempts);
-    RUN(an_equal_or_worse_interrupt_waits);
+    RUN(an_interrupt_takes_16_cycles_and_restores_every_register);
+    RUN(pending_interrupts_are_tail_chained_without_a_new_frame);
+    RUN(a_higher_priority_interrupt_that_arrives_during_stacking_is_served_first);
+    RUN(a_higher_priority_interrupt_that_arrives_after_stacking_preempts);
+    RUN(an_interrupt_of_equal_or_lower_priority_waits);
     RUN(a_line_that_stays_high_interrupts_again_and_a_pulse_does_not);
     RUN(primask_holds_back_all_but_nmi_and_hard_fault);
-    RUN(a_supervisor_call_returns_behind_itself);
-    RUN(a_thread_with_its_own_stack_is_stacked_there);
-    RUN(a_frame_is_aligned_to_8_and_the_stack_pointer_comes_back);
-    RUN(a_list_is_abandoned_for_an_interrupt_and_begun_anew);
-    RUN(a_list_that_nothing_interrupts_goes_on);
+    RUN(a_supervisor_call_returns_to_the_next_instruction);
+    RUN(a_thread_on_the_process_stack_is_stacked_there);
+    RUN(a_frame_is_aligned_to_8_bytes_and_the_stack_pointer_is_restored);
+    RUN(a_register_list_is_abandoned_for_an_interrupt_and_restarted);
+    RUN(a_register_list_that_is_not_interrupted_continues_in_the_next_run);
     RUN(vectors_may_lie_in_ram);
     cortex_m0_free(cpu);
     return check_summary();

@@ -1,5 +1,5 @@
-/* Random programs, with a seed: nothing leaves its memory (sanitizers watch), and however a run is cut up, it is the same.
- * `test_cortex_m0_random FIRST COUNT` for other seeds than the first 400. */
+/* Random programs from seeds: no access leaves its memory (checked by the sanitizers), and dividing a run into several
+ * runs does not change its result. `test_cortex_m0_random FIRST COUNT` runs other seeds than the first 400. */
 #include <stdlib.h>
 
 #include "check.h"
@@ -9,44 +9,45 @@
 #define TRIALS 400u
 #define CYCLES 4000u
 #define STEPS 600u
-#define LOOP_END 66u /* 2, and a multiple of 4 */
-#define WIDE 0xE800u
+#define LOOP_END 66u /* 2 plus a multiple of 4 */
+#define FIRST_32_BIT 0xE800u
 #define SYSTICK_PERIOD 97u
 
-static struct bench whole, cut;
-static struct cortex_m0_account whole_account, cut_account;
+static struct bench whole, divided;
+static struct cortex_m0_account whole_account, divided_account;
 static uint64_t first_seed, seeds = TRIALS;
 
-static uint16_t draw_half(struct random_source *random)
+static uint16_t random_half(struct random_source *random)
 {
     const uint16_t half = (uint16_t)random_u64(random);
-    if (half >= WIDE || half >> 8 == 0xDEu || half >> 8 == 0xBEu) { /* few of those that only fault */
+    if (half >= FIRST_32_BIT || half >> 8 == 0xDEu || half >> 8 == 0xBEu) { /* replace most instructions that only fault */
         static const uint16_t instead[] = {0xBF30, 0xB672, 0xB662, 0xDF00, 0xB5F0, 0xBDF0, 0xC8F0, 0x4770, 0xF000, 0xBF20};
         return instead[half % (sizeof instead / sizeof *instead)];
     }
     return half;
 }
 
-/* Handlers that come back, a fault's behind its instruction; registers that are addresses; SysTick and interrupts. */
-static void make(struct bench *bench, uint64_t seed)
+/* Random program: handlers return (the fault handler skips the faulting instruction), registers hold addresses, SysTick
+ * and interrupts are active. */
+static void prepare_program(struct bench *bench, uint64_t seed)
 {
     struct random_source random;
     random_init(&random, seed, 0);
     bench_init(bench);
     for (uint32_t at = BENCH_HANDLER(CORTEX_M0_EXCEPTIONS); at < BENCH_FLASH; at += 2) {
-        bench_put(bench, at, &(const uint16_t){draw_half(&random)}, 1);
+        bench_put(bench, at, &(const uint16_t){random_half(&random)}, 1);
     }
     for (uint32_t at = BENCH_MAIN; at < BENCH_HANDLER(0); at += 2) {
-        bench_put(bench, at, &(const uint16_t){draw_half(&random)}, 1);
+        bench_put(bench, at, &(const uint16_t){random_half(&random)}, 1);
     }
     BENCH_PUT(bench, BENCH_HANDLER(CORTEX_M0_HARD_FAULT), 0x9806, 0x3002, 0x9006, 0x4770);
     bench_reset(bench);
     struct cortex_m0 *const cpu = &bench->cpu;
     for (unsigned i = 0; i < 13; i++) {
-        const uint32_t drawn = (uint32_t)random_u64(&random);
-        const uint32_t places[] = {BENCH_RAM_BASE + drawn % BENCH_RAM, BENCH_PORT + drawn % 32u, drawn % 256u,
-                                   BENCH_RAM_BASE + drawn % BENCH_RAM / 4u * 4u};
-        cpu->r[i] = places[random_u64(&random) % 4u];
+        const uint32_t random_value = (uint32_t)random_u64(&random);
+        const uint32_t candidates[] = {BENCH_RAM_BASE + random_value % BENCH_RAM, BENCH_PORT + random_value % 32u, random_value % 256u,
+                                   BENCH_RAM_BASE + random_value % BENCH_RAM / 4u * 4u};
+        cpu->r[i] = candidates[random_u64(&random) % 4u];
     }
     cpu->r[13] = BENCH_STACK - 256u;
     cpu->r[14] = BENCH_MAIN | 1u;
@@ -54,14 +55,14 @@ static void make(struct bench *bench, uint64_t seed)
     cpu->level[0] = 0x1111111111111111u << seed % 4u;
     cpu->level[seed % 4u] = ~cpu->level[0];
     cpu->systick = (struct cortex_m0_systick){
-        .reload = SYSTICK_PERIOD, .enabled = true, .interrupts = true, .processor_clock = true, .origin = 0};
+        .reload = SYSTICK_PERIOD, .enabled = true, .interrupt_enabled = true, .processor_clock = true, .origin = 0};
     bench->raises = seed % 3u == 0 ? (int)(seed % 32u) : -1;
     bench->stall = (uint32_t)(seed % 5u);
 }
 
 static void check_same(void)
 {
-    const struct cortex_m0 *const a = &whole.cpu, *const b = &cut.cpu;
+    const struct cortex_m0 *const a = &whole.cpu, *const b = &divided.cpu;
     CHECK_BYTES(a->r, b->r, sizeof a->r);
     CHECK_EQUAL(cortex_m0_xpsr(a), cortex_m0_xpsr(b));
     CHECK_EQUAL(a->cycle, b->cycle);
@@ -69,15 +70,15 @@ static void check_same(void)
     CHECK_EQUAL(a->pending, b->pending);
     CHECK_EQUAL(a->active, b->active);
     CHECK_EQUAL(a->faults, b->faults);
-    CHECK_EQUAL(a->slept, b->slept);
+    CHECK_EQUAL(a->sleep_cycles, b->sleep_cycles);
     CHECK_EQUAL(a->other_sp, b->other_sp);
     CHECK_EQUAL(a->lowest_sp, b->lowest_sp);
-    CHECK_EQUAL(whole.count, cut.count);
-    CHECK_BYTES(whole.ram, cut.ram, sizeof whole.ram);
-    CHECK_BYTES(&whole_account, &cut_account, sizeof whole_account);
+    CHECK_EQUAL(whole.count, divided.count);
+    CHECK_BYTES(whole.ram, divided.ram, sizeof whole.ram);
+    CHECK_BYTES(&whole_account, &divided_account, sizeof whole_account);
 }
 
-/* A lockup is told at once; then time passes. */
+/* The first run reports a lockup at once; the second run advances the time. */
 static void run_to(struct cortex_m0 *cpu, uint64_t until)
 {
     if (cortex_m0_run(cpu, until) == CORTEX_M0_LOCKUP) {
@@ -86,24 +87,24 @@ static void run_to(struct cortex_m0 *cpu, uint64_t until)
     CHECK(cpu->cycle >= until);
 }
 
-static void however_a_run_is_cut_up_it_is_the_same(void)
+static void dividing_a_random_run_does_not_change_the_result(void)
 {
     for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
         struct random_source random;
         random_init(&random, seed, 1);
-        make(&whole, seed);
-        make(&cut, seed);
+        prepare_program(&whole, seed);
+        prepare_program(&divided, seed);
         memset(&whole_account, 0, sizeof whole_account);
-        memset(&cut_account, 0, sizeof cut_account);
+        memset(&divided_account, 0, sizeof divided_account);
         cortex_m0_set_account(&whole.cpu, &whole_account);
-        cortex_m0_set_account(&cut.cpu, &cut_account);
+        cortex_m0_set_account(&divided.cpu, &divided_account);
         const unsigned failures = check_state.failures;
         for (uint64_t until = 0; until < CYCLES;) {
             const uint64_t longest = random_u64(&random) % 60u + 1u;
             until += random_u64(&random) % longest + 1u;
             until = until < CYCLES ? until : CYCLES;
-            run_to(&cut.cpu, until);
-            CHECK_EQUAL(cut.cpu.r[13] & 3u, 0);
+            run_to(&divided.cpu, until);
+            CHECK_EQUAL(divided.cpu.r[13] & 3u, 0);
         }
         run_to(&whole.cpu, CYCLES);
         check_same();
@@ -114,24 +115,24 @@ static void however_a_run_is_cut_up_it_is_the_same(void)
     }
 }
 
-/* Every third one a store: STR, STRB, STRH near a register, STM, PUSH. */
-static uint16_t draw_storing(struct random_source *random)
+/* Random instruction; every third is a store (STR, STRB, STRH, STM, PUSH) near a register. */
+static uint16_t random_storing_half(struct random_source *random)
 {
     static const uint16_t stores[] = {0x6000, 0x7000, 0x8000, 0xC000, 0xB400};
-    const uint16_t half = draw_half(random);
+    const uint16_t half = random_half(random);
     if (random_u64(random) % 3u) {
-        return half >> 12 == 0xDu || half >> 12 == 0xEu ? 0x3001u : half; /* on, not round and round */
+        return half >> 12 == 0xDu || half >> 12 == 0xEu ? 0x3001u : half; /* no branches, so that the loop proceeds */
     }
     return (uint16_t)(stores[random_u64(random) % 5u] | (half & 0x01BFu) | 1u);
 }
 
-/* A loop in RAM from its third byte on, with a call of the next instruction here and there; registers point into it. */
+/* Loop in RAM from byte 2 on, with occasional calls of the following instruction; the registers point into the loop. */
 static void put_loop(struct bench *bench, struct random_source *random)
 {
     struct cortex_m0 *const cpu = &bench->cpu;
     for (uint32_t at = 2; at < LOOP_END; at += 4) {
         const bool call = random_u64(random) % 8u == 0;
-        BENCH_PUT(bench, BENCH_RAM_BASE + at, call ? 0xF000u : draw_storing(random), call ? 0xF800u : draw_storing(random));
+        BENCH_PUT(bench, BENCH_RAM_BASE + at, call ? 0xF000u : random_storing_half(random), call ? 0xF800u : random_storing_half(random));
     }
     BENCH_PUT(bench, BENCH_RAM_BASE + LOOP_END, (uint16_t)(0xE000u | ((0u - (LOOP_END + 2u) / 2u) & 0x7FFu))); /* B to 2 */
     for (unsigned r = 0; r < 8; r++) {
@@ -141,51 +142,52 @@ static void put_loop(struct bench *bench, struct random_source *random)
     cpu->r[15] = BENCH_RAM_BASE + 2u;
 }
 
-/* Code in RAM that stores into itself, decoded as it goes, and anew for each instruction. */
-static void decoded_code_is_never_stale(void)
+/* Self-modifying code in RAM gives the same result whether it is decoded incrementally or again before each
+ * instruction. */
+static void self_modifying_code_is_never_executed_stale(void)
 {
     uint64_t changes = 0;
     for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
         for (unsigned i = 0; i < 2; i++) {
-            struct bench *const bench = i ? &cut : &whole;
+            struct bench *const bench = i ? &divided : &whole;
             struct random_source random;
             random_init(&random, seed, 3);
-            make(bench, seed);
+            prepare_program(bench, seed);
             put_loop(bench, &random);
         }
         uint8_t before[BENCH_RAM];
         memcpy(before, whole.ram, sizeof before);
         for (unsigned i = 0; i < STEPS; i++) {
             cortex_m0_step(&whole.cpu);
-            cortex_m0_changed(&cut.cpu, BENCH_RAM_BASE, LOOP_END + 4u);
-            cortex_m0_step(&cut.cpu);
+            cortex_m0_memory_changed(&divided.cpu, BENCH_RAM_BASE, LOOP_END + 4u);
+            cortex_m0_step(&divided.cpu);
         }
         changes += memcmp(before, whole.ram, BENCH_RAM / 2u) != 0;
-        const bool same = CHECK_BYTES(whole.cpu.r, cut.cpu.r, sizeof whole.cpu.r);
-        if (!same || !CHECK_BYTES(whole.ram, cut.ram, sizeof whole.ram)) {
+        const bool same = CHECK_BYTES(whole.cpu.r, divided.cpu.r, sizeof whole.cpu.r);
+        if (!same || !CHECK_BYTES(whole.ram, divided.ram, sizeof whole.ram)) {
             printf("  replay: test_cortex_m0_random %llu 1\n", (unsigned long long)seed);
             return;
         }
     }
-    printf("%llu of %llu changed themselves\n", (unsigned long long)changes, (unsigned long long)seeds);
+    printf("%llu of %llu programs modified themselves\n", (unsigned long long)changes, (unsigned long long)seeds);
     CHECK(changes * 2u > seeds);
 }
 
-static void nothing_leaves_its_memory(void)
+static void random_programs_stay_within_their_memory(void)
 {
     uint64_t faults = 0, exceptions = 0, accesses = 0, lockups = 0;
     for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
         struct random_source random;
         random_init(&random, seed, 2);
-        make(&whole, seed);
+        prepare_program(&whole, seed);
         cortex_m0_set_account(&whole.cpu, &whole_account);
         for (uint64_t until = 0; until < CYCLES; until += random_u64(&random) % 50u) {
-            whole.answer = random_u64(&random) % 8u ? CORTEX_M0_OK : CORTEX_M0_LATER;
+            whole.status = random_u64(&random) % 8u ? CORTEX_M0_OK : CORTEX_M0_RETRY;
             whole.stops = random_u64(&random) % 4u == 0;
-            const unsigned irq = (unsigned)(random_u64(&random) % 32u), what = (unsigned)(random_u64(&random) % 16u);
-            if (what < 2) {
+            const unsigned irq = (unsigned)(random_u64(&random) % 32u), action = (unsigned)(random_u64(&random) % 16u);
+            if (action < 2) {
                 cortex_m0_set_line(&whole.cpu, irq, true);
-            } else if (what == 2) {
+            } else if (action == 2) {
                 cortex_m0_pulse_nmi(&whole.cpu);
             }
             cortex_m0_run(&whole.cpu, until);
@@ -212,10 +214,10 @@ int main(int count, char **arguments)
         first_seed = strtoull(arguments[1], NULL, 10);
         seeds = strtoull(arguments[2], NULL, 10);
     }
-    RUN(however_a_run_is_cut_up_it_is_the_same);
-    RUN(decoded_code_is_never_stale);
-    RUN(nothing_leaves_its_memory);
+    RUN(dividing_a_random_run_does_not_change_the_result);
+    RUN(self_modifying_code_is_never_executed_stale);
+    RUN(random_programs_stay_within_their_memory);
     cortex_m0_free(&whole.cpu);
-    cortex_m0_free(&cut.cpu);
+    cortex_m0_free(&divided.cpu);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* The system control space as a program sees it, and the special registers. */
+/* The system control space as a program accesses it, and the special registers. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -19,7 +19,7 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-static void the_processor_says_what_it_is(void)
+static void identification_and_configuration_registers_have_documented_values(void)
 {
     bench_nops(&bench);
     bench_store(&bench, SCR, 0x1F);
@@ -43,13 +43,13 @@ static void interrupts_are_enabled_pended_and_cleared_by_their_bits(void)
     bench_store(&bench, ISPR, 0x0000F000u);
     CHECK_EQUAL(bench_load(&bench, ISPR), 0x0000F000u);
     CHECK_EQUAL(bench_load(&bench, ICSR) >> 22 & 1u, 1);
-    CHECK_EQUAL(bench_load(&bench, ICSR) >> 12 & 0x1FFu, 0); /* none of them is enabled */
+    CHECK_EQUAL(bench_load(&bench, ICSR) >> 12 & 0x1FFu, 0); /* no pending interrupt is enabled */
     bench_store(&bench, ICPR, 0x00007000u);
     CHECK_EQUAL(bench_load(&bench, ICPR), 0x00008000u);
     CHECK_EQUAL(cpu->ipsr, 0);
 }
 
-static void a_line_that_is_high_cannot_be_cleared(void)
+static void the_interrupt_of_a_high_line_cannot_be_cleared(void)
 {
     bench_nops(&bench);
     cortex_m0_set_line(cpu, 3, true);
@@ -77,7 +77,7 @@ static void pendsv_and_systick_are_pended_and_cleared(void)
 {
     bench_nops(&bench);
     cpu->primask = true;
-    bench_store(&bench, SHPR3, 0x00C00000u); /* not of consequence; the priority of execution is computed anew */
+    bench_store(&bench, SHPR3, 0x00C00000u); /* the priorities do not matter here; the execution priority is recomputed */
     bench_store(&bench, ICSR, 1u << 28 | 1u << 26);
     CHECK_EQUAL(bench_load(&bench, ICSR) & 0x14000000u, 0x14000000u);
     CHECK_EQUAL(bench_load(&bench, ICSR) >> 12 & 0x1FFu, 15);
@@ -87,7 +87,7 @@ static void pendsv_and_systick_are_pended_and_cleared(void)
     CHECK_EQUAL(bench_load(&bench, ICSR), 0);
 }
 
-static void only_words_are_registers(void)
+static void system_registers_accept_only_word_accesses(void)
 {
     bench_nops(&bench);
     bench_access(&bench, 0x7008, ISER, 0); /* STRB */
@@ -130,7 +130,7 @@ static void special_registers_are_read_and_written(void)
     CHECK_EQUAL(read_special(MSP), BENCH_RAM_BASE + 0x200u);
     CHECK_EQUAL(read_special(PSP), BENCH_RAM_BASE + 0x100u);
     write_special(CONTROL, 0xFFFFFFFFu);
-    CHECK_EQUAL(read_special(CONTROL), 2); /* unprivileged threads are not for this processor */
+    CHECK_EQUAL(read_special(CONTROL), 2); /* this processor has no unprivileged mode */
     CHECK_EQUAL(cpu->r[13], BENCH_RAM_BASE + 0x100u);
     write_special(PSP, BENCH_RAM_BASE + 0x80u);
     CHECK_EQUAL(cpu->r[13], BENCH_RAM_BASE + 0x80u);
@@ -140,7 +140,7 @@ static void special_registers_are_read_and_written(void)
     CHECK_EQUAL(cpu->faults, 0);
 }
 
-static void registers_that_do_not_exist_are_faults(void)
+static void access_to_nonexistent_special_registers_faults(void)
 {
     static const uint16_t rows[][2] = {
         {0xF3EF, 0x8004}, {0xF3EF, 0x8013}, {0xF3EF, 0x8D00}, {0xF3EF, 0x8F00}, /* MRS of 4, 19; into SP, PC */
@@ -155,30 +155,30 @@ static void registers_that_do_not_exist_are_faults(void)
     }
 }
 
-static void a_reset_is_asked_for_with_the_key(void)
+static void a_reset_request_requires_the_key(void)
 {
     bench_nops(&bench);
     bench_store(&bench, AIRCR, 0x00000004u);
-    CHECK_EQUAL(cortex_m0_run(cpu, cpu->cycle + 1u), CORTEX_M0_TIME);
+    CHECK_EQUAL(cortex_m0_run(cpu, cpu->cycle + 1u), CORTEX_M0_DEADLINE);
     bench_put(&bench, BENCH_SCRATCH, &(const uint16_t){0x6008}, 1);
     cpu->r[0] = 0x05FA0004u;
     cpu->r[1] = AIRCR;
     cpu->r[15] = BENCH_SCRATCH;
-    CHECK_EQUAL(cortex_m0_run(cpu, cpu->cycle + 100u), CORTEX_M0_RESET_WANTED);
+    CHECK_EQUAL(cortex_m0_run(cpu, cpu->cycle + 100u), CORTEX_M0_RESET_REQUESTED);
     CHECK_EQUAL(cpu->r[15], BENCH_SCRATCH + 2u);
 }
 
 int main(void)
 {
-    RUN(the_processor_says_what_it_is);
+    RUN(identification_and_configuration_registers_have_documented_values);
     RUN(interrupts_are_enabled_pended_and_cleared_by_their_bits);
-    RUN(a_line_that_is_high_cannot_be_cleared);
+    RUN(the_interrupt_of_a_high_line_cannot_be_cleared);
     RUN(priorities_have_two_bits);
     RUN(pendsv_and_systick_are_pended_and_cleared);
-    RUN(only_words_are_registers);
+    RUN(system_registers_accept_only_word_accesses);
     RUN(special_registers_are_read_and_written);
-    RUN(registers_that_do_not_exist_are_faults);
-    RUN(a_reset_is_asked_for_with_the_key);
+    RUN(access_to_nonexistent_special_registers_faults);
+    RUN(a_reset_request_requires_the_key);
     cortex_m0_free(cpu);
     return check_summary();
 }

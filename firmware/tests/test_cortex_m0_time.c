@@ -1,4 +1,4 @@
-/* SysTick by the cycle, and sleep. */
+/* Cycle-exact SysTick, and sleep. */
 #include "check.h"
 #include "test_cortex_m0_bench.h"
 
@@ -16,7 +16,7 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
-/* The store that enables it has its data in cycle 2 of the instruction; the counter is loaded one cycle later. */
+/* The store that enables SysTick has its data phase in cycle 2; the counter is loaded one cycle later. */
 static void systick_counts_cycles(void)
 {
     bench_nops(&bench);
@@ -30,7 +30,7 @@ static void systick_counts_cycles(void)
     CHECK_EQUAL(bench_load(&bench, CSR), 5);
     cortex_m0_run(cpu, enabled + 101u);
     CHECK_EQUAL(bench_load(&bench, CSR), 0x10005u);
-    CHECK_EQUAL(bench_load(&bench, CSR), 5); /* reading has cleared the flag */
+    CHECK_EQUAL(bench_load(&bench, CSR), 5); /* the previous read cleared the flag */
     cpu->cycle = enabled + 100u * 1000000u + 49u;
     CHECK_EQUAL(bench_load(&bench, CVR), 50);
     bench_store(&bench, CVR, 7);
@@ -51,12 +51,12 @@ static void systick_interrupts_in_its_cycle_and_every_period_after(void)
     cortex_m0_run(cpu, enabled + 1000u * 1000u + 500u);
     CHECK_EQUAL(cpu->r[6], 1000);
     CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].count, 1000);
-    CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].own_min, 16 + 1 + 3 + 12);
-    CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].own_max, 16 + 1 + 3 + 12);
+    CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].exclusive_min, 16 + 1 + 3 + 12);
+    CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].exclusive_max, 16 + 1 + 3 + 12);
     CHECK_BETWEEN(account.cost[CORTEX_M0_SYSTICK].latency_max, 1, 2); /* the branch is completed */
 }
 
-static void systick_with_another_clock_counts_that(void)
+static void systick_counts_the_reference_clock(void)
 {
     bench_nops(&bench);
     bench.config.systick_reference = 1500; /* 32 kHz at 48 MHz */
@@ -89,17 +89,17 @@ static void sleep_lasts_until_an_interrupt(void)
     bench_nops(&bench);
     cpu->enabled |= UINT64_C(1) << 16;
     BENCH_PUT(&bench, BENCH_MAIN, WFI, NOP);
-    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(cpu->cycle, 1000);
     CHECK_EQUAL(cpu->asleep_since, 2);
-    CHECK_EQUAL(cortex_m0_wakes_at(cpu), UINT64_MAX);
+    CHECK_EQUAL(cortex_m0_wake_cycle(cpu), UINT64_MAX);
     cortex_m0_set_line(cpu, 1, true); /* not enabled */
-    CHECK_EQUAL(cortex_m0_run(cpu, 2000), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 2000), CORTEX_M0_ASLEEP);
     cortex_m0_pulse(cpu, 0);
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->ipsr, 16);
     CHECK_EQUAL(cpu->cycle, 2016);
-    CHECK_EQUAL(cpu->slept, 1998);
+    CHECK_EQUAL(cpu->sleep_cycles, 1998);
 }
 
 static void a_masked_interrupt_ends_sleep_and_stays_pending(void)
@@ -124,10 +124,10 @@ static void systick_ends_sleep_in_its_cycle(void)
     BENCH_PUT(&bench, BENCH_MAIN, WFI, 0xE7FD);
     cpu->r[15] = BENCH_MAIN;
     cortex_m0_run(cpu, enabled + 5000u);
-    CHECK_EQUAL(cortex_m0_wakes_at(cpu), enabled + 10000u);
+    CHECK_EQUAL(cortex_m0_wake_cycle(cpu), enabled + 10000u);
     struct cortex_m0_account account;
     cortex_m0_set_account(cpu, &account);
-    CHECK_EQUAL(cortex_m0_run(cpu, enabled + 10000u * 100u + 500u), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, enabled + 10000u * 100u + 500u), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].count, 100);
     CHECK_EQUAL(account.cost[CORTEX_M0_SYSTICK].latency_max, 0);
 }
@@ -140,7 +140,7 @@ static void deep_sleep_stops_systick(void)
     bench_store(&bench, CSR, 7);
     BENCH_PUT(&bench, BENCH_MAIN, WFI, 0xE7FD);
     cpu->r[15] = BENCH_MAIN;
-    CHECK_EQUAL(cortex_m0_run(cpu, 1000000), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 1000000), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(cpu->pending, 0);
     CHECK(cpu->systick.value > 9900);
 }
@@ -149,7 +149,7 @@ static void events_end_wfe(void)
 {
     bench_nops(&bench);
     BENCH_PUT(&bench, BENCH_MAIN, SEV, WFE, WFE, NOP);
-    CHECK_EQUAL(cortex_m0_run(cpu, 100), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 100), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(cpu->asleep_since, 1 + 2 + 2);
     cortex_m0_send_event(cpu);
     cortex_m0_step(cpu);
@@ -157,17 +157,17 @@ static void events_end_wfe(void)
     CHECK_EQUAL(cpu->cycle, 101);
 }
 
-static void a_pending_interrupt_is_an_event_if_asked_for(void)
+static void a_pending_interrupt_is_an_event_if_sevonpend_is_set(void)
 {
-    for (unsigned asked = 0; asked < 2; asked++) {
+    for (unsigned sevonpend = 0; sevonpend < 2; sevonpend++) {
         bench_nops(&bench);
-        bench_store(&bench, SCR, asked ? 16 : 0);
+        bench_store(&bench, SCR, sevonpend ? 16 : 0);
         BENCH_PUT(&bench, BENCH_MAIN, WFE, NOP);
         cpu->r[15] = BENCH_MAIN;
         cortex_m0_run(cpu, 100);
         cortex_m0_pulse(cpu, 9); /* not enabled */
         cortex_m0_run(cpu, 101);
-        CHECK_EQUAL(cpu->asleep, !asked);
+        CHECK_EQUAL(cpu->asleep, !sevonpend);
     }
 }
 
@@ -178,10 +178,10 @@ static void sleep_on_exit_sleeps_between_handlers(void)
     cpu->enabled |= UINT64_C(1) << 16;
     cpu->r[15] = BENCH_MAIN;
     cortex_m0_pulse(cpu, 0);
-    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 1000), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(cpu->r[15], BENCH_MAIN);
     cortex_m0_pulse(cpu, 0);
-    CHECK_EQUAL(cortex_m0_run(cpu, 2000), CORTEX_M0_SLEEPS);
+    CHECK_EQUAL(cortex_m0_run(cpu, 2000), CORTEX_M0_ASLEEP);
     CHECK_EQUAL(cpu->r[15], BENCH_MAIN);
 }
 
@@ -189,14 +189,14 @@ int main(void)
 {
     RUN(systick_counts_cycles);
     RUN(systick_interrupts_in_its_cycle_and_every_period_after);
-    RUN(systick_with_another_clock_counts_that);
+    RUN(systick_counts_the_reference_clock);
     RUN(systick_without_reload_stops_at_zero);
     RUN(sleep_lasts_until_an_interrupt);
     RUN(a_masked_interrupt_ends_sleep_and_stays_pending);
     RUN(systick_ends_sleep_in_its_cycle);
     RUN(deep_sleep_stops_systick);
     RUN(events_end_wfe);
-    RUN(a_pending_interrupt_is_an_event_if_asked_for);
+    RUN(a_pending_interrupt_is_an_event_if_sevonpend_is_set);
     RUN(sleep_on_exit_sleeps_between_handlers);
     cortex_m0_free(cpu);
     return check_summary();

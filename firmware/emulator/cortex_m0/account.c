@@ -1,5 +1,5 @@
-/* What handlers cost, from the first cycle of their entry to the last of their return. */
-#include "emulator/cortex_m0/parts.h"
+/* Cycle accounting of handlers, from the first cycle of the entry to the last cycle of the return. */
+#include "emulator/cortex_m0/internal.h"
 
 void cortex_m0_set_account(struct cortex_m0 *cpu, struct cortex_m0_account *account)
 {
@@ -26,24 +26,25 @@ void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t be
     account->depth_max = account->depth > account->depth_max ? account->depth : account->depth_max;
 }
 
-static void add(uint64_t cycles, bool first, uint64_t *sum, uint64_t *least, uint64_t *most)
+static void add_cost(uint64_t cycles, bool first, uint64_t *sum, uint64_t *minimum, uint64_t *maximum)
 {
     *sum += cycles;
-    *least = first || cycles < *least ? cycles : *least;
-    *most = cycles > *most ? cycles : *most;
+    *minimum = first || cycles < *minimum ? cycles : *minimum;
+    *maximum = cycles > *maximum ? cycles : *maximum;
 }
 
 void cortex_m0_account_end(struct cortex_m0 *cpu, unsigned number, uint64_t end)
 {
     struct cortex_m0_account *const account = cpu->account;
     if (!account || !account->depth || account->open[account->depth - 1u].number != number) {
-        return; /* it began before the account did */
+        return; /* the handler was entered before accounting started */
     }
     account->depth--;
     const uint64_t inclusive = end - account->open[account->depth].begin;
     struct cortex_m0_cost *const cost = &account->cost[number];
-    add(inclusive, !cost->count, &cost->inclusive, &cost->inclusive_min, &cost->inclusive_max);
-    add(inclusive - account->open[account->depth].inner, !cost->count, &cost->own, &cost->own_min, &cost->own_max);
+    add_cost(inclusive, !cost->count, &cost->inclusive, &cost->inclusive_min, &cost->inclusive_max);
+    const uint64_t exclusive = inclusive - account->open[account->depth].inner;
+    add_cost(exclusive, !cost->count, &cost->exclusive, &cost->exclusive_min, &cost->exclusive_max);
     cost->count++;
     if (account->depth) {
         account->open[account->depth - 1u].inner += inclusive;

@@ -1,13 +1,13 @@
-/* The processor as its caller sees it: made, reset, run. */
+/* Public interface of the processor: initialisation, reset and run loop. */
 #include "emulator/cortex_m0/cortex_m0.h"
 
 #include <stdlib.h>
 
-#include "emulator/cortex_m0/parts.h"
+#include "emulator/cortex_m0/internal.h"
 
 #define LR_AFTER_RESET 0xFFFFFFFFu
 #define PSR_THUMB (1u << 24)
-#define LONGEST_RUN (UINT64_C(1) << 62) /* what is left until a deadline is a signed number */
+#define LONGEST_RUN (UINT64_C(1) << 62) /* the budget until the deadline is a signed 64-bit number */
 
 struct cortex_m0_timing cortex_m0_psoc4200(void)
 {
@@ -45,7 +45,7 @@ void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
 {
     cpu->config.timing.flash_wait = wait;
     cpu->flash_code.refill = wait;
-    cpu->attention = true; /* the fast path keeps a copy */
+    cpu->attention = true; /* makes the fast path reload its local copy */
 }
 
 void cortex_m0_set_vectors(struct cortex_m0 *cpu, uint32_t vectors)
@@ -59,10 +59,10 @@ static void clear_state(struct cortex_m0 *cpu)
     cpu->r[CORTEX_M0_LR] = LR_AFTER_RESET;
     cpu->progress = 0;
     cpu->primask = cpu->process_stack = false;
-    cpu->asleep = cpu->wakes_by_event = cpu->event = cpu->entering = false;
-    cpu->locked_up = cpu->lockup_told = false;
-    cpu->stop_wanted = cpu->reset_wanted = cpu->fault_waits = false;
-    cpu->sleep_on_exit = cpu->deep_sleep = cpu->event_on_pend = false;
+    cpu->asleep = cpu->wakes_on_event = cpu->event = cpu->entering = false;
+    cpu->locked_up = cpu->lockup_reported = false;
+    cpu->stop_requested = cpu->reset_requested = cpu->fault_pending = false;
+    cpu->sleep_on_exit = cpu->deep_sleep = cpu->event_on_pending = false;
     cpu->ipsr = 0;
     cpu->systick = (struct cortex_m0_systick){.origin = cpu->cycle, .processor_clock = !cpu->config.systick_reference};
     cpu->fault = (struct cortex_m0_fault){0};
@@ -74,13 +74,13 @@ static void clear_state(struct cortex_m0 *cpu)
 
 void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
 {
-    uint32_t sp, entry;
+    uint32_t sp, entry_address;
     clear_state(cpu);
     cortex_m0_reset_nvic(cpu);
     cortex_m0_set_xpsr(cpu, PSR_THUMB);
     cpu->vector_base = vectors;
     const uint64_t cycle = cpu->cycle;
-    const bool fails = cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry);
+    const bool fails = cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry_address);
     cpu->cycle = cycle;
     if (fails) {
         cpu->fault.kind = CORTEX_M0_FAULT_VECTOR;
@@ -88,21 +88,21 @@ void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
         return;
     }
     cpu->r[CORTEX_M0_SP] = sp & ~UINT32_C(3);
-    cpu->r[CORTEX_M0_PC] = entry & ~UINT32_C(1);
-    cpu->thumb = entry & 1u;
-    cortex_m0_forget_stack(cpu);
+    cpu->r[CORTEX_M0_PC] = entry_address & ~UINT32_C(1);
+    cpu->thumb = entry_address & 1u;
+    cortex_m0_reset_stack_marks(cpu);
 }
 
-void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_by_event)
+void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_on_event)
 {
     cpu->asleep = true;
-    cpu->wakes_by_event = wakes_by_event;
+    cpu->wakes_on_event = wakes_on_event;
     cpu->asleep_since = cpu->cycle;
     cpu->attention = true;
 }
 
-/* Time passes in which nothing is executed. */
-static void idle(struct cortex_m0 *cpu, uint64_t until)
+/* Advance the cycle counter without executing anything. */
+static void advance_idle(struct cortex_m0 *cpu, uint64_t until)
 {
     if (cpu->deep_sleep && cpu->asleep) {
         cortex_m0_systick_pause(cpu, until - cpu->cycle);
@@ -110,11 +110,11 @@ static void idle(struct cortex_m0 *cpu, uint64_t until)
     cpu->cycle = until;
 }
 
-/* PRIMASK keeps WFI asleep no more than awake: the exception stays pending then (ARM DDI 0419, B1.5.19). */
-static bool wakes(struct cortex_m0 *cpu)
+/* A pending exception that PRIMASK masks ends WFI and stays pending (ARM DDI 0419, B1.5.19). */
+static bool try_to_wake(struct cortex_m0 *cpu)
 {
-    const bool by_event = cpu->wakes_by_event && cpu->event;
-    const int priority = cpu->wakes_by_event ? cpu->priority : cortex_m0_priority_unmasked(cpu);
+    const bool by_event = cpu->wakes_on_event && cpu->event;
+    const int priority = cpu->wakes_on_event ? cpu->priority : cortex_m0_priority_unmasked(cpu);
     if (!by_event && !cortex_m0_next_exception(cpu, priority)) {
         return false;
     }
@@ -122,11 +122,11 @@ static bool wakes(struct cortex_m0 *cpu)
         cpu->event = false;
     }
     cpu->asleep = false;
-    cpu->slept += cpu->cycle - cpu->asleep_since;
+    cpu->sleep_cycles += cpu->cycle - cpu->asleep_since;
     return true;
 }
 
-uint64_t cortex_m0_wakes_at(const struct cortex_m0 *cpu)
+uint64_t cortex_m0_wake_cycle(const struct cortex_m0 *cpu)
 {
     return cpu->asleep && !cpu->deep_sleep ? cortex_m0_systick_due(cpu) : UINT64_MAX;
 }
@@ -134,16 +134,17 @@ uint64_t cortex_m0_wakes_at(const struct cortex_m0 *cpu)
 static void call_supervisor(struct cortex_m0 *cpu)
 {
     if (cortex_m0_priority_of(cpu, CORTEX_M0_SVCALL) >= cpu->priority) {
-        cortex_m0_fail(cpu, CORTEX_M0_FAULT_SVC, cpu->r[CORTEX_M0_PC]);
-        cpu->fault_waits = true;
+        cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_SVC, cpu->r[CORTEX_M0_PC]);
+        cpu->fault_pending = true;
         return;
     }
     cpu->r[CORTEX_M0_PC] += 2u;
     cpu->cycle++;
-    cortex_m0_pend(cpu, CORTEX_M0_SVCALL, cpu->cycle);
+    cortex_m0_set_pending(cpu, CORTEX_M0_SVCALL, cpu->cycle);
 }
 
-/* Instructions until the deadline; what ended them has been dealt with, unless the caller is to know. */
+/* Execute instructions until the deadline and handle the event that ended them, except events that cortex_m0_run()
+ * reports. */
 static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
 {
     const uint64_t due = cortex_m0_systick_due(cpu), longest = cpu->cycle + LONGEST_RUN;
@@ -155,22 +156,23 @@ static enum cortex_m0_event execute(struct cortex_m0 *cpu, uint64_t until)
         event = cortex_m0_leave_exception(cpu);
     } else if (event == CORTEX_M0_EVENT_SVC) {
         call_supervisor(cpu);
-        event = cpu->fault_waits ? CORTEX_M0_EVENT_FAULT : CORTEX_M0_EVENT_NONE;
+        event = cpu->fault_pending ? CORTEX_M0_EVENT_FAULT : CORTEX_M0_EVENT_NONE;
     }
-    cpu->fault_waits = event == CORTEX_M0_EVENT_FAULT;
+    cpu->fault_pending = event == CORTEX_M0_EVENT_FAULT;
     return event;
 }
 
-/* What has to be done before instructions: true if that was something, and there may be more. */
-static bool prepare(struct cortex_m0 *cpu, uint64_t until)
+/* Handle faults, exception entries and sleep before instructions execute. Returns true if something was handled; the
+ * caller then calls again. */
+static bool handle_before_execution(struct cortex_m0 *cpu, uint64_t until)
 {
-    if (cpu->fault_waits) {
-        cpu->fault_waits = false;
+    if (cpu->fault_pending) {
+        cpu->fault_pending = false;
         cortex_m0_take_fault(cpu);
         return true;
     }
     if (cpu->entering) {
-        idle(cpu, until < cpu->entry_choice ? until : cpu->entry_choice);
+        advance_idle(cpu, until < cpu->entry_choice ? until : cpu->entry_choice);
         if (cpu->cycle == cpu->entry_choice) {
             cortex_m0_systick_settle(cpu, cpu->cycle);
             cortex_m0_finish_entry(cpu);
@@ -178,9 +180,9 @@ static bool prepare(struct cortex_m0 *cpu, uint64_t until)
         return true;
     }
     cortex_m0_systick_settle(cpu, cpu->cycle);
-    if (cpu->asleep && !wakes(cpu)) {
-        const uint64_t due = cortex_m0_wakes_at(cpu);
-        idle(cpu, due < until ? due : until);
+    if (cpu->asleep && !try_to_wake(cpu)) {
+        const uint64_t due = cortex_m0_wake_cycle(cpu);
+        advance_idle(cpu, due < until ? due : until);
         return true;
     }
     if (cortex_m0_next_exception(cpu, cpu->priority)) {
@@ -190,34 +192,34 @@ static bool prepare(struct cortex_m0 *cpu, uint64_t until)
     return false;
 }
 
-/* Whether the run is over, and why. */
-static bool over(struct cortex_m0 *cpu, uint64_t until, enum cortex_m0_reason *reason)
+/* Whether cortex_m0_run() has to return, and its reason. */
+static bool is_finished(struct cortex_m0 *cpu, uint64_t until, enum cortex_m0_reason *reason)
 {
-    if (cpu->reset_wanted) {
-        cpu->reset_wanted = false;
-        *reason = CORTEX_M0_RESET_WANTED;
+    if (cpu->reset_requested) {
+        cpu->reset_requested = false;
+        *reason = CORTEX_M0_RESET_REQUESTED;
         return true;
     }
-    if (cpu->stop_wanted) {
-        cpu->stop_wanted = false;
+    if (cpu->stop_requested) {
+        cpu->stop_requested = false;
         *reason = CORTEX_M0_STOPPED;
         return true;
     }
     if (cpu->locked_up) {
-        cpu->cycle = cpu->lockup_told && until > cpu->cycle ? until : cpu->cycle;
-        cpu->lockup_told = true;
+        cpu->cycle = cpu->lockup_reported && until > cpu->cycle ? until : cpu->cycle;
+        cpu->lockup_reported = true;
         *reason = CORTEX_M0_LOCKUP;
         return true;
     }
-    *reason = cpu->asleep ? CORTEX_M0_SLEEPS : CORTEX_M0_TIME;
+    *reason = cpu->asleep ? CORTEX_M0_ASLEEP : CORTEX_M0_DEADLINE;
     return cpu->cycle >= until;
 }
 
 enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until)
 {
     enum cortex_m0_reason reason;
-    while (!over(cpu, until, &reason)) {
-        if (prepare(cpu, until)) {
+    while (!is_finished(cpu, until, &reason)) {
+        if (handle_before_execution(cpu, until)) {
             continue;
         }
         switch (execute(cpu, until)) {
@@ -226,8 +228,8 @@ enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until)
                 return CORTEX_M0_FAULTED;
             }
             break;
-        case CORTEX_M0_EVENT_WAITS:
-            return CORTEX_M0_WAITS;
+        case CORTEX_M0_EVENT_BUS_RETRY:
+            return CORTEX_M0_BUS_RETRY;
         case CORTEX_M0_EVENT_BREAKPOINT:
             return CORTEX_M0_BREAKPOINT;
         default:
@@ -242,12 +244,12 @@ enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu)
     enum cortex_m0_reason reason;
     do {
         reason = cortex_m0_run(cpu, cpu->cycle + 1u);
-    } while (reason == CORTEX_M0_TIME && (cpu->progress || cpu->entering));
+    } while (reason == CORTEX_M0_DEADLINE && (cpu->progress || cpu->entering));
     return reason;
 }
 
 void cortex_m0_stop(struct cortex_m0 *cpu)
 {
-    cpu->stop_wanted = true;
+    cpu->stop_requested = true;
     cpu->attention = true;
 }

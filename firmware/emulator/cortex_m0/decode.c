@@ -1,11 +1,12 @@
-/* From halfwords to operations. What is undefined or unpredictable in ARMv6-M (ARM DDI 0419) becomes UNDEFINED. */
+/* Decoder from halfwords to operations. Instructions that are undefined or unpredictable in ARMv6-M (ARM DDI 0419)
+ * become UNDEFINED. */
 #include <stdlib.h>
 
-#include "emulator/cortex_m0/parts.h"
+#include "emulator/cortex_m0/internal.h"
 
 #define OPERATION(name, ...) ((struct cortex_m0_operation){CORTEX_M0_OP_##name, __VA_ARGS__})
 #define UNDEFINED OPERATION(UNDEFINED, 0, 0, 0, 0)
-#define RARE OPERATION(RARE, 0, 0, 0, 0)
+#define SPECIAL OPERATION(SPECIAL, 0, 0, 0, 0)
 
 static uint8_t bits(uint32_t word, unsigned low, unsigned count)
 {
@@ -66,17 +67,20 @@ static struct cortex_m0_operation decode_two_registers(uint32_t half)
 static struct cortex_m0_operation decode_any_registers(uint32_t half)
 {
     const uint8_t d = (uint8_t)(bits(half, 0, 3) | (half >> 4 & 8u)), m = bits(half, 3, 4);
-    const bool plain = d != CORTEX_M0_SP && d != CORTEX_M0_PC && m != CORTEX_M0_PC;
+    const bool uses_general_registers = d != CORTEX_M0_SP && d != CORTEX_M0_PC && m != CORTEX_M0_PC;
     switch (bits(half, 8, 2)) {
     case 0:
-        return d == CORTEX_M0_PC && m == CORTEX_M0_PC ? UNDEFINED : plain ? OPERATION(ADD_ANY, d, m, 0, 0) : RARE;
+        if (d == CORTEX_M0_PC && m == CORTEX_M0_PC) {
+            return UNDEFINED;
+        }
+        return uses_general_registers ? OPERATION(ADD_ANY, d, m, 0, 0) : SPECIAL;
     case 1:
         if ((d < 8 && m < 8) || d == CORTEX_M0_PC || m == CORTEX_M0_PC) {
             return UNDEFINED;
         }
         return OPERATION(CMP_R, 0, d, m, 0);
     case 2:
-        return plain ? OPERATION(MOV_ANY, d, m, 0, 0) : RARE;
+        return uses_general_registers ? OPERATION(MOV_ANY, d, m, 0, 0) : SPECIAL;
     default:
         if (m == CORTEX_M0_PC || bits(half, 0, 3)) {
             return UNDEFINED;
@@ -119,7 +123,7 @@ static struct cortex_m0_operation decode_hint(uint32_t half)
         return UNDEFINED; /* IT */
     }
     const uint8_t hint = bits(half, 4, 4);
-    return hint >= 2 && hint <= 4 ? RARE : OPERATION(NOP, 0, 0, 0, 0); /* WFE, WFI, SEV */
+    return hint >= 2 && hint <= 4 ? SPECIAL : OPERATION(NOP, 0, 0, 0, 0); /* WFE, WFI, SEV */
 }
 
 static struct cortex_m0_operation decode_push_pop(uint32_t half)
@@ -153,11 +157,11 @@ static struct cortex_m0_operation decode_miscellaneous(uint32_t half)
     case 0xD:
         return decode_push_pop(half);
     case 0x6:
-        return (half & ~0x10u) == 0xB662u ? RARE : UNDEFINED; /* CPS */
+        return (half & ~0x10u) == 0xB662u ? SPECIAL : UNDEFINED; /* CPS */
     case 0xA:
         return (struct cortex_m0_operation){reverse[bits(half, 6, 2)], d, m, 0, 0};
     case 0xE:
-        return RARE; /* BKPT */
+        return SPECIAL; /* BKPT */
     case 0xF:
         return decode_hint(half);
     default:
@@ -180,12 +184,12 @@ static struct cortex_m0_operation decode_multiple(uint32_t half)
     return list >> n & 1u ? OPERATION(LDM_KEEP, 0, n, count, list) : OPERATION(LDM, 0, n, count, list);
 }
 
-/* A branch whose target lies in the same memory; elsewhere RARE takes the longer way. */
+/* A branch within the same memory. Other targets become SPECIAL, which handles branches out of the memory. */
 static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind, int32_t offset)
 {
     const int64_t target = (int64_t)index * 2 + 4 + offset;
     if (target < 0 || target >= code->size) {
-        return RARE;
+        return SPECIAL;
     }
     return (struct cortex_m0_operation){kind, 0, 0, 0, (uint32_t)(target / 2 - index)};
 }
@@ -193,9 +197,9 @@ static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint
 static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code, uint32_t index, uint32_t half)
 {
     if (index * 2u + 4u > code->size) {
-        return OPERATION(LEAVE, 0, 0, 0, 0); /* its second half is not there */
+        return OPERATION(LEAVE, 0, 0, 0, 0); /* the second halfword lies outside the memory */
     }
-    const uint32_t second = cortex_m0_half(code->bytes + index * 2u + 2u);
+    const uint32_t second = cortex_m0_read_half(code->bytes + index * 2u + 2u);
     if (half >> 11 != 0x1Eu || second < 0x8000u) {
         return UNDEFINED;
     }
@@ -205,7 +209,7 @@ static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code,
     const bool msr = (half & 0xFFF0u) == 0xF380u && (second & 0xFF00u) == 0x8800u;
     const bool mrs = half == 0xF3EFu && (second & 0xF000u) == 0x8000u;
     const bool barrier = half == 0xF3BFu && second >= 0x8F40u && second < 0x8F70u;
-    return msr || mrs || barrier ? RARE : UNDEFINED;
+    return msr || mrs || barrier ? SPECIAL : UNDEFINED;
 }
 
 static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code, uint32_t index, uint32_t half)
@@ -224,19 +228,20 @@ static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code,
         }
         return bits(half, 10, 1) ? decode_any_registers(half) : decode_two_registers(half);
     case 0xA:
-        return bits(half, 11, 1) ? OPERATION(ADDRESS, d, CORTEX_M0_SP, 0, offset) : OPERATION(CONSTANT, d, 0, 0, pc + offset);
+        return bits(half, 11, 1) ? OPERATION(ADD_TO_REGISTER, d, CORTEX_M0_SP, 0, offset)
+                                 : OPERATION(LOAD_CONSTANT, d, 0, 0, pc + offset);
     case 0xB:
         return decode_miscellaneous(half);
     case 0xC:
         return decode_multiple(half);
     case 0xD:
         if (bits(half, 8, 4) >= 14) {
-            return bits(half, 8, 1) ? RARE : UNDEFINED; /* SVC, UDF */
+            return bits(half, 8, 1) ? SPECIAL : UNDEFINED; /* SVC, UDF */
         }
-        return branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)), cortex_m0_signed(half & 0xFFu, 8) * 2);
+        return branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)), cortex_m0_sign_extend(half & 0xFFu, 8) * 2);
     case 0xE:
         if (!bits(half, 11, 1)) {
-            return branch(code, index, CORTEX_M0_OP_B, cortex_m0_signed(half & 0x7FFu, 11) * 2);
+            return branch(code, index, CORTEX_M0_OP_B, cortex_m0_sign_extend(half & 0x7FFu, 11) * 2);
         }
         return decode_wide(code, index, half);
     case 0xF:
@@ -249,10 +254,10 @@ static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code,
 void cortex_m0_decode(struct cortex_m0_code *code, uint32_t index)
 {
     const uint32_t offset = index * 2u;
-    code->operations[index] = decode_half(code, index, cortex_m0_half(code->bytes + offset));
+    code->operations[index] = decode_half(code, index, cortex_m0_read_half(code->bytes + offset));
     const uint32_t word = offset & ~UINT32_C(3), end = offset + 4u < code->size ? offset + 4u : code->size;
-    code->low = word < code->low ? word : code->low; /* a store of the whole word begins there */
-    code->high = end > code->high ? end : code->high; /* as if it were a wide one */
+    code->decoded_low = word < code->decoded_low ? word : code->decoded_low; /* a word store may begin at the lower halfword */
+    code->decoded_high = end > code->decoded_high ? end : code->decoded_high; /* as if the instruction had 32 bits */
 }
 
 int cortex_m0_code_open(struct cortex_m0_code *code, const uint8_t *bytes, uint32_t base, uint32_t size)
@@ -261,7 +266,7 @@ int cortex_m0_code_open(struct cortex_m0_code *code, const uint8_t *bytes, uint3
         return -1;
     }
     const size_t count = size / 2u;
-    *code = (struct cortex_m0_code){.bytes = bytes, .base = base, .size = size, .low = UINT32_MAX};
+    *code = (struct cortex_m0_code){.bytes = bytes, .base = base, .size = size, .decoded_low = UINT32_MAX};
     code->operations = calloc(count + 1u, sizeof *code->operations);
     if (!code->operations) {
         return -1;

@@ -1,5 +1,5 @@
-/* Into handlers and back (ARM DDI 0419, B1.5): stacking, late arrival, tail-chaining, and lockup. */
-#include "emulator/cortex_m0/parts.h"
+/* Exception entry and return (ARM DDI 0419, B1.5): stacking, late arrival, tail-chaining and lockup. */
+#include "emulator/cortex_m0/internal.h"
 
 #define EXC_RETURN_HANDLER 0xFFFFFFF1u
 #define EXC_RETURN_MAIN 0xFFFFFFF9u
@@ -22,7 +22,7 @@ void cortex_m0_take_fault(struct cortex_m0 *cpu)
         cortex_m0_lock_up(cpu);
         return;
     }
-    cortex_m0_pend(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
+    cortex_m0_set_pending(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
 }
 
 void cortex_m0_begin_entry(struct cortex_m0 *cpu)
@@ -32,7 +32,7 @@ void cortex_m0_begin_entry(struct cortex_m0 *cpu)
     const uint32_t xpsr = cortex_m0_xpsr(cpu) | (r[CORTEX_M0_SP] & 4u ? PSR_ALIGNED : 0);
     const uint32_t words[FRAME_WORDS] = {r[0], r[1], r[2], r[3], r[12], r[CORTEX_M0_LR], r[CORTEX_M0_PC], xpsr};
     cpu->entry_number = (uint8_t)cortex_m0_next_exception(cpu, cpu->priority);
-    cpu->progress = 0; /* a register list begins anew after the handler */
+    cpu->progress = 0; /* an interrupted register list restarts after the handler */
     cpu->entry_begin = cpu->cycle;
     bool stacked = true;
     for (unsigned i = 0; i < FRAME_WORDS && stacked; i++) {
@@ -65,7 +65,7 @@ static void enter(struct cortex_m0 *cpu, unsigned number)
         return;
     }
     cpu->thumb = vector & 1u;
-    cortex_m0_go(cpu, vector & ~UINT32_C(1));
+    cortex_m0_set_fetch_address(cpu, vector & ~UINT32_C(1));
 }
 
 void cortex_m0_finish_entry(struct cortex_m0 *cpu)
@@ -76,7 +76,7 @@ void cortex_m0_finish_entry(struct cortex_m0 *cpu)
     enter(cpu, best ? best : cpu->entry_number);
 }
 
-/* The frame at the stack pointer becomes the registers. */
+/* Restore the registers from the frame at the stack pointer. */
 static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
 {
     uint32_t words[FRAME_WORDS], *const r = cpu->r;
@@ -88,7 +88,7 @@ static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
     }
     const uint32_t psr = words[FRAME_WORDS - 1u];
     if (to_thread != !(psr & PSR_EXCEPTION)) {
-        return cortex_m0_fail(cpu, CORTEX_M0_FAULT_RETURN, psr);
+        return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_RETURN, psr);
     }
     memcpy(r, words, 4u * sizeof *r);
     r[12] = words[4];
@@ -97,11 +97,11 @@ static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
     cortex_m0_set_xpsr(cpu, psr);
     cpu->ipsr = (uint8_t)(psr & PSR_EXCEPTION);
     cpu->cycle += cpu->config.timing.exception_return;
-    cortex_m0_go(cpu, words[6] & ~UINT32_C(1));
+    cortex_m0_set_fetch_address(cpu, words[6] & ~UINT32_C(1));
     return CORTEX_M0_EVENT_NONE;
 }
 
-static bool fits(const struct cortex_m0 *cpu, uint32_t value)
+static bool is_valid_return(const struct cortex_m0 *cpu, uint32_t value)
 {
     const uint64_t others = cpu->active & ~CORTEX_M0_BIT(cpu->ipsr);
     switch (value) {
@@ -115,13 +115,13 @@ static bool fits(const struct cortex_m0 *cpu, uint32_t value)
     }
 }
 
-/* A line that is still high makes its interrupt pending again. */
+/* End an active exception. An interrupt whose line is still high becomes pending again. */
 static void deactivate(struct cortex_m0 *cpu, unsigned number)
 {
     cpu->active &= ~CORTEX_M0_BIT(number);
     cortex_m0_update_priority(cpu);
     if (number >= CORTEX_M0_IRQ0 && cpu->lines >> (number - CORTEX_M0_IRQ0) & 1u) {
-        cortex_m0_pend(cpu, number, cpu->cycle);
+        cortex_m0_set_pending(cpu, number, cpu->cycle);
     }
 }
 
@@ -130,25 +130,26 @@ enum cortex_m0_event cortex_m0_leave_exception(struct cortex_m0 *cpu)
     const uint32_t value = cpu->exit_value;
     const unsigned number = cpu->ipsr;
     cpu->r[CORTEX_M0_PC] = value;
-    if (!(cpu->active & CORTEX_M0_BIT(number)) || !fits(cpu, value)) {
-        return cortex_m0_fail(cpu, CORTEX_M0_FAULT_RETURN, value);
+    if (!(cpu->active & CORTEX_M0_BIT(number)) || !is_valid_return(cpu, value)) {
+        return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_RETURN, value);
     }
     deactivate(cpu, number);
     cpu->event = true;
-    const unsigned following = cortex_m0_next_exception(cpu, cpu->priority);
-    if (following) {
+    const unsigned next_number = cortex_m0_next_exception(cpu, cpu->priority);
+    if (next_number) {
         cortex_m0_account_end(cpu, number, cpu->cycle);
         cpu->entry_begin = cpu->cycle;
         cpu->entry_return = value;
         cpu->cycle += cpu->config.timing.tail_chain;
-        enter(cpu, following);
+        enter(cpu, next_number);
         return CORTEX_M0_EVENT_NONE;
     }
     cortex_m0_use_stack(cpu, value == EXC_RETURN_PROCESS);
     const enum cortex_m0_event event = unstack(cpu, value != EXC_RETURN_HANDLER);
     cortex_m0_account_end(cpu, number, cpu->cycle);
     if (event) {
-        cpu->ipsr = cpu->active ? (uint8_t)__builtin_ctzll(cpu->active) : 0; /* nothing tells what it was */
+        /* The frame is invalid, so its exception number is unavailable. */
+        cpu->ipsr = cpu->active ? (uint8_t)__builtin_ctzll(cpu->active) : 0;
     } else if (!cpu->ipsr && cpu->sleep_on_exit) {
         cortex_m0_sleep(cpu, false);
     }

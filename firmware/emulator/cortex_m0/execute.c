@@ -1,7 +1,9 @@
-/* The fast path: decoded operations, each ending in a jump to the next one's code (GCC's labels as values).
+/* Fast path: decoded operations, each of which jumps to the code of the next operation (labels as values, a GCC
+ * extension).
  *
- * While it runs, place, flags and time live in local variables. Time is what is left until the deadline, so that one
- * subtraction counts cycles and finds the end. Whatever is not plain computing leaves through the labels at the bottom. */
+ * During execution the instruction pointer, the flags and the time are local variables. Time is the remaining budget of
+ * cycles until the deadline, so that one subtraction both counts cycles and detects the end. Memory outside RAM and
+ * flash, and branches out of a memory, leave through the labels at the end of the function. */
 #include "emulator/cortex_m0/fast_path.h"
 
 enum cortex_m0_event cortex_m0_execute(struct cortex_m0 *cpu)
@@ -25,11 +27,11 @@ resume:
         return CORTEX_M0_EVENT_NONE;
     }
     if (!cpu->thumb) {
-        return cortex_m0_fail(cpu, CORTEX_M0_FAULT_STATE, r[CORTEX_M0_PC]);
+        return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_STATE, r[CORTEX_M0_PC]);
     }
     code = cortex_m0_code_at(cpu, r[CORTEX_M0_PC]);
     if (!code) {
-        return cortex_m0_fail(cpu, CORTEX_M0_FAULT_FETCH, r[CORTEX_M0_PC]);
+        return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_FETCH, r[CORTEX_M0_PC]);
     }
     ip = code->operations + (r[CORTEX_M0_PC] - code->base) / 2u;
     refill = code->refill;
@@ -44,17 +46,17 @@ op_DECODE:
     cortex_m0_decode(code, (uint32_t)(ip - code->operations));
     goto *labels[ip->kind];
 op_LEAVE:
-    SAVE;
+    SAVE_STATE;
     if (r[CORTEX_M0_PC] - code->base < code->size) {
-        return cortex_m0_fail(cpu, CORTEX_M0_FAULT_FETCH, r[CORTEX_M0_PC] + 2u);
+        return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_FETCH, r[CORTEX_M0_PC] + 2u);
     }
     goto resume;
 op_UNDEFINED:
-    SAVE;
-    return cortex_m0_fail(cpu, CORTEX_M0_FAULT_UNDEFINED, r[CORTEX_M0_PC]);
-op_RARE:
-    SAVE;
-    event = cortex_m0_execute_rare(cpu);
+    SAVE_STATE;
+    return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNDEFINED, r[CORTEX_M0_PC]);
+op_SPECIAL:
+    SAVE_STATE;
+    event = cortex_m0_execute_special(cpu);
     if (event) {
         return event;
     }
@@ -178,10 +180,10 @@ op_ADD_ANY:
 op_MOV_ANY:
     RA = RB;
     NEXT(1);
-op_CONSTANT:
+op_LOAD_CONSTANT:
     RA = ip->value;
     NEXT(1);
-op_ADDRESS:
+op_ADD_TO_REGISTER:
     RA = RB + ip->value;
     NEXT(1);
 op_SP_UP:
@@ -279,7 +281,7 @@ op_POP_PC: {
     LIST_IN_RAM;
     LOAD_LIST
     r[CORTEX_M0_SP] = address + ip->c * 4u;
-    JUMP_TO(cortex_m0_word(ram + offset_), cycles_ + 3);
+    JUMP_TO_ADDRESS(cortex_m0_read_word(ram + offset_), cycles_ + 3);
 }
 op_STM: {
     address = RB;
@@ -308,11 +310,11 @@ op_BL:
     r[CORTEX_M0_LR] = (PC + 4u) | 1u;
     JUMP((int32_t)ip->value, 4);
 op_BX:
-    JUMP_TO(RB, 3);
+    JUMP_TO_ADDRESS(RB, 3);
 op_BLX:
     target = RB;
     r[CORTEX_M0_LR] = (PC + 2u) | 1u;
-    JUMP_TO(target, 3);
+    JUMP_TO_ADDRESS(target, 3);
 op_BEQ:
     BRANCH_IF(z == 0);
 op_BNE:
@@ -342,35 +344,35 @@ op_BGT:
 op_BLE:
     BRANCH_IF(z == 0 || (int32_t)(n ^ v) < 0);
 
-load_elsewhere:
-    SAVE;
+slow_load:
+    SAVE_STATE;
     event = cortex_m0_execute_load(cpu, *ip, address);
     if (event) {
         return event;
     }
     goto resume;
-store_elsewhere:
-    SAVE;
+slow_store:
+    SAVE_STATE;
     event = cortex_m0_execute_store(cpu, *ip, address);
     if (event) {
         return event;
     }
     goto resume;
-list_elsewhere:
-    SAVE;
+slow_list:
+    SAVE_STATE;
     event = cortex_m0_execute_list(cpu, *ip, address);
     if (event) {
         return event;
     }
     goto resume;
-go_elsewhere:
-    SAVE;
+slow_branch:
+    SAVE_STATE;
     event = cortex_m0_branch(cpu, target);
     if (event) {
         return event;
     }
     goto resume;
 leave:
-    SAVE;
+    SAVE_STATE;
     return CORTEX_M0_EVENT_NONE;
 }

@@ -1,8 +1,8 @@
-/* What the operations in execute.c are made of. All of it works on the local variables of cortex_m0_execute(). */
+/* Building blocks of the operations in execute.c. All macros use the local variables of cortex_m0_execute(). */
 #ifndef CORTEX_M0_FAST_PATH_H
 #define CORTEX_M0_FAST_PATH_H
 
-#include "emulator/cortex_m0/parts.h"
+#include "emulator/cortex_m0/internal.h"
 
 #define UNLIKELY CORTEX_M0_UNLIKELY
 
@@ -39,16 +39,17 @@
         NEXT(1); \
     } while (0)
 
-/* To an address with the Thumb bit; elsewhere than here, or out of Thumb state, at the bottom. */
-#define JUMP_TO(address, cycles) \
+/* Branch to an address with the Thumb bit set. Targets in another memory, or outside Thumb state, take the slow path.
+ */
+#define JUMP_TO_ADDRESS(address, cycles) \
     do { \
         target = (address); \
-        const uint32_t place_ = target - 1u - code->base; \
+        const uint32_t offset_from_base_ = target - 1u - code->base; \
         budget -= (cycles); \
-        if (UNLIKELY(ROTATED(place_, 1) >= code->size >> 1)) { \
-            goto go_elsewhere; \
+        if (UNLIKELY(ROTATED(offset_from_base_, 1) >= code->size >> 1)) { \
+            goto slow_branch; \
         } \
-        ip = code->operations + (place_ >> 1); \
+        ip = code->operations + (offset_from_base_ >> 1); \
         budget -= refill; \
         if (UNLIKELY(budget <= 0)) { \
             goto leave; \
@@ -66,7 +67,7 @@
         NEXT(1); \
     } while (0)
 
-/* x + y + carry, with all flags; what is to be done with the sum follows. */
+/* x + y + carry with all flags; the result is in sum_. */
 #define ADD_FLAGS(x, y, carry) \
     const uint32_t x_ = (x), y_ = (y); \
     const uint64_t sum_ = (uint64_t)x_ + y_ + (carry); \
@@ -80,7 +81,8 @@
     c = x_ >= y_; \
     v = (x_ ^ y_) & (x_ ^ sum_)
 
-/* An aligned offset becomes a small number, any other a huge one: alignment and bound are one comparison. */
+/* The rotation maps an aligned offset to a small number and any other offset to a huge number, so that one comparison
+ * checks both alignment and bounds. */
 #define ROTATED(offset, shift) ((shift) ? (offset) >> (shift) | (offset) << ((32 - (shift)) & 31) : (offset))
 
 #define LOAD(type, extended, shift) \
@@ -92,7 +94,7 @@
         } else { \
             const uint32_t flash_offset_ = address - cpu->flash_code.base; \
             if (UNLIKELY(ROTATED(flash_offset_, shift) >= cpu->flash_code.size >> (shift))) { \
-                goto load_elsewhere; \
+                goto slow_load; \
             } \
             memcpy(&loaded_, cpu->flash_code.bytes + flash_offset_, sizeof loaded_); \
             budget -= cpu->flash_code.refill; \
@@ -106,21 +108,21 @@
         const type stored_ = (type)RA; \
         const uint32_t offset_ = address - ram_base; \
         if (UNLIKELY(ROTATED(offset_, shift) >= ram_size >> (shift))) { \
-            goto store_elsewhere; \
+            goto slow_store; \
         } \
         memcpy(ram + offset_, &stored_, sizeof stored_); \
-        if (UNLIKELY(offset_ >= cpu->ram_code.low && offset_ < cpu->ram_code.high)) { \
-            cortex_m0_forget_code(&cpu->ram_code, offset_, sizeof stored_); \
+        if (UNLIKELY(offset_ >= cpu->ram_code.decoded_low && offset_ < cpu->ram_code.decoded_high)) { \
+            cortex_m0_invalidate_code(&cpu->ram_code, offset_, sizeof stored_); \
         } \
         NEXT(2); \
     } while (0)
 
-/* Register lists, `ip->c` words in RAM from `address` on; elsewhere at the bottom. Time may run out in the middle: the
- * processor abandons such an instruction for an interrupt (DDI 0432C), else it goes on with it. */
+/* Register list of `ip->c` words in RAM from `address` on; other addresses take the slow path. If the budget ends
+ * within the list, an interrupt abandons the instruction (DDI 0432C); otherwise the next run continues the list. */
 #define LIST_IN_RAM \
     uint32_t offset_ = address - ram_base; \
     if (UNLIKELY(address % 4u || offset_ >= ram_size || offset_ + ip->c * 4u > ram_size)) { \
-        goto list_elsewhere; \
+        goto slow_list; \
     } \
     const int64_t cycles_ = 1 + (int64_t)ip->c - cpu->progress; \
     if (UNLIKELY(budget < cycles_)) { \
@@ -138,12 +140,12 @@
 
 #define LOAD_LIST LIST_REGISTERS(memcpy(register_, ram + offset_, 4))
 #define STORE_LIST \
-    if (UNLIKELY(offset_ < cpu->ram_code.high && offset_ + ip->c * 4u > cpu->ram_code.low)) { \
-        cortex_m0_forget_code(&cpu->ram_code, offset_, ip->c * 4u); \
+    if (UNLIKELY(offset_ < cpu->ram_code.decoded_high && offset_ + ip->c * 4u > cpu->ram_code.decoded_low)) { \
+        cortex_m0_invalidate_code(&cpu->ram_code, offset_, ip->c * 4u); \
     } \
     LIST_REGISTERS(memcpy(ram + offset_, register_, 4))
 
-#define SAVE \
+#define SAVE_STATE \
     do { \
         r[CORTEX_M0_PC] = PC; \
         cpu->n = n; \

@@ -1,5 +1,5 @@
-/* Which exception is due: pending, enabled and active ones as bits of exception numbers, four priorities. */
-#include "emulator/cortex_m0/parts.h"
+/* NVIC: pending, enabled and active exceptions as bit masks over exception numbers, with four priority levels. */
+#include "emulator/cortex_m0/internal.h"
 
 #define ALWAYS_ENABLED \
     (CORTEX_M0_BIT(CORTEX_M0_NMI) | CORTEX_M0_BIT(CORTEX_M0_HARD_FAULT) | CORTEX_M0_BIT(CORTEX_M0_SVCALL) | \
@@ -15,7 +15,7 @@ void cortex_m0_reset_nvic(struct cortex_m0 *cpu)
     cortex_m0_update_priority(cpu);
 }
 
-void cortex_m0_pend(struct cortex_m0 *cpu, unsigned number, uint64_t cycle)
+void cortex_m0_set_pending(struct cortex_m0 *cpu, unsigned number, uint64_t cycle)
 {
     if (cpu->pending & CORTEX_M0_BIT(number)) {
         return;
@@ -23,7 +23,7 @@ void cortex_m0_pend(struct cortex_m0 *cpu, unsigned number, uint64_t cycle)
     cpu->pending |= CORTEX_M0_BIT(number);
     cpu->pended_at[number] = cycle;
     cpu->attention = true;
-    if (cpu->event_on_pend && number >= CORTEX_M0_IRQ0) {
+    if (cpu->event_on_pending && number >= CORTEX_M0_IRQ0) {
         cpu->event = true;
     }
 }
@@ -41,9 +41,9 @@ unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
         return CORTEX_M0_HARD_FAULT;
     }
     for (int level = 0; level < priority && level < CORTEX_M0_PRIORITY_THREAD; level++) {
-        const uint64_t here = ready & cpu->level[level];
-        if (here) {
-            return (unsigned)__builtin_ctzll(here); /* of equals, the lowest number */
+        const uint64_t ready_at_level = ready & cpu->level[level];
+        if (ready_at_level) {
+            return (unsigned)__builtin_ctzll(ready_at_level); /* equal priority: the lowest number is taken first */
         }
     }
     return 0;
@@ -81,9 +81,9 @@ int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
 int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu)
 {
     int priority = CORTEX_M0_PRIORITY_THREAD;
-    for (uint64_t left = cpu->active; left; left &= left - 1u) {
-        const int one = cortex_m0_priority_of(cpu, (unsigned)__builtin_ctzll(left));
-        priority = one < priority ? one : priority;
+    for (uint64_t remaining = cpu->active; remaining; remaining &= remaining - 1u) {
+        const int candidate = cortex_m0_priority_of(cpu, (unsigned)__builtin_ctzll(remaining));
+        priority = candidate < priority ? candidate : priority;
     }
     return priority;
 }
@@ -99,19 +99,19 @@ void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high)
 {
     const uint32_t bit = UINT32_C(1) << irq;
     if (high && !(cpu->lines & bit)) {
-        cortex_m0_pend(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
+        cortex_m0_set_pending(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
     }
     cpu->lines = high ? cpu->lines | bit : cpu->lines & ~bit;
 }
 
 void cortex_m0_pulse(struct cortex_m0 *cpu, unsigned irq)
 {
-    cortex_m0_pend(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
+    cortex_m0_set_pending(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
 }
 
 void cortex_m0_pulse_nmi(struct cortex_m0 *cpu)
 {
-    cortex_m0_pend(cpu, CORTEX_M0_NMI, cpu->cycle);
+    cortex_m0_set_pending(cpu, CORTEX_M0_NMI, cpu->cycle);
 }
 
 void cortex_m0_send_event(struct cortex_m0 *cpu)

@@ -1,5 +1,5 @@
-/* The flags, of which the fast path keeps only what they are made of, and the two stack pointers. */
-#include "emulator/cortex_m0/parts.h"
+/* The flags, stored as the values from which they are derived, and the two stack pointers. */
+#include "emulator/cortex_m0/internal.h"
 
 #define FLAG_N (1u << 31)
 #define FLAG_Z (1u << 30)
@@ -25,8 +25,8 @@ void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
 bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
 {
     const bool z = cpu->z == 0, c = cpu->c, n = cpu->n >> 31, v = cpu->v >> 31;
-    const bool holds[] = {z, c, n, v, c && !z, n == v, !z && n == v};
-    return holds[condition / 2u] != (condition & 1u);
+    const bool results[] = {z, c, n, v, c && !z, n == v, !z && n == v};
+    return results[condition / 2u] != (condition & 1u);
 }
 
 void cortex_m0_use_stack(struct cortex_m0 *cpu, bool process)
@@ -62,8 +62,8 @@ uint32_t cortex_m0_lowest_psp(const struct cortex_m0 *cpu)
     return cpu->process_stack ? cpu->lowest_sp : cpu->other_lowest_sp;
 }
 
-void cortex_m0_forget_stack(struct cortex_m0 *cpu)
+void cortex_m0_reset_stack_marks(struct cortex_m0 *cpu)
 {
     cpu->lowest_sp = cpu->r[CORTEX_M0_SP];
-    cpu->other_lowest_sp = cpu->other_sp ? cpu->other_sp : UINT32_MAX; /* 0: not set yet */
+    cpu->other_lowest_sp = cpu->other_sp ? cpu->other_sp : UINT32_MAX; /* 0: PSP was never set */
 }

@@ -1,5 +1,6 @@
-/* The registers of the system control space, 0xE000E000 to 0xE000EFFF (ARM DDI 0419, B3). Words only. */
-#include "emulator/cortex_m0/parts.h"
+/* Registers of the system control space, 0xE000E000 to 0xE000EFFF (ARM DDI 0419, B3). Only word accesses are allowed.
+ */
+#include "emulator/cortex_m0/internal.h"
 
 #define SYST_CSR 0x010u
 #define SYST_RVR 0x014u
@@ -38,7 +39,7 @@
 #define SCR_SLEEPDEEP 4u
 #define SCR_SEVONPEND 16u
 
-static uint32_t interrupt_control(const struct cortex_m0 *cpu)
+static uint32_t read_interrupt_control(const struct cortex_m0 *cpu)
 {
     const uint64_t pending = cpu->pending;
     return (uint32_t)cpu->ipsr | cortex_m0_next_exception(cpu, CORTEX_M0_PRIORITY_THREAD) << ICSR_VECTPENDING_AT |
@@ -48,7 +49,7 @@ static uint32_t interrupt_control(const struct cortex_m0 *cpu)
            (pending & CORTEX_M0_BIT(CORTEX_M0_NMI) ? ICSR_NMIPENDSET : 0);
 }
 
-static uint32_t four_priorities(const struct cortex_m0 *cpu, unsigned first)
+static uint32_t read_four_priorities(const struct cortex_m0 *cpu, unsigned first)
 {
     uint32_t value = 0;
     for (unsigned i = 0; i < 4; i++) {
@@ -68,12 +69,12 @@ static void set_four_priorities(struct cortex_m0 *cpu, unsigned first, uint32_t 
 static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
 {
     if (offset >= NVIC_IPR && offset < NVIC_IPR_END) {
-        return four_priorities(cpu, CORTEX_M0_IRQ0 + offset - NVIC_IPR);
+        return read_four_priorities(cpu, CORTEX_M0_IRQ0 + offset - NVIC_IPR);
     }
     switch (offset) {
     case SYST_CSR: {
         const uint32_t control = cortex_m0_systick_control(cpu);
-        cpu->systick.counted = false;
+        cpu->systick.count_flag = false;
         return control;
     }
     case SYST_RVR:
@@ -91,12 +92,12 @@ static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
     case CPUID:
         return CPUID_CORTEX_M0_R0P0;
     case ICSR:
-        return interrupt_control(cpu);
+        return read_interrupt_control(cpu);
     case AIRCR:
         return AIRCR_KEY_READ;
     case SCR:
         return (cpu->sleep_on_exit ? SCR_SLEEPONEXIT : 0) | (cpu->deep_sleep ? SCR_SLEEPDEEP : 0) |
-               (cpu->event_on_pend ? SCR_SEVONPEND : 0);
+               (cpu->event_on_pending ? SCR_SEVONPEND : 0);
     case CCR:
         return CCR_STKALIGN_UNALIGN_TRP;
     case SHPR2:
@@ -104,7 +105,7 @@ static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
     case SHPR3:
         return cortex_m0_level_of(cpu, CORTEX_M0_SYSTICK) << 30 | cortex_m0_level_of(cpu, CORTEX_M0_PENDSV) << 22;
     default:
-        return 0; /* debug and what is reserved */
+        return 0; /* debug and reserved registers */
     }
 }
 
@@ -120,7 +121,7 @@ static void set_interrupt_control(struct cortex_m0 *cpu, uint32_t value, uint64_
     };
     for (size_t i = 0; i < sizeof bits / sizeof *bits; i++) {
         if (value & bits[i].set) {
-            cortex_m0_pend(cpu, bits[i].number, cycle);
+            cortex_m0_set_pending(cpu, bits[i].number, cycle);
         } else if (value & bits[i].clear) {
             cpu->pending &= ~CORTEX_M0_BIT(bits[i].number);
         }
@@ -129,23 +130,23 @@ static void set_interrupt_control(struct cortex_m0 *cpu, uint32_t value, uint64_
 
 static void pend_interrupts(struct cortex_m0 *cpu, uint32_t irqs, uint64_t cycle)
 {
-    for (uint32_t left = irqs; left; left &= left - 1u) {
-        cortex_m0_pend(cpu, CORTEX_M0_IRQ0 + (unsigned)__builtin_ctz(left), cycle);
+    for (uint32_t remaining = irqs; remaining; remaining &= remaining - 1u) {
+        cortex_m0_set_pending(cpu, CORTEX_M0_IRQ0 + (unsigned)__builtin_ctz(remaining), cycle);
     }
 }
 
-/* A line that is still high keeps its interrupt pending, unless its handler runs. */
+/* An interrupt whose line is still high stays pending, unless its handler is active. */
 static void unpend_interrupts(struct cortex_m0 *cpu, uint32_t irqs)
 {
-    const uint64_t held = (uint64_t)cpu->lines << CORTEX_M0_IRQ0 & ~cpu->active;
-    cpu->pending &= ~((uint64_t)irqs << CORTEX_M0_IRQ0 & ~held);
+    const uint64_t held_by_line = (uint64_t)cpu->lines << CORTEX_M0_IRQ0 & ~cpu->active;
+    cpu->pending &= ~((uint64_t)irqs << CORTEX_M0_IRQ0 & ~held_by_line);
 }
 
-static void set_control(struct cortex_m0 *cpu, uint32_t value)
+static void set_sleep_control(struct cortex_m0 *cpu, uint32_t value)
 {
     cpu->sleep_on_exit = value & SCR_SLEEPONEXIT;
     cpu->deep_sleep = value & SCR_SLEEPDEEP;
-    cpu->event_on_pend = value & SCR_SEVONPEND;
+    cpu->event_on_pending = value & SCR_SEVONPEND;
 }
 
 static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle, uint32_t value)
@@ -163,7 +164,7 @@ static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycl
         break;
     case SYST_CVR:
         cpu->systick.value = 0;
-        cpu->systick.counted = false;
+        cpu->systick.count_flag = false;
         break;
     case NVIC_ISER:
         cpu->enabled |= (uint64_t)value << CORTEX_M0_IRQ0;
@@ -181,10 +182,10 @@ static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycl
         set_interrupt_control(cpu, value, cycle);
         break;
     case AIRCR:
-        cpu->reset_wanted |= value >> 16 == AIRCR_KEY && value & AIRCR_SYSRESETREQ;
+        cpu->reset_requested |= value >> 16 == AIRCR_KEY && value & AIRCR_SYSRESETREQ;
         break;
     case SCR:
-        set_control(cpu, value);
+        set_sleep_control(cpu, value);
         break;
     case SHPR2:
         cortex_m0_set_level(cpu, CORTEX_M0_SVCALL, value >> 30);
@@ -210,5 +211,5 @@ void cortex_m0_system_write(struct cortex_m0 *cpu, uint32_t offset, uint64_t cyc
 {
     cortex_m0_systick_settle(cpu, cycle);
     write_register(cpu, offset, cycle, value);
-    cpu->attention = true; /* a deadline may have moved, an exception may be due */
+    cpu->attention = true; /* the write may have changed a deadline or made an exception due */
 }

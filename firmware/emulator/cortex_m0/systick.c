@@ -1,6 +1,6 @@
-/* The 24-bit timer, computed when somebody looks: it counts down, becomes pending when it reaches 0, and reloads with the tick
- * after that (ARM DDI 0419, B3.3). */
-#include "emulator/cortex_m0/parts.h"
+/* SysTick, the 24-bit timer. Its value is computed when it is accessed: the counter decrements, sets the exception
+ * pending when it reaches 0, and reloads at the following tick (ARM DDI 0419, B3.3). */
+#include "emulator/cortex_m0/internal.h"
 
 #define MASK 0xFFFFFFu
 #define ENABLE 1u
@@ -8,13 +8,12 @@
 #define CLKSOURCE 4u
 #define COUNTFLAG 0x10000u
 
-/* Cycles a tick. */
-static uint64_t tick(const struct cortex_m0 *cpu)
+static uint64_t cycles_per_tick(const struct cortex_m0 *cpu)
 {
     return cpu->systick.processor_clock ? 1u : cpu->config.systick_reference;
 }
 
-/* Ticks from the origin to the counter's next 0; 0: it stays there. */
+/* Ticks from the origin until the counter reaches 0; 0 if the counter is stopped at 0. */
 static uint64_t ticks_to_zero(const struct cortex_m0_systick *timer)
 {
     if (timer->value) {
@@ -33,21 +32,21 @@ void cortex_m0_systick_settle(struct cortex_m0 *cpu, uint64_t cycle)
     if (cycle <= timer->origin) {
         return;
     }
-    const uint64_t ticks = (cycle - timer->origin) / tick(cpu), first = ticks_to_zero(timer);
-    const uint64_t begin = timer->origin;
-    timer->origin += ticks * tick(cpu);
-    if (!first || !ticks) {
+    const uint64_t ticks = (cycle - timer->origin) / cycles_per_tick(cpu), first_zero = ticks_to_zero(timer);
+    const uint64_t begin_cycle = timer->origin;
+    timer->origin += ticks * cycles_per_tick(cpu);
+    if (!first_zero || !ticks) {
         return;
     }
-    if (ticks < first) {
-        timer->value = (uint32_t)(first - ticks);
+    if (ticks < first_zero) {
+        timer->value = (uint32_t)(first_zero - ticks);
         return;
     }
-    const uint64_t since = timer->reload ? (ticks - first) % (timer->reload + UINT64_C(1)) : 0;
-    timer->value = since ? (uint32_t)(timer->reload + 1u - since) : 0;
-    timer->counted = true;
-    if (timer->interrupts) {
-        cortex_m0_pend(cpu, CORTEX_M0_SYSTICK, begin + first * tick(cpu));
+    const uint64_t ticks_since_reload = timer->reload ? (ticks - first_zero) % (timer->reload + UINT64_C(1)) : 0;
+    timer->value = ticks_since_reload ? (uint32_t)(timer->reload + 1u - ticks_since_reload) : 0;
+    timer->count_flag = true;
+    if (timer->interrupt_enabled) {
+        cortex_m0_set_pending(cpu, CORTEX_M0_SYSTICK, begin_cycle + first_zero * cycles_per_tick(cpu));
     }
 }
 
@@ -55,21 +54,21 @@ uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
     const uint64_t ticks = ticks_to_zero(timer);
-    return timer->enabled && timer->interrupts && ticks ? timer->origin + ticks * tick(cpu) : UINT64_MAX;
+    return timer->enabled && timer->interrupt_enabled && ticks ? timer->origin + ticks * cycles_per_tick(cpu) : UINT64_MAX;
 }
 
 uint32_t cortex_m0_systick_control(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
-    return (timer->enabled ? ENABLE : 0) | (timer->interrupts ? TICKINT : 0) | (timer->processor_clock ? CLKSOURCE : 0) |
-           (timer->counted ? COUNTFLAG : 0);
+    return (timer->enabled ? ENABLE : 0) | (timer->interrupt_enabled ? TICKINT : 0) | (timer->processor_clock ? CLKSOURCE : 0) |
+           (timer->count_flag ? COUNTFLAG : 0);
 }
 
 void cortex_m0_systick_set_control(struct cortex_m0 *cpu, uint32_t value)
 {
     struct cortex_m0_systick *timer = &cpu->systick;
     timer->enabled = value & ENABLE;
-    timer->interrupts = value & TICKINT;
+    timer->interrupt_enabled = value & TICKINT;
     timer->processor_clock = value & CLKSOURCE || !cpu->config.systick_reference;
     cpu->attention = true;
 }

@@ -1,5 +1,5 @@
 /* Which block an address belongs to. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 typedef bool register_function(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 
@@ -48,7 +48,7 @@ static const struct block *block_at(uint32_t address)
     return NULL;
 }
 
-enum cortex_m0_answer psoc_on_read(void *context, struct cortex_m0_access *access)
+enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;
     const struct block *block = block_at(access->address);
@@ -61,7 +61,7 @@ enum cortex_m0_answer psoc_on_read(void *context, struct cortex_m0_access *acces
     return CORTEX_M0_OK;
 }
 
-enum cortex_m0_answer psoc_on_write(void *context, struct cortex_m0_access *access)
+enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;
     const struct block *block = block_at(access->address);

@@ -1,5 +1,5 @@
 /* Dividers of HFCLK for the peripherals (boards/psoc4200/regs/peri_clk.h). */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define DIVIDERS 3u
 #define ENABLE (1u << 31)

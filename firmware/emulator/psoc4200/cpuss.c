@@ -1,5 +1,5 @@
 /* CPU subsystem: where vectors are served from, and the door to the supervisory ROM. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define CONFIG 0x0u
 #define SYSREQ 0x4u

@@ -1,6 +1,6 @@
 /* CapSense: a conversion takes a period of sample clocks, and counts those in which the current source was on. What it counts is the
  * board's to say: the same front end as a native board's. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define CSD_ID 0x00u
 #define CSD_CONFIG 0x04u

@@ -1,5 +1,5 @@
 /* Ports and the switch matrix behind them: which lines of the sensor are connected, the bus's lines by hand, RTS. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/wiring.h"
 
 #define PORT_DATA 0x00u

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define HZ_AFTER_RESET 24e6
 #define FLASH_WAIT_AFTER_RESET 0u
@@ -136,8 +136,8 @@ void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
         const uint64_t drawn = random_u64(&psoc->random);
         memcpy(psoc->ram + i, &drawn, sizeof drawn);
     }
-    cortex_m0_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
-    cortex_m0_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a torn row */
+    cortex_m0_memory_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
+    cortex_m0_memory_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a torn row */
     psoc->powered = true;
     psoc->broken = false;
     psoc->srss.cause = 0;
@@ -188,11 +188,11 @@ static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
     const bool in_main = !cpu->ipsr && !cpu->entering && !cpu->primask;
     if (in_main && !cpu->asleep) {
         cpu->asleep = true;
-        cpu->wakes_by_event = false;
+        cpu->wakes_on_event = false;
         cpu->asleep_since = cpu->cycle;
         cpu->attention = true;
     }
-    const uint64_t tick = cortex_m0_wakes_at(cpu);
+    const uint64_t tick = cortex_m0_wake_cycle(cpu);
     if (!cpu->asleep || cpu->pending & cpu->enabled || tick <= cpu->cycle) {
         return cortex_m0_step(cpu);
     }
@@ -203,7 +203,7 @@ static void run_processor(struct psoc *psoc, uint64_t until)
 {
     const bool stalled = psoc->stalled_until && psoc_now(psoc) < psoc->stalled_until;
     switch (stalled ? run_stalled(psoc, until) : cortex_m0_run(&psoc->cpu, until)) {
-    case CORTEX_M0_RESET_WANTED:
+    case CORTEX_M0_RESET_REQUESTED:
         reset_by(psoc, CAUSE_SOFT);
         break;
     case CORTEX_M0_LOCKUP:
@@ -254,7 +254,7 @@ vtime psoc_next(const struct psoc *psoc)
     if (!psoc->cpu.asleep || psoc->roused) {
         return psoc_now(psoc);
     }
-    const uint64_t tick = cortex_m0_wakes_at(&psoc->cpu), block = next_of_blocks(psoc);
+    const uint64_t tick = cortex_m0_wake_cycle(&psoc->cpu), block = next_of_blocks(psoc);
     const uint64_t next = tick < block ? tick : block;
     if (next == PSOC_NEVER) {
         return VTIME_NEVER;

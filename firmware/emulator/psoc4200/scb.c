@@ -1,7 +1,7 @@
 /* A serial communication block: its FIFOs, its four groups of interrupts, and the registers that its modes share. */
 #include <string.h>
 
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
 void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte)

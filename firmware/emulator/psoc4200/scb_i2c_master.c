@@ -3,7 +3,7 @@
  *
  * With M_READY_DATA_ACK it acknowledges by itself what it receives, and reads on; the byte that fills the receive FIFO waits, SCL held,
  * until there is room, or a command. (confirm) that also a byte that waits when the bit is set is acknowledged. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
 #define PERI_SCB0 2u

@@ -1,6 +1,6 @@
 /* An SCB as I2C slave. An address and a received byte raise an interrupt, and SCL is held low until the firmware has answered; bytes
  * to be sent come from the transmit FIFO, and SCL is held low while it is empty. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
 #define PATIENCE (25u * VTIME_MS) /* longer than that nobody holds a clock: SMBus 2.0, table 1, of a slave */

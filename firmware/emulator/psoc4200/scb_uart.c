@@ -1,5 +1,5 @@
 /* An SCB as UART: FIFOs to and from the wire, whose bits are the world's (emulator/uart.h). */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
 #define SCB_MODE_UART (2u << 24)

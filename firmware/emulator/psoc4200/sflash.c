@@ -1,5 +1,5 @@
 /* Supervisory flash: what the maker wrote into this die. The trims are arbitrary but fixed: nothing here is trimmed by them. */
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define CSD_TRIM1 0x162u
 #define CSD_TRIM2 0x163u

@@ -2,7 +2,7 @@
  * work is done at once and the processor stands still for as long as it takes. */
 #include <string.h>
 
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define LOAD_LATCH 0x04u
 #define WRITE_ROW 0x05u
@@ -51,7 +51,7 @@ static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t
         bytes[i] = (uint8_t)(psoc->cpuss.latch[i] | (erases ? 0u : flash->bytes[row * FLASH_ROW + i]));
     }
     const vtime end = flash_write(flash, (uint16_t)row, bytes, psoc_time(psoc, cycle));
-    cortex_m0_changed(&psoc->cpu, row * FLASH_ROW, FLASH_ROW);
+    cortex_m0_memory_changed(&psoc->cpu, row * FLASH_ROW, FLASH_ROW);
     memset(psoc->cpuss.latch, 0, sizeof psoc->cpuss.latch);
     *stall += (uint32_t)(psoc_cycle(psoc, end) - cycle);
     psoc_acts(psoc); /* a power cut may have been planned for this write */

@@ -1,7 +1,7 @@
 /* System resources: the main oscillator's frequency, the watchdog's counter 0, the cause of the last reset. */
 #include <string.h>
 
-#include "emulator/psoc4200/parts.h"
+#include "emulator/psoc4200/internal.h"
 
 #define CLK_SELECT 0x100u
 #define CLK_ILO_CONFIG 0x104u

@@ -1,6 +1,6 @@
-/* Instructions that are too seldom for the fast path: special registers, hints, and the program counter or stack pointer as
- * an operand of the general ones. */
-#include "emulator/cortex_m0/parts.h"
+/* Infrequent instructions outside the fast path: special registers, hints, and the program counter or stack pointer as
+ * an operand of general instructions. */
+#include "emulator/cortex_m0/internal.h"
 
 enum special_register { LAST_PSR = 7, SYS_MSP = 8, SYS_PSP = 9, SYS_PRIMASK = 16, SYS_CONTROL = 20 };
 
@@ -10,51 +10,51 @@ enum special_register { LAST_PSR = 7, SYS_MSP = 8, SYS_PSP = 9, SYS_PRIMASK = 16
 #define SPECIAL_CYCLES 4u
 #define WAIT_CYCLES 2u
 
-static enum cortex_m0_event next(struct cortex_m0 *cpu, uint32_t bytes, uint32_t cycles)
+static enum cortex_m0_event finish_instruction(struct cortex_m0 *cpu, uint32_t bytes, uint32_t cycles)
 {
     cpu->r[CORTEX_M0_PC] += bytes;
     cpu->cycle += cycles;
     return CORTEX_M0_EVENT_NONE;
 }
 
-static enum cortex_m0_event jump(struct cortex_m0 *cpu, uint32_t address, uint32_t cycles)
+static enum cortex_m0_event finish_jump(struct cortex_m0 *cpu, uint32_t address, uint32_t cycles)
 {
     cpu->cycle += cycles;
-    cortex_m0_go(cpu, address & ~UINT32_C(1));
+    cortex_m0_set_fetch_address(cpu, address & ~UINT32_C(1));
     return CORTEX_M0_EVENT_NONE;
 }
 
-static enum cortex_m0_event undefined(struct cortex_m0 *cpu)
+static enum cortex_m0_event record_undefined(struct cortex_m0 *cpu)
 {
-    return cortex_m0_fail(cpu, CORTEX_M0_FAULT_UNDEFINED, cpu->r[CORTEX_M0_PC]);
+    return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNDEFINED, cpu->r[CORTEX_M0_PC]);
 }
 
 /* ADD and MOV with the program counter or the stack pointer. */
-static enum cortex_m0_event any_registers(struct cortex_m0 *cpu, uint32_t half)
+static enum cortex_m0_event execute_any_registers(struct cortex_m0 *cpu, uint32_t half)
 {
     const uint32_t d = (half & 7u) | (half >> 4 & 8u), m = half >> 3 & 15u, pc = cpu->r[CORTEX_M0_PC] + 4u;
     const uint32_t first = d == CORTEX_M0_PC ? pc : cpu->r[d], second = m == CORTEX_M0_PC ? pc : cpu->r[m];
     const uint32_t result = half >> 8 & 2u ? second : first + second;
     if (d == CORTEX_M0_PC) {
-        return jump(cpu, result, 3);
+        return finish_jump(cpu, result, 3);
     }
     if (d == CORTEX_M0_SP) {
         cortex_m0_set_sp(cpu, result);
     } else {
         cpu->r[d] = result;
     }
-    return next(cpu, 2, 1);
+    return finish_instruction(cpu, 2, 1);
 }
 
-static enum cortex_m0_event hint(struct cortex_m0 *cpu, uint32_t half)
+static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
 {
     enum { WFE = 2, WFI = 3 };
     const unsigned number = half >> 4 & 15u;
     if (number != WFE && number != WFI) {
         cpu->event = true; /* SEV */
-        return next(cpu, 2, 1);
+        return finish_instruction(cpu, 2, 1);
     }
-    next(cpu, 2, WAIT_CYCLES);
+    finish_instruction(cpu, 2, WAIT_CYCLES);
     if (number == WFE && cpu->event) {
         cpu->event = false;
         return CORTEX_M0_EVENT_NONE;
@@ -82,16 +82,16 @@ static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint
         break;
     default:
         if (number > LAST_PSR || number == 4) {
-            return undefined(cpu);
+            return record_undefined(cpu);
         }
-        value = (number & 4u ? 0 : xpsr & APSR_FLAGS) | (number & 1u ? cpu->ipsr : 0); /* the T bit reads as 0 */
+        value = (number & 4u ? 0 : xpsr & APSR_FLAGS) | (number & 1u ? cpu->ipsr : 0); /* the T bit is read as 0 */
         break;
     }
     if (d == CORTEX_M0_SP || d == CORTEX_M0_PC) {
-        return undefined(cpu);
+        return record_undefined(cpu);
     }
     cpu->r[d] = value;
-    return next(cpu, 4, SPECIAL_CYCLES);
+    return finish_instruction(cpu, 4, SPECIAL_CYCLES);
 }
 
 static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t value)
@@ -107,7 +107,7 @@ static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t valu
 static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uint32_t number)
 {
     if (n == CORTEX_M0_SP || n == CORTEX_M0_PC) {
-        return undefined(cpu);
+        return record_undefined(cpu);
     }
     const uint32_t value = cpu->r[n];
     switch (number) {
@@ -126,66 +126,67 @@ static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uin
         break;
     default:
         if (number > LAST_PSR || number == 4) {
-            return undefined(cpu);
+            return record_undefined(cpu);
         }
         if (!(number & 4u)) {
             cortex_m0_set_xpsr(cpu, (value & APSR_FLAGS) | (cortex_m0_xpsr(cpu) & ~APSR_FLAGS));
         }
         break;
     }
-    return next(cpu, 4, SPECIAL_CYCLES);
+    return finish_instruction(cpu, 4, SPECIAL_CYCLES);
 }
 
-/* B, B<cond>, BL to another memory, or to none. */
-static enum cortex_m0_event far_branch(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
+/* B, B<cond> and BL whose target lies in another memory or in none. */
+static enum cortex_m0_event execute_far_branch(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
     const uint32_t pc = cpu->r[CORTEX_M0_PC] + 4u;
     if (half >> 12 == 0xDu) {
         const bool taken = cortex_m0_condition(cpu, half >> 8 & 15u);
-        return taken ? jump(cpu, pc + (uint32_t)cortex_m0_signed(half & 0xFFu, 8) * 2u, 3) : next(cpu, 2, 1);
+        return taken ? finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0xFFu, 8) * 2u, 3)
+                     : finish_instruction(cpu, 2, 1);
     }
     if (half >> 12 == 0xEu) {
-        return jump(cpu, pc + (uint32_t)cortex_m0_signed(half & 0x7FFu, 11) * 2u, 3);
+        return finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0x7FFu, 11) * 2u, 3);
     }
     cpu->r[CORTEX_M0_LR] = pc | 1u;
-    return jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 4);
+    return finish_jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 4);
 }
 
-static enum cortex_m0_event wide(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
+static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
     if ((second & 0xD000u) == 0xD000u) {
-        return far_branch(cpu, half, second);
+        return execute_far_branch(cpu, half, second);
     }
     if (half == 0xF3EFu) {
         return read_special(cpu, second >> 8 & 15u, second & 0xFFu);
     }
-    return half == 0xF3BFu ? next(cpu, 4, BARRIER_CYCLES) : write_special(cpu, half & 15u, second & 0xFFu);
+    return half == 0xF3BFu ? finish_instruction(cpu, 4, BARRIER_CYCLES) : write_special(cpu, half & 15u, second & 0xFFu);
 }
 
-enum cortex_m0_event cortex_m0_execute_rare(struct cortex_m0 *cpu)
+enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu)
 {
     const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, cpu->r[CORTEX_M0_PC]);
     const uint8_t *const bytes = code->bytes + (cpu->r[CORTEX_M0_PC] - code->base);
-    const uint32_t half = cortex_m0_half(bytes);
+    const uint32_t half = cortex_m0_read_half(bytes);
     switch (half >> 12) {
     case 0x4:
-        return any_registers(cpu, half);
+        return execute_any_registers(cpu, half);
     case 0xB:
         if (half >> 8 == 0xBFu) {
-            return hint(cpu, half);
+            return execute_hint(cpu, half);
         }
         if (half >> 8 == 0xBEu) {
             return cpu->config.halt_on_breakpoint ? CORTEX_M0_EVENT_BREAKPOINT
-                                                  : cortex_m0_fail(cpu, CORTEX_M0_FAULT_BREAKPOINT, cpu->r[CORTEX_M0_PC]);
+                                                  : cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_BREAKPOINT, cpu->r[CORTEX_M0_PC]);
         }
         cpu->primask = half & 0x10u; /* CPS */
         cortex_m0_update_priority(cpu);
-        return next(cpu, 2, 1);
+        return finish_instruction(cpu, 2, 1);
     case 0xD:
-        return half >> 8 == 0xDFu ? CORTEX_M0_EVENT_SVC : far_branch(cpu, half, 0);
+        return half >> 8 == 0xDFu ? CORTEX_M0_EVENT_SVC : execute_far_branch(cpu, half, 0);
     case 0xE:
-        return far_branch(cpu, half, 0);
+        return execute_far_branch(cpu, half, 0);
     default:
-        return wide(cpu, half, cortex_m0_half(bytes + 2));
+        return execute_wide(cpu, half, cortex_m0_read_half(bytes + 2));
     }
 }

@@ -1,9 +1,10 @@
-/* Loads, stores, register lists and branches that the fast path does not finish: r[15] is the instruction's address. */
-#include "emulator/cortex_m0/parts.h"
+/* Loads, stores, register lists and branches that the fast path does not finish. r[15] is the address of the
+ * instruction. */
+#include "emulator/cortex_m0/internal.h"
 
 #define EXC_RETURN_FIRST 0xF0000000u
 
-static unsigned size_of(uint8_t kind)
+static unsigned access_size(uint8_t kind)
 {
     switch (kind) {
     case CORTEX_M0_OP_STRB_R:
@@ -26,7 +27,7 @@ static unsigned size_of(uint8_t kind)
 enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
 {
     uint32_t value;
-    const enum cortex_m0_event event = cortex_m0_read(cpu, address, size_of(operation.kind), true, &value);
+    const enum cortex_m0_event event = cortex_m0_read(cpu, address, access_size(operation.kind), true, &value);
     if (event) {
         return event;
     }
@@ -43,7 +44,7 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
 
 enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
 {
-    const enum cortex_m0_event event = cortex_m0_write(cpu, address, size_of(operation.kind), true, cpu->r[operation.a]);
+    const enum cortex_m0_event event = cortex_m0_write(cpu, address, access_size(operation.kind), true, cpu->r[operation.a]);
     if (event) {
         return event;
     }
@@ -52,15 +53,15 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* The words of a list in order, one a cycle. Registers are as before unless all could be read. */
-static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address, bool load,
+/* Transfer the words of a register list in order, one per cycle. Registers change only if every word could be read. */
+static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address, bool is_load,
                                       uint32_t words[])
 {
     const uint64_t begin = cpu->cycle;
     uint32_t list = operation.value;
     for (unsigned i = 0; i < operation.c; i++, list &= list - 1u) {
         const unsigned number = list ? (unsigned)__builtin_ctz(list) : CORTEX_M0_PC; /* POP: PC comes last */
-        const enum cortex_m0_event event = load ? cortex_m0_read(cpu, address + i * 4u, 4, i == 0, &words[i])
+        const enum cortex_m0_event event = is_load ? cortex_m0_read(cpu, address + i * 4u, 4, i == 0, &words[i])
                                                 : cortex_m0_write(cpu, address + i * 4u, 4, i == 0, cpu->r[number]);
         if (event) {
             cpu->cycle = begin;
@@ -69,7 +70,7 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
         cpu->cycle++;
     }
     cpu->cycle++;
-    list = load ? operation.value : 0;
+    list = is_load ? operation.value : 0;
     for (unsigned i = 0; list; i++, list &= list - 1u) {
         cpu->r[__builtin_ctz(list)] = words[i];
     }
@@ -78,10 +79,10 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
 
 enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
 {
-    const bool load = operation.kind != CORTEX_M0_OP_PUSH && operation.kind != CORTEX_M0_OP_STM;
+    const bool is_load = operation.kind != CORTEX_M0_OP_PUSH && operation.kind != CORTEX_M0_OP_STM;
     const uint32_t end = address + operation.c * 4u;
     uint32_t words[9];
-    const enum cortex_m0_event event = move_list(cpu, operation, address, load, words);
+    const enum cortex_m0_event event = move_list(cpu, operation, address, is_load, words);
     if (event) {
         return event;
     }
@@ -115,15 +116,15 @@ struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address
     return address - cpu->ram_code.base < cpu->ram_code.size ? &cpu->ram_code : NULL;
 }
 
-/* To wherever the next instruction is fetched from. */
-void cortex_m0_go(struct cortex_m0 *cpu, uint32_t address)
+/* Set the address of the next instruction and add its fetch wait states. */
+void cortex_m0_set_fetch_address(struct cortex_m0 *cpu, uint32_t address)
 {
     const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, address);
     cpu->r[CORTEX_M0_PC] = address;
     cpu->cycle += code ? code->refill : 0;
 }
 
-/* BX, BLX, POP: bit 0 is the state; in a handler, the topmost addresses are exception returns. */
+/* BX, BLX, POP: bit 0 selects the state; in a handler, the topmost addresses are exception returns. */
 enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target)
 {
     if (target >= EXC_RETURN_FIRST && cpu->ipsr) {
@@ -131,6 +132,6 @@ enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target)
         return CORTEX_M0_EVENT_EXIT;
     }
     cpu->thumb = target & 1u;
-    cortex_m0_go(cpu, target & ~UINT32_C(1));
+    cortex_m0_set_fetch_address(cpu, target & ~UINT32_C(1));
     return CORTEX_M0_EVENT_NONE;
 }

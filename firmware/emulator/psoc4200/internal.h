@@ -1,6 +1,6 @@
 /* What the blocks share. Each register function returns false for a register that is not modelled. */
-#ifndef PSOC4200_PARTS_H
-#define PSOC4200_PARTS_H
+#ifndef PSOC4200_INTERNAL_H
+#define PSOC4200_INTERNAL_H
 
 #include "emulator/psoc4200/psoc.h"
 
@@ -18,8 +18,8 @@ void psoc_answers(struct psoc *psoc); /* of what the bus waits for */
 void psoc_complain(struct psoc *psoc, const char *what, uint32_t address);
 
 /* bus_map.c: every access that is neither flash nor RAM. */
-enum cortex_m0_answer psoc_on_read(void *context, struct cortex_m0_access *access);
-enum cortex_m0_answer psoc_on_write(void *context, struct cortex_m0_access *access);
+enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *access);
+enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *access);
 
 /* `offset` from the block's first register; access->value is filled in, or to be written. */
 bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
