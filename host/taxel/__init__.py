@@ -1,4 +1,4 @@
-"""taxel: the host side of a mutual-capacitance tactile skin.
+"""taxel: host library of a mutual-capacitance tactile skin.
 
 >>> import taxel
 >>> with taxel.open("emulator:?speed=max&duration_s=10") as skin:
@@ -7,14 +7,24 @@
 ...     scan = next(skin.scans())
 ...     int(activation(scan.raw_counts, scan.valid).active.sum())
 0
+
+The names of the package are imported at their first use, so that ``import taxel`` itself takes a few milliseconds.
 """
 
-from taxel.errors import TaxelError
-from taxel.hand import Hand, load_hand
-from taxel.signal import Activation, Baseline
-from taxel.skin import Skin, SkinFrame
-from taxel.skin import open_skin as open
-from taxel.stream import TaxelFrame
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from taxel.version import VERSION
+
+__version__ = VERSION
+
+if TYPE_CHECKING:
+    from taxel.errors import TaxelError
+    from taxel.hand import Hand, load_hand
+    from taxel.signal import Activation, Baseline
+    from taxel.skin import Skin, SkinFrame
+    from taxel.skin import open_skin as open
+    from taxel.stream import TaxelFrame
 
 __all__ = [
     "Activation",
@@ -24,6 +34,32 @@ __all__ = [
     "SkinFrame",
     "TaxelError",
     "TaxelFrame",
+    "__version__",
     "load_hand",
     "open",
 ]
+
+_ORIGINS = {
+    "Activation": ("taxel.signal", "Activation"),
+    "Baseline": ("taxel.signal", "Baseline"),
+    "Hand": ("taxel.hand", "Hand"),
+    "Skin": ("taxel.skin", "Skin"),
+    "SkinFrame": ("taxel.skin", "SkinFrame"),
+    "TaxelError": ("taxel.errors", "TaxelError"),
+    "TaxelFrame": ("taxel.stream", "TaxelFrame"),
+    "load_hand": ("taxel.hand", "load_hand"),
+    "open": ("taxel.skin", "open_skin"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ORIGINS:
+        raise AttributeError(f"module 'taxel' has no attribute '{name}'")
+    module, attribute = _ORIGINS[name]
+    value = getattr(import_module(module), attribute)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,90 +1,134 @@
-"""Join the commands and turn errors into one line."""
+"""The program `taxel`: finds the requested command, runs it, and prints an error as one line."""
 
+from __future__ import annotations
+
+import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
-from importlib.metadata import entry_points
-from types import MappingProxyType
-from typing import Any, Final, NoReturn
+from typing import Annotated, Final, NoReturn
 
 import typer
 
+from taxel.cli.commands import COMMANDS, OTHER, CommandEntry
 from taxel.errors import TaxelError
+from taxel.optional import missing_package
+from taxel.plugins import COMMANDS as COMMANDS_GROUP
+from taxel.plugins import load_plugin, plugin_names
+from taxel.version import VERSION
 
-COMMANDS: Final[tuple[str, ...]] = (
-    *("convert", "demo", "emulate", "feel", "generate", "grasp"),
-    *("monitor", "record", "replay", "ros", "show", "thesis"),
-)
-"""Commands; each is a function in a file of its name in this folder."""
+COMPLETION_VARIABLE: Final = "_TAXEL_COMPLETE"
+"""Environment variable that the shell's completion script sets."""
 
-GROUPS: Final = MappingProxyType({"cloud": "cloud:cloud_app", "gap": "gap:gap_app", "import": "import_data:import_app"})
-"""Groups of commands: file, and the group in it."""
-
-PLUGINS: Final = "taxel.commands"
-"""Entry points of commands from elsewhere."""
+_TARGETS: Final = {name: entry.target for name, entry in COMMANDS.items() if entry.target}
 
 
-def app_of(name: str = "") -> typer.Typer:
-    """The program with one command or group; with all of them if that has no such name. What others need is not loaded
-    then: half of the time of a short command.
+def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
+    """The program as a typer application.
+
+    name: the command that will run. Only this command is imported; the others keep the summary of the table. With any
+    other name no command is imported, which is enough for the help page. loads_all: import all commands.
     """
     app = typer.Typer(
         name="taxel",
-        help="Tactile skins: emulate, read and record them, and diagnose the gap between simulator and hand.",
+        help="Tactile skins: read, record and emulate them, and diagnose the gap between simulator and hand.",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(lambda: None)  # one command alone is a group as well
-    plugins = entry_points(group=PLUGINS)
-    every = {*COMMANDS, *GROUPS, *plugins.names}
-    wanted = {name} if name in every else every
-    for one in [one for one in COMMANDS if one in wanted]:
-        app.command(one)(_loaded(f"{one}:{one}"))
-    for one in [one for one in GROUPS if one in wanted]:
-        app.add_typer(_loaded(GROUPS[one]), name=one)
-    for point in [point for point in plugins if point.name in wanted]:
-        app.command(point.name)(point.load())
+    app.callback()(_options)
+    available = plugin_names(COMMANDS_GROUP, _TARGETS)
+    in_order = [command for command in COMMANDS if command in available]
+    for command in [*in_order, *(command for command in available if command not in COMMANDS)]:
+        entry = COMMANDS.get(command)
+        if loads_all or command == name:
+            _add_loaded(app, command, entry)
+        else:
+            summary = entry.summary if entry is not None else "Command of another package; see its own --help."
+            panel = entry.panel if entry is not None else OTHER
+            app.command(command, help=summary, rich_help_panel=panel)(_not_loaded)
     return app
 
 
-def _loaded(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(import_module(f"taxel.cli.{module}"), name)
+def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None:
+    try:
+        target = load_plugin(COMMANDS_GROUP, name, _TARGETS)
+    except ModuleNotFoundError as error:
+        replacement = missing_package(error, f"taxel {name}", entry.extra if entry is not None else None)
+        if replacement is None:
+            raise
+        raise replacement from error
+    panel = entry.panel if entry is not None else OTHER
+    if isinstance(target, typer.Typer):
+        app.add_typer(target, name=name, rich_help_panel=panel)
+    else:
+        app.command(name, rich_help_panel=panel)(target)
+
+
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
+        print(f"taxel {VERSION}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    pass
+
+
+def _not_loaded() -> NoReturn:
+    raise AssertionError("only the help page uses a command that is not loaded")
 
 
 def main() -> None:
-    """Run a command; the exit status is 0 only on success."""
+    """Run the command of `sys.argv`; the exit status is 0 only on success."""
+    name = _requested_command()
     try:
-        with _ended_as_by_ctrl_c():
-            app_of(sys.argv[1] if len(sys.argv) > 1 else "")()
+        with _interrupted_by_sigterm():
+            build_app(name)()
     except TaxelError as error:
         _fail(str(error))
+    except ModuleNotFoundError as error:
+        entry = COMMANDS.get(name)
+        replacement = missing_package(error, f"taxel {name}", entry.extra if entry is not None else None)
+        if replacement is None:
+            raise
+        _fail(str(replacement))
     except OSError as error:
         _fail(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
     except KeyboardInterrupt:
         sys.exit(130)
 
 
-@contextmanager
-def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """A service that is stopped closes its files and ends what it has begun, as at Ctrl-C.
+def _requested_command() -> str:
+    """The first word after `taxel`: of the command line, or of the line that the shell completes."""
+    if COMPLETION_VARIABLE in os.environ:
+        words = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
+    else:
+        words = sys.argv
+    return words[1] if len(words) > 1 else ""
 
-    What SIGTERM did before, it does again afterwards: a program that runs a command may have children of its own, which
-    must end at it.
+
+@contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """Handle SIGTERM like Ctrl-C, so that a stopped service closes its files and child processes.
+
+    The previous handler is restored at the end: a program that runs a command in its own process may have started child
+    processes that must end at SIGTERM.
     """
-    if threading.current_thread() is not threading.main_thread():  # no other may say what a signal does
+    if threading.current_thread() is not threading.main_thread():  # only the main thread may set a signal handler
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL if previous is None else previous)
 
 
 def _fail(text: str) -> NoReturn:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from functools import cache
 from types import MappingProxyType
 
 from taxel.gap.effects.baseline_drift import BaselineDrift
@@ -20,10 +21,11 @@ from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.errors import GapInputError
+from taxel.plugins import EFFECTS, PluginError, load_plugin, plugin_names
 
 DROPOUT = "dropout"
 
-CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
+OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
         "contact_propagation": (
             *(ContactPropagation(variant) for variant in ("kept", "added", "kept even", "added even")),
@@ -46,26 +48,53 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "latency": (Latency(BOARD), Latency(BOARD, "lag")),
     }
 )
-"""Forms of every effect."""
+"""Variants of each effect of the project."""
 
 LIKE: Mapping[str, tuple[Effect, ...]] = MappingProxyType({"stiffness": (Stiffness(TAXEL),)})
 """Further forms that are not searched, since no press of a usual campaign tells them from one that is: a taxel's
 stiffness from its gain. Whether these presses would is asked when something was found."""
 
 
+def all_effects() -> Mapping[str, tuple[Effect, ...]]:
+    """Variants of each effect: the project's own, then those that other packages add by entry points.
+
+    An entry point of the group `taxel.effects` names a sequence of `Effect` objects whose `name` is the entry point's
+    name. Raises `PluginError` for an entry point that cannot be loaded or names something else.
+    """
+    added = plugin_names(EFFECTS, dict.fromkeys(OWN_EFFECTS, ""))[len(OWN_EFFECTS) :]
+    return MappingProxyType({**OWN_EFFECTS, **{name: _plugin_effect(name) for name in added}})
+
+
+@cache
+def _plugin_effect(name: str) -> tuple[Effect, ...]:
+    variants = load_plugin(EFFECTS, name)
+    if not isinstance(variants, Sequence) or not variants or not all(isinstance(one, Effect) for one in variants):
+        raise PluginError(
+            f"entry point '{name}' of group '{EFFECTS}': expected a sequence of taxel.gap.effects.effect.Effect, "
+            f"found {type(variants).__name__}; correct the package that adds it"
+        )
+    if any(one.name != name for one in variants):
+        raise PluginError(
+            f"entry point '{name}' of group '{EFFECTS}': expected effects with name '{name}', found "
+            f"'{next(one.name for one in variants if one.name != name)}'; use one name in both places"
+        )
+    return tuple(variants)
+
+
 def chosen(
     without: Collection[str] = (), priors: Mapping[str, Mapping[str, Prior]] = MappingProxyType({})
 ) -> dict[str, tuple[Effect, ...]]:
-    """The catalogue less some effects. priors: what is known of parameters, by effect and name.
+    """The effects to be tried: all effects without the excluded ones.
 
-    Raises GapInputError for a name that it lacks.
+    without: names of excluded effects. priors: priors of parameters, by effect and parameter name. Raises
+    `GapInputError` for the name of an effect that does not exist.
     """
+    effects = all_effects()
     for name in without:
-        if name not in CATALOGUE:
-            names = ", ".join(CATALOGUE)
-            raise GapInputError("--without", f"one of {names}", repr(name), "correct the name")
+        if name not in effects:
+            raise GapInputError("--without", f"one of {', '.join(effects)}", repr(name), "correct the name")
     return {
-        name: tuple(form.with_priors(priors[name]) if name in priors else form for form in forms)
-        for name, forms in CATALOGUE.items()
+        name: tuple(variant.with_priors(priors[name]) if name in priors else variant for variant in variants)
+        for name, variants in effects.items()
         if name not in without
     }

@@ -39,13 +39,13 @@ def read_priors(path: str | PathLike[str]) -> Priors:
 
 
 def _effect(file: str, name: str, table: Any) -> dict[str, Prior]:
-    if name not in catalogue.CATALOGUE or not catalogue.CATALOGUE[name]:
-        known = ", ".join(effect for effect, forms in catalogue.CATALOGUE.items() if forms)
+    if name not in catalogue.all_effects() or not catalogue.all_effects()[name]:
+        known = ", ".join(effect for effect, forms in catalogue.all_effects().items() if forms)
         raise GapInputError(f"{file}: [{name}]", f"one of {known}", "another name", "correct the name")
     if not isinstance(table, dict):
         raise GapInputError(f"{file}: {name}", "a table", type(table).__name__, f"write [{name}] above its parameters")
     parameters: dict[str, Parameter] = {}
-    for one in (one for form in catalogue.CATALOGUE[name] for one in form.own_parameters()):
+    for one in (one for form in catalogue.all_effects()[name] for one in form.own_parameters()):
         other = parameters.get(one.name, one)
         parameters[one.name] = replace(one, low=min(one.low, other.low), high=max(one.high, other.high))
     return {key: _prior(f"{file}: {name}.{key}", parameters, key, value) for key, value in table.items()}

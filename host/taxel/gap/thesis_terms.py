@@ -189,14 +189,15 @@ def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> Flo
 def _propagation(judge: Judge, selection: Selection) -> tuple[Link, FloatArray] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
-    reasons = [form.unavailable(state) for form in catalogue.CATALOGUE[NAME]]
+    reasons = [form.unavailable(state) for form in catalogue.all_effects()[NAME]]
     if all(reasons):
         return reasons[0]
     first = selection.rounds[0].trials if selection.rounds else ()
     for trial in first:
         if trial.name == NAME:
             return trial.link, trial.chain.features(state)
-    fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in catalogue.CATALOGUE[NAME]]
+    forms = catalogue.all_effects()[NAME]
+    fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in forms]
     best = min(fits, key=lambda fit: judge.score(fit.features).value)
     return best.chain.links[0], best.features
 

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-import smbus2
+from typing import TYPE_CHECKING
 
 from taxel.link.errors import PortMissingError
+from taxel.optional import optional_import
+
+if TYPE_CHECKING:
+    import smbus2
 
 
 def open_i2c(device: str) -> smbus2.SMBus:
-    """Open `/dev/i2c-N`; the caller closes it. Raises `PortMissingError` with one line that says what to do."""
+    """Open the I2C adapter `/dev/i2c-N`. The caller closes the adapter.
+
+    Raises `PortMissingError` with one line that states what to do, `MissingPackageError` without smbus2.
+    """
+    with optional_import("smbus2", f"the I2C adapter {device}"):
+        import smbus2
     try:
         return smbus2.SMBus(device)
     except OSError as error:
         raise PortMissingError(
             device,
-            f"cannot be opened ({error.strerror}); is the adapter there, its driver loaded (modprobe i2c-dev), and may "
-            "you open it (group i2c)?",
+            f"cannot be opened ({error.strerror}); check that the adapter is connected, that its driver is loaded "
+            "(modprobe i2c-dev), and that your user is in the group i2c",
         ) from None

@@ -1,43 +1,63 @@
-"""From a URL to a link."""
+"""URLs of links: schemes, options, and the table of openers."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from taxel.link.base import Link
-from taxel.link.capture import CaptureLink
 from taxel.link.errors import LinkError
 from taxel.link.serial_port import SerialLink
+from taxel.plugins import LINKS, load_plugin, plugin_names
+
+LOWEST_BAUD, HIGHEST_BAUD = 1e3, 1e8
+
+OWN_SCHEMES: Final[Mapping[str, str]] = MappingProxyType({"serial": "taxel.link.url:open_serial"})
+"""Openers of this package. All other schemes, also `file` and `emulator` of packages above this one, are entry points
+of the group `taxel.links`.
+"""
 
 
-def open_link(url: str) -> Link:
-    """Open what `url` names.
+def open_link(url: str, hand: Any = None) -> Link:
+    """Open the link that a URL names.
 
-    `serial:///dev/ttyUSB0?baud=1000000` is a serial port (a bare `/dev/...` too); `rtscts=1` says that its RTS and CTS
-    are wired to the hub, which may then make this side wait. `file:capture.bin` is a capture; every
-    other scheme goes to pyserial (`socket://`, `rfc2217://`, `loop://` ...). Raises `LinkError` with one line that
-    says what to do.
+    url: `serial:///dev/ttyUSB0?baud=1000000` or `/dev/ttyUSB0`, a serial port; `file:capture.bin`, a recording;
+    `emulator:`, an emulated skin; a scheme of a plug-in; every other scheme is passed to pyserial (`socket://`,
+    `rfc2217://`, `loop://`). hand: `taxel.hand.Hand` at the other end, for openers that need it. Raises `LinkError`
+    with one line that states what to do.
     """
-    path = recorded_path(url)
-    if path is not None:
-        return CaptureLink(path)
-    if url.startswith("serial:"):
-        parts = split_url(url)
-        options = _options(url, parts.query, {"baud", "rtscts", "low_latency"})
-        port = parts.netloc + parts.path  # serial://dev/ttyX is a mistake that its own words show best
-        if not port:
-            raise LinkError(url, "names no port; expected serial:///dev/ttyUSB0")
-        return SerialLink(
-            port,
-            _number(url, "baud", options.get("baud", "1000000")),
-            _flag(url, "rtscts", options["rtscts"]) if "rtscts" in options else None,
-            _flag(url, "low_latency", options.get("low_latency", "1")),
-        )
+    scheme, colon, _ = url.partition(":")
+    if colon and scheme in plugin_names(LINKS, OWN_SCHEMES):
+        opener = load_plugin(LINKS, scheme, OWN_SCHEMES)
+        link: Link = opener(url, hand)
+        return link
     if url.startswith("/dev/") or "://" in url:
         return SerialLink(url)
-    raise LinkError(url, "is not a URL that can be opened; expected serial:///dev/..., emulator:, file:capture.bin")
+    expected = ", ".join(f"{name}:" for name in plugin_names(LINKS, OWN_SCHEMES))
+    raise LinkError(url, f"is not a URL that can be opened; expected a serial port (/dev/...) or one of {expected}")
+
+
+def open_serial(url: str, hand: Any = None) -> SerialLink:
+    """Open a serial port by URL: `serial:///dev/ttyUSB0`.
+
+    Options: `baud` (bit/s, default 1000000); `rtscts=1` if RTS and CTS are wired to the hub, so that the hub may stop
+    the host; `low_latency=0` to leave the driver's latency timer unchanged. hand: not used. Raises `LinkError`.
+    """
+    parts = split_url(url)
+    options = _options(url, parts.query, {"baud", "rtscts", "low_latency"})
+    port = parts.netloc + parts.path  # serial://dev/ttyUSB0 has the host "dev": the error names the port as read
+    if not port:
+        raise LinkError(url, "names no port; expected serial:///dev/ttyUSB0")
+    return SerialLink(
+        port,
+        _baud(url, options.get("baud", "1000000")),
+        _flag(url, "rtscts", options["rtscts"]) if "rtscts" in options else None,
+        _flag(url, "low_latency", options.get("low_latency", "1")),
+    )
 
 
 def recorded_path(url: str) -> str | None:
-    """The file that a `file:` URL names; None for another URL. Raises `LinkError` if it names none."""
+    """The file that a `file:` URL names; None for another URL. Raises `LinkError` if the URL names no file."""
     if not url.startswith("file:"):
         return None
     path = url.removeprefix("file:")
@@ -47,28 +67,28 @@ def recorded_path(url: str) -> str | None:
 
 
 def split_url(url: str) -> SplitResult:
-    """The parts of a URL. Raises `LinkError` for one that has none."""
+    """The parts of a URL. Raises `LinkError` for a text that cannot be split."""
     try:
         return urlsplit(url)
     except ValueError as error:
         raise LinkError(url, f"is not a URL ({error})") from None
 
 
-def _options(url: str, query: str, known: set[str]) -> dict[str, str]:
+def _options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
     options = {name: values[-1] for name, values in parse_qs(query, keep_blank_values=True).items()}
-    unknown = sorted(set(options) - known)
+    unknown = sorted(set(options) - allowed)
     if unknown:
-        raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted(known))}")
+        raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted(allowed))}")
     return options
 
 
-def _number(url: str, name: str, text: str) -> float:
+def _baud(url: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = 0.0
-    if not 1e3 <= value <= 1e8:
-        raise LinkError(url, f"option '{name}' must be a number from 1000 to 100000000, found '{text}'")
+    if not LOWEST_BAUD <= value <= HIGHEST_BAUD:
+        raise LinkError(url, f"option 'baud' must be a number from 1000 to 100000000, found '{text}'")
     return value
 
 

@@ -21,8 +21,7 @@ import typer
 
 from host.tests.command_line import exit_status
 from host.tests.docs.page_blocks import COMMAND, REASONS, ROOT, Block, blocks_of, pages, runs_elsewhere
-from taxel.cli.main import app_of
-from taxel.gap import catalogue
+from taxel.cli.main import build_app
 
 ALL = os.environ.get("TAXEL_DOCS") == "all"
 STATUS = re.compile(r"# exit status (\d)")
@@ -48,7 +47,7 @@ def check_words(words: list[str]) -> None:
     """Raises for a command, an option, a target or a script that there is not; nothing is run."""
     program, *rest = words
     if program == "taxel":
-        command = typer.main.get_command(app_of())
+        command = typer.main.get_command(build_app(loads_all=True))
         while rest and rest[0] in getattr(command, "commands", {}):
             command = command.commands[rest.pop(0)]
         if not {"--help", "-h"} & set(rest):
@@ -99,7 +98,6 @@ def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
 def test_a_pages_blocks_run_in_their_order(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.setattr(catalogue, "CATALOGUE", catalogue.CATALOGUE)  # a page's effects are nobody else's
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
     namespace: dict[str, object] = {"__name__": "__main__"}
     for block in blocks_of(page):

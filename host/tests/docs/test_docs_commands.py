@@ -21,7 +21,7 @@ import typer
 
 from host.tests.command_line import exit_status
 from host.tests.docs.page_blocks import ROOT
-from taxel.cli.main import app_of
+from taxel.cli.main import build_app
 
 ALL = os.environ.get("TAXEL_DOCS") == "all"
 EXAMPLE = re.compile(r"\bExamples?: (.*?)(?:\n\n|\Z)", re.DOTALL)
@@ -61,7 +61,7 @@ def walk(command, path=("taxel",)) -> Iterator[tuple[str, object]]:
         yield from walk(one, (*path, name))
 
 
-COMMANDS = dict(walk(typer.main.get_command(app_of())))
+COMMANDS = dict(walk(typer.main.get_command(build_app(loads_all=True))))
 
 
 def examples(name: str) -> list[str]:

@@ -14,7 +14,7 @@ from taxel.gap.adding.added import with_effects
 from taxel.gap.adding.apply import apply_report
 from taxel.gap.adding.draws import Chance, noise
 from taxel.gap.adding.frames import FrameStates, moving
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Link
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.dropout import Dropout, Dropped
@@ -27,7 +27,7 @@ from taxel.gap.state import state_of
 from taxel.recording.grasp_dataset import GraspDataset
 
 ROWS, COLUMNS, N, BOARDS = 6, 5, 60, 2
-FORMS = [(name, form) for name, forms in CATALOGUE.items() for form in forms]
+FORMS = [(name, form) for name, forms in OWN_EFFECTS.items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
 EXACT = Chance(0, 0, 0, 1)
 
@@ -113,7 +113,7 @@ WORLDS = {
     "latency": {"effect": board_late},
     "noise": {"after": noisy},
 }
-OTHERS = set(CATALOGUE) - set(WORLDS)
+OTHERS = set(OWN_EFFECTS) - set(WORLDS)
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -179,7 +179,7 @@ def test_everything_else_stays_and_the_file_says_what_was_added(made):
     with h5py.File(sim, "r+") as file:
         file.attrs["mine"] = "kept"
         file["grasps/0001/raw_counts"].attrs["unit"] = "counts"
-    report = made.report(made.link(CATALOGUE["saturation"][0], np.full((1, 1), 300.0)))
+    report = made.report(made.link(OWN_EFFECTS["saturation"][0], np.full((1, 1), 300.0)))
     done = apply_report(report, sim, out)
     assert done.notes == ("the report was made from another simulation than this",)
     before, after = arrays(sim), arrays(out)
@@ -203,7 +203,7 @@ def test_counts_that_grasps_share_or_hold_narrowly_are_replaced(made):
         del grasps["0000/raw_counts"], grasps["0003/raw_counts"]
         grasps["0000/raw_counts"] = narrow
         grasps["0003/raw_counts"] = grasps["0002/raw_counts"]
-    apply_report(made.report(made.link(CATALOGUE["proximity"][0])), sim, out)
+    apply_report(made.report(made.link(OWN_EFFECTS["proximity"][0])), sim, out)
     with GraspDataset(out) as after, GraspDataset(sim) as before:
         after.check()
         for grasp in before:
@@ -213,7 +213,7 @@ def test_counts_that_grasps_share_or_hold_narrowly_are_replaced(made):
 
 
 def test_the_seed_decides_the_noise(made):
-    report = made.report(made.link(CATALOGUE["noise"][0]), parameters=noise_of(20.0, 0.0, 0.0, 0.0))
+    report = made.report(made.link(OWN_EFFECTS["noise"][0]), parameters=noise_of(20.0, 0.0, 0.0, 0.0))
     found = []
     for number, seed in enumerate((0, 0, 1)):
         out = made.folder / f"{number}.h5"
@@ -278,7 +278,7 @@ def test_without_a_known_cause_it_is_a_copy_and_says_so(made, status, words):
 
 
 def test_an_object_that_the_report_has_nothing_of_stays_and_is_named(made):
-    form = next(form for form in CATALOGUE["pose_error"] if form.scope == "object")
+    form = next(form for form in OWN_EFFECTS["pose_error"] if form.scope == "object")
     values = np.zeros((len(form.parameters()), 1))
     values[0] = 2.0
     parameters = {

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "gap-diagnosis.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", OWN_EFFECTS)
 def test_every_form_and_parameter_stands_in_the_table(name):
     (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |"))
-    for form in CATALOGUE[name]:
+    for form in OWN_EFFECTS[name]:
         assert not form.variant or f"`{form.variant}`" in row
         told = {parameter.name for parameter in form.own_parameters() if form.name != "pose_error"}
         assert all(f"`{one}`" in row for one in told)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from taxel.gap import cores
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.cores import WORTH, in_copies, in_threads
 from taxel.gap.effects.effect import Prior
 
@@ -139,7 +139,7 @@ in_copies(SimpleNamespace(drop=np.zeros(WORTH), coarse=SimpleNamespace(drop=0)),
         time.sleep(0.01)
 
 
-FORMS = [form for forms in CATALOGUE.values() for form in forms]
+FORMS = [form for forms in OWN_EFFECTS.values() for form in forms]
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: f"{form.name} {form.variant} {form.scope}")

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.errors import GapInputError
 from taxel.gap.page import write_page
@@ -140,7 +140,7 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_named(written):
 def test_the_report_has_the_form_of_its_page(reported, tmp_path):
     report = json.loads(json.dumps(reported(effect=crosstalk), allow_nan=False))
     assert (report["format"], report["version"]) == ("taxel-gap-report", 1)
-    assert [entry["name"] for entry in report["effects"]] == list(CATALOGUE)
+    assert [entry["name"] for entry in report["effects"]] == list(OWN_EFFECTS)
     for name, rows in report["where"].items():
         share = [row["share"] for row in rows]
         assert share == sorted(share, reverse=True), name

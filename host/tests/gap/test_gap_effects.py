@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.boards import BoardLayout
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import LEVELS, drawn
@@ -21,7 +21,7 @@ from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
 from taxel.recording.grasp_format import Phase
 
-FORMS = [(name, form) for name, forms in CATALOGUE.items() for form in forms]
+FORMS = [(name, form) for name, forms in OWN_EFFECTS.items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
 
 
@@ -53,7 +53,7 @@ def test_parameters_have_units_bounds_and_a_start_within_them(state, name, form)
 
 
 def test_spreading_pressure_keeps_each_boards_net_force(state):
-    form = CATALOGUE["contact_propagation"][0]
+    form = OWN_EFFECTS["contact_propagation"][0]
     moved = form.apply(state, state.base, np.array([[3.0], [0.7]]))
     for board in range(2):
         own = state.pair.groups.sensor == board
@@ -88,7 +88,7 @@ def test_a_press_draws_down_what_is_near_it_and_no_more():
 
 
 def test_what_pillars_draw_down_grows_with_strength(state):
-    form = CATALOGUE["contact_propagation"][-1]
+    form = OWN_EFFECTS["contact_propagation"][-1]
     half, whole = (form.apply(state, state.base, np.array([[9.0], [one]])).force for one in (0.5, 1.0))
     assert (whole >= state.base.force).all()
     assert (whole > state.base.force).any()
@@ -102,7 +102,7 @@ def test_a_filter_follows_with_its_time_constant(state):
     first = 1.0 - (1.0 - np.exp(-0.5)) / 0.5
     np.testing.assert_allclose(out, 1.0 - (1.0 - first) * np.exp(-0.5 * np.arange(4)))
     np.testing.assert_allclose(low_pass(values, time_s, np.zeros((1, 1))), values, atol=1e-4)
-    lag = CATALOGUE["latency"][1]
+    lag = OWN_EFFECTS["latency"][1]
     moved = lag.apply(state, state.base, np.array([[0.0, 0.3]])).drop
     first_board = state.pair.groups.sensor == 0
     np.testing.assert_allclose(moved[:, :, first_board], state.drop[:, :, first_board], atol=1e-2)
@@ -112,7 +112,7 @@ def test_a_filter_follows_with_its_time_constant(state):
 
 def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themselves(state):
     """The same share is late; of a little that is left of a gap there are fewer counts than a share of the drop."""
-    forms = {form.variant: form for form in CATALOGUE["hysteresis"]}
+    forms = {form.variant: form for form in OWN_EFFECTS["hysteresis"]}
     late = np.array([[0.3], [1.0]])
     drop, gap = (forms[one].apply(state, state.base, late).drop for one in ("drop", "gap"))
     recovery = state.clock.phase == Phase.RECOVERY
@@ -126,7 +126,7 @@ def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themse
 def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
     """Of a time constant nothing is seen there: what it does is another law of counts."""
     lasts = float(state.since[-1])
-    for form in (one for one in CATALOGUE["hysteresis"] if one.variant != "sticks"):
+    for form in (one for one in OWN_EFFECTS["hysteresis"] if one.variant != "sticks"):
         slow, quick = (np.array([[0.3], [times * lasts]]) for times in (4.0, 0.5))
         assert form.is_idle(state, slow)
         assert not form.is_idle(state, quick)
@@ -135,7 +135,7 @@ def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
 def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):
     """What was worked out for the links before it is used again, in whatever order they are asked for."""
     links = [
-        started(state, CATALOGUE[name][0]) for name in ("contact_propagation", "electrode_crosstalk", "saturation")
+        started(state, OWN_EFFECTS[name][0]) for name in ("contact_propagation", "electrode_crosstalk", "saturation")
     ]
     whole = Chain.of(links)
     first = whole.features(state)
@@ -155,9 +155,9 @@ def test_presses_that_do_not_show_an_effect_say_so(state):
     real = SessionMeans(np.zeros(shape), np.full((cells, 3), 2), np.zeros((cells, layout.count, state.pair.n)))
     idle = replace(state, base=state.base.with_force(np.zeros_like(state.base.force)))
     judge = Judge(idle, real, layout)
-    assert seen(judge, CATALOGUE["contact_propagation"][0]) == 0.0
-    assert seen(judge, CATALOGUE["noise"][0]) > 1.0
-    assert seen(Judge(state, real, layout), CATALOGUE["contact_propagation"][0]) > 1.0
+    assert seen(judge, OWN_EFFECTS["contact_propagation"][0]) == 0.0
+    assert seen(judge, OWN_EFFECTS["noise"][0]) > 1.0
+    assert seen(Judge(state, real, layout), OWN_EFFECTS["contact_propagation"][0]) > 1.0
 
 
 def test_a_mean_of_what_is_known_ignores_the_rest():

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.layer_law import law_of
 from taxel.gap.judge import Judge
@@ -79,7 +79,7 @@ def test_of_no_gap_nothing_is_added(world, tmp_path):
 
 def test_a_hand_that_wanders_is_seen_beside_a_simulator_without_noise(world, tmp_path):
     state = judge_of(world(tmp_path, noise=0.0)).state
-    form = next(one for one in CATALOGUE["baseline_drift"] if one.scope == "hand")
+    form = next(one for one in OWN_EFFECTS["baseline_drift"] if one.scope == "hand")
     moved = form.features(state, state.mean, np.array([[0.0], [60.0]]))
     wander = state.layout.wander
     assert state.untouched.any()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.gap_summary import inside_words
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.errors import GapInputError
@@ -23,7 +23,7 @@ def clipped(force, drop):
 
 def test_a_clear_effect_is_found_without_any_session(world, tmp_path):
     files = world(tmp_path, effect=clipped, sessions=4, most=3.0)
-    without = set(CATALOGUE) - {"saturation", "stiffness", "noise"}  # five searches of the whole would take a while
+    without = set(OWN_EFFECTS) - {"saturation", "stiffness", "noise"}  # five searches of the whole would take a while
     nested, plain = (diagnose(*files, without, nested=anew).report for anew in (True, False))
     assert nested["verdict"] == plain["verdict"]
     assert all("saturation" in names for names in nested["after"]["chosen_inside"])

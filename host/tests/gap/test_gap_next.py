@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import exit_status, refusal
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
@@ -173,7 +173,7 @@ def diagnosed(world, tmp_path_factory):
     """Two files, four of six simulated approaches recorded, and the report of their diagnosis."""
     folder = tmp_path_factory.mktemp("diagnosed")
     paths = world(folder, effect=late, recorded=4, sessions=3)
-    left_out = [word for name in sorted(set(CATALOGUE) - TRIED) for word in ("--without", name)]
+    left_out = [word for name in sorted(set(OWN_EFFECTS) - TRIED) for word in ("--without", name)]
     assert exit_status("gap", "diagnose", *paths, "--out", folder, *left_out) == 0
     return paths, folder / "report.json"
 
@@ -254,7 +254,7 @@ def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
 )
 def test_a_broken_report_is_one_line(capsys, diagnosed, tmp_path, change, words):
     content = json.loads(diagnosed[1].read_text())
-    assert list(CATALOGUE)[-1] == content["effects"][-1]["name"] == "latency"
+    assert list(OWN_EFFECTS)[-1] == content["effects"][-1]["name"] == "latency"
     change(content)
     path = tmp_path / "report.json"
     path.write_text(json.dumps(content))

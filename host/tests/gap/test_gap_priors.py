@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE, chosen
+from taxel.gap.catalogue import OWN_EFFECTS, chosen
 from taxel.gap.effects.effect import Prior
 from taxel.gap.errors import GapInputError
 from taxel.gap.priors import read_priors
@@ -48,5 +48,5 @@ def test_a_search_starts_at_what_is_known_and_the_catalogue_stays_as_it_was():
         spread, strength = form.parameters()
         assert (spread.start, spread.prior, spread.middle) == (2.5, 0.5, 2.5)
         assert strength == form.own_parameters()[1]
-    for form in CATALOGUE["contact_propagation"]:
+    for form in OWN_EFFECTS["contact_propagation"]:
         assert np.isinf(form.parameters()[0].prior)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain, Link
 from taxel.gap.equations import Column, Problem, system_of
 from taxel.gap.fit import fit, start_of, started
@@ -23,7 +23,7 @@ def judge(world, tmp_path_factory) -> Judge:
 @pytest.mark.parametrize("name", ["stiffness", "saturation", "contact_propagation", "gain_mismatch"])
 def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, name):
     state = judge.state
-    effect = CATALOGUE[name][0]
+    effect = OWN_EFFECTS[name][0]
     there = Link(effect, effect.typical(state))
     target = Chain((there,)).features(state) + np.random.default_rng(1).normal(0.0, 1.0, state.mean.shape)
     whole = Problem(state, target, judge.weight)
@@ -37,7 +37,7 @@ def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, nam
 def test_blocks_of_one_link_meet_themselves_alone(judge):
     """The short way gives what the long one gives."""
     state = judge.state
-    effect = CATALOGUE["hysteresis"][0]
+    effect = OWN_EFFECTS["hysteresis"][0]
     columns = start_of(state, Chain((Link(effect, effect.typical(state)),))).columns
     problem = Problem(state, state.mean, judge.weight)
     apart = [Column(one.change, one.blocks.copy(), one.count, one.precision) for one in columns]
@@ -46,7 +46,7 @@ def test_blocks_of_one_link_meet_themselves_alone(judge):
 
 def test_a_subspace_leaves_nothing_of_its_own_and_all_of_what_is_square_to_it(judge):
     state = judge.state
-    columns = start_of(state, Chain((started(state, CATALOGUE["gain_mismatch"][1]),))).columns
+    columns = start_of(state, Chain((started(state, OWN_EFFECTS["gain_mismatch"][1]),))).columns
     values = np.random.default_rng(2).normal(size=columns[0].count)
     own = columns[0].change * values[columns[0].blocks][:, None]
     space = Subspace(judge, [*columns, *columns])  # the same twice: no more than once

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from taxel.cli.main import app_of
+from taxel.cli.main import build_app
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import read_pair
@@ -114,10 +114,10 @@ def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
 
 
 def test_nothing_tried_is_not_nothing_found(world, tmp_path):
-    from taxel.gap.catalogue import CATALOGUE
+    from taxel.gap.catalogue import OWN_EFFECTS
 
     paths = world(tmp_path, effect=lambda force, drop: 0.6 * drop)
-    verdict = diagnose(*paths, without=list(CATALOGUE)).report["verdict"]
+    verdict = diagnose(*paths, without=list(OWN_EFFECTS)).report["verdict"]
     assert verdict["status"] == "unknown"
     assert "no effect of the catalogue was tried" in verdict["one_line"]
 
@@ -131,7 +131,7 @@ def test_names_in_brackets_are_printed_as_they_are(world, tmp_path):
 
     changed(real, renamed)
     out = tmp_path / "[/bold]x"
-    result = CliRunner().invoke(app_of("gap"), ["gap", "diagnose", real, sim, "--out", str(out)])
+    result = CliRunner().invoke(build_app("gap"), ["gap", "diagnose", real, sim, "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert "press[/bold]0" in result.output
     assert json.loads((out / "report.json").read_text())["format"] == "taxel-gap-report"
@@ -147,7 +147,7 @@ def test_a_report_that_cannot_be_put_leaves_what_was_there(world, tmp_path, plac
     else:
         (out / "report.html").mkdir(parents=True)
         (out / "report.json").write_text("old")
-    result = CliRunner().invoke(app_of("gap"), ["gap", "diagnose", real, sim, "--out", str(out), "--overwrite"])
+    result = CliRunner().invoke(build_app("gap"), ["gap", "diagnose", real, sim, "--out", str(out), "--overwrite"])
     assert result.exit_code != 0
     assert "--out" in str(result.exception)
     assert (out if place == "file" else out / "report.json").read_text() == "old"
@@ -158,7 +158,7 @@ def test_apply_does_not_replace_the_recording_of_the_hand(world, tmp_path):
     report = tmp_path / "report.json"
     report.write_text(json.dumps(diagnose(real, sim).report))
     command = ["gap", "apply", str(report), sim, "--out", real, "--overwrite"]
-    result = CliRunner().invoke(app_of(command[0]), command)
+    result = CliRunner().invoke(build_app(command[0]), command)
     assert isinstance(result.exception, GapInputError)
     assert "another file than the inputs" in str(result.exception)
 

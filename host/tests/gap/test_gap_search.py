@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from host.tests.plugin_package import installed_package
 from taxel.gap import rounds
-from taxel.gap.catalogue import CATALOGUE, chosen
+from taxel.gap.catalogue import OWN_EFFECTS, chosen
 from taxel.gap.chain import Chain
 from taxel.gap.confounding import confounded_with
 from taxel.gap.diagnosis import diagnose
@@ -72,12 +73,21 @@ def test_a_change_of_amplitude_without_anything_to_compare_it_with_stays_unknown
     assert "stiffness" not in without["effects"]
 
 
-def test_an_effect_of_ones_own_is_named_without_further_words(world, tmp_path, monkeypatch):
-    class Mine(Stiffness):
-        name = "my_own"
+PLUGIN = """
+from taxel.gap.effects.stiffness import Stiffness
 
-    monkeypatch.setattr("taxel.gap.catalogue.CATALOGUE", {**CATALOGUE, "my_own": (Mine("hand"),)})
-    verdict = diagnose(*world(tmp_path, effect=harder), without=("stiffness", "gain_mismatch")).report["verdict"]
+class OtherStiffness(Stiffness):
+    name = "my_own"
+
+effects = (OtherStiffness("hand"),)
+"""
+
+
+def test_an_effect_of_another_package_is_named(world, tmp_path):
+    folder = tmp_path / "plugin"
+    folder.mkdir()
+    with installed_package(folder, "my_effect", PLUGIN, {"taxel.effects": {"my_own": "my_effect:effects"}}):
+        verdict = diagnose(*world(tmp_path, effect=harder), without=("stiffness", "gain_mismatch")).report["verdict"]
     assert verdict["effects"][0] == "my_own"
     assert "my own" in verdict["one_line"]
 
@@ -174,7 +184,7 @@ def test_the_linear_screen_puts_the_set_of_the_two_causes_first(world, tmp_path)
         return late_on_the_second(force, clipped(force, drop))
 
     paths = world(tmp_path, sessions=4, effect=both)
-    found = screened(prepared(read_pair(*paths)).judge, {name: own for name, own in CATALOGUE.items() if own})
+    found = screened(prepared(read_pair(*paths)).judge, {name: own for name, own in OWN_EFFECTS.items() if own})
     pairs = [one for one in found if len(one.names) == 2]
     assert pairs[0].names == {"latency", "saturation"}
     assert all(0.0 <= one.left <= 1.0 + 1e-9 for one in found)
@@ -182,7 +192,7 @@ def test_the_linear_screen_puts_the_set_of_the_two_causes_first(world, tmp_path)
 
 
 def test_likeness_says_what_could_do_the_same(judge):
-    forms = {name: CATALOGUE[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
+    forms = {name: OWN_EFFECTS[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
     rows = {(one.name, one.other): one for one in likenesses(judge, forms)}
     assert rows["gain_mismatch", "stiffness"].degrees < rows["gain_mismatch", "latency"].degrees
     assert not rows["gain_mismatch", "noise"].alike

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.errors import GapInputError
 from taxel.gap.features import COUNTS_MISSING, Layout, features_of, known_mean, session_means, untouched_cells
@@ -285,7 +285,7 @@ def test_without_force_and_with_one_board_it_is_told_as_well(of_drop, plain, mon
 
 def test_the_diagnosis_tells_it_and_the_page_shows_the_bank(world, tmp_path):
     paths = world(tmp_path, sessions=4, effect=lambda force, drop: exchanged(drop))
-    report = diagnose(*paths, without=set(CATALOGUE) - {"gain_mismatch"}).report
+    report = diagnose(*paths, without=set(OWN_EFFECTS) - {"gain_mismatch"}).report
     report = json.loads(json.dumps(report, allow_nan=False))
     left = report["unexplained"]
     assert set(left) == {"p_value", "signature", "where", "bank"}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from taxel.cloud.treatment import OTHER_SOR, Sor, sor_of
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain
 from taxel.gap.cloud_gap import cloud_gap
 from taxel.gap.metric import Interval, measure
@@ -131,7 +131,7 @@ def test_without_a_gap_contact_propagation_adds_nothing(told):
 
 def test_what_the_first_round_fitted_is_taken(judged):
     judge = judged(effect=spread)
-    tried = select(judge, {"contact_propagation": CATALOGUE["contact_propagation"]}).rounds[0].trials[0]
+    tried = select(judge, {"contact_propagation": OWN_EFFECTS["contact_propagation"]}).rounds[0].trials[0]
     link = replace(tried.link, values=tried.link.effect.neutral(judge.state))
     trial = Trial(tried.name, Chain((link,)), tried.features, tried.inside)
     first = Round(tried.inside, (trial,), None, 0.0, 1.0, False)

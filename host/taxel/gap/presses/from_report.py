@@ -40,7 +40,7 @@ def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
     verdict = found.report["verdict"]
     links = found.held.links
     return findings_of(
-        found.judge, found.selection, catalogue.CATALOGUE, verdict["effects"], verdict["confounded_with"], links
+        found.judge, found.selection, catalogue.all_effects(), verdict["effects"], verdict["confounded_with"], links
     )
 
 
@@ -104,7 +104,7 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
     found = report.verdict.maybe("confounded_with")
     named = {} if found is None else {name: [item.as_text() for item in own.items()] for name, own in found.entries()}
     for name in {*named, *(other for others in named.values() for other in others)}:
-        if name not in catalogue.CATALOGUE:
+        if name not in catalogue.all_effects():
             where = f"{shown_path(reported.path)}: verdict.confounded_with"
             raise GapInputError(where, "names of the catalogue", shown(name), AGAIN)
     return named
@@ -112,7 +112,7 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
 
 def _starts(state: State, report: Report, name: str) -> list[Link]:
     """An effect in the form that the report has of it; in all forms if it has none."""
-    forms = [form for form in catalogue.CATALOGUE[name] if not form.unavailable(state)]
+    forms = [form for form in catalogue.all_effects()[name] if not form.unavailable(state)]
     entry: Value | None = next((one for one in report.effects if one.text("name") == name), None)
     model = None if entry is None else entry.maybe("model")
     if model is not None:

@@ -83,7 +83,7 @@ def report_of(
             "confounded_with": named,
             "one_line": _one_line(verdict, left["signature"]),
         },
-        "effects": in_copies(judge.state, entry, [name for name in catalogue.CATALOGUE if name in tried]),
+        "effects": in_copies(judge.state, entry, [name for name in catalogue.all_effects() if name in tried]),
         "after": {
             "before": held.before,
             "value": held.after,

@@ -122,7 +122,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     entries = {entry.text("name"): entry for entry in report.effects}
     effects = []
     for index, name in enumerate(known):
-        if name not in catalogue.CATALOGUE or known.index(name) != index:
+        if name not in catalogue.all_effects() or known.index(name) != index:
             raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", shown(name), REMEDY)
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
@@ -181,7 +181,7 @@ def _intervals(parameters: Value | None) -> dict[str, Interval]:
 
 
 def _form(name: str, form: str, scope: str, model: Value) -> Effect:
-    forms = catalogue.CATALOGUE[name]
+    forms = catalogue.all_effects()[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
     if found is None:
         known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)

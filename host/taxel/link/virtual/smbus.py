@@ -6,11 +6,12 @@ import errno
 import os
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Final, Self
-
-from smbus2 import i2c_msg
+from typing import TYPE_CHECKING, Final, Self
 
 from taxel.link.virtual.world import VirtualWorld
+
+if TYPE_CHECKING:
+    from smbus2 import i2c_msg
 
 BLOCK_MAX: Final = 32
 READ_FLAG: Final = 0x0001  # I2C_M_RD of linux/i2c.h

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from taxel.errors import TaxelError
 from taxel.link.errors import LinkError
 from taxel.link.virtual.processor import EXCEPTIONS, CostStruct, HandlerCost, Processor, ProcessorStruct
-from taxel.native_library import last_words, load_library, stderr_into
+from taxel.native_library import emulator_message, load_library, redirected_stderr
 
 PS_PER_S: Final = 10**12
 RECEIVE_SIZE: Final = 1 << 16
@@ -143,10 +143,11 @@ class VirtualWorld:
             path.write_text(world)
             for name, source in files.items():
                 shutil.copyfile(source, Path(folder) / name)
-            with stderr_into(complaint):
+            with redirected_stderr(complaint):
                 handle = self._library.taxel_bench_open(os.fsencode(path), uart.encode(), int(counts))
             if not handle:
-                raise LinkError("virtual rig", last_words(complaint.read_text(errors="replace"), str(path), world))
+                message = emulator_message(complaint.read_text(errors="replace"), str(path), world)
+                raise LinkError("virtual rig", message)
             return int(handle)
 
     @property

@@ -1,0 +1,105 @@
+"""The commands of `taxel`: names, summaries, panels of the help page, and the modules that implement them.
+
+The help page and shell completion are built from this table alone, so that they import no command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+
+class CommandEntry(NamedTuple):
+    """One command or group of commands.
+
+    target: "module:attribute" of a typer function or a `typer.Typer` group; "" for a command that a package above this
+    one adds by an entry point of the group `taxel.commands`. summary: first line of
+    the command's help text. panel: heading on the help page. extra: the extra that installs all optional
+    libraries of the command; None: the extra of the missing library.
+    """
+
+    target: str
+    summary: str
+    panel: str
+    extra: str | None = None
+
+
+START: Final = "Start here"
+SKIN: Final = "Read a skin"
+BOARDS: Final = "Sensor boards"
+GRASPS: Final = "Grasp datasets"
+ANALYSIS: Final = "Analysis"
+OTHER: Final = "Commands of other packages"
+
+COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
+    {
+        "demo": CommandEntry(
+            "taxel.cli.demo:demo",
+            "Diagnose a sealed cause on the emulated hand, and compare the diagnosis with the cause.",
+            START,
+            extra="all",
+        ),
+        "feel": CommandEntry(
+            "taxel.cli.feel:feel",
+            "Apply scripted contacts and measured touches to the emulated skin, and show the active taxels.",
+            START,
+            extra="plots",
+        ),
+        "monitor": CommandEntry(
+            "taxel.cli.monitor:monitor", "Show a skin live, in the terminal or in a browser.", SKIN
+        ),
+        "record": CommandEntry("taxel.cli.record:record", "Record a skin to a file.", SKIN),
+        "replay": CommandEntry(
+            "taxel.cli.replay:replay", "Summarise a recording, or play it into a serial port, ROS or a file.", SKIN
+        ),
+        "convert": CommandEntry("taxel.cli.convert:convert", "Convert a recording to another file format.", SKIN),
+        "emulate": CommandEntry(
+            "taxel.cli.emulate:emulate", "Run the emulated skin behind a virtual serial port.", SKIN
+        ),
+        "ros": CommandEntry("taxel.cli.ros:ros", "Publish a skin as ROS topics.", SKIN, extra="ros"),
+        "scan": CommandEntry("", "List the boards on the bus.", BOARDS),
+        "provision": CommandEntry(
+            "",
+            "Assign address, kind, serial number and calibration to boards.",
+            BOARDS,
+        ),
+        "flash": CommandEntry("", "Program the firmware of boards or hub.", BOARDS),
+        "bench": CommandEntry("", "Test a sensor board on a test bench.", BOARDS),
+        "grasp": CommandEntry(
+            "taxel.cli.grasp:grasp",
+            "Run the 144 grasps of the thesis on the emulated hand, in the simulator or on a physical hand.",
+            GRASPS,
+            extra="sim",
+        ),
+        "show": CommandEntry("taxel.cli.show:show", "Draw the contact points of a grasp dataset.", GRASPS, extra="sim"),
+        "import": CommandEntry(
+            "taxel.cli.import_data:import_app",
+            "Import contacts, rollouts or arrays of other programs as a grasp dataset.",
+            GRASPS,
+            extra="sim",
+        ),
+        "generate": CommandEntry(
+            "taxel.cli.generate:generate", "Generate synthetic grasps at scale.", GRASPS, extra="sim"
+        ),
+        "gap": CommandEntry(
+            "taxel.cli.gap:gap_app",
+            "Diagnose the gap between simulator and hand: location, cause, and reduction.",
+            ANALYSIS,
+            extra="gap",
+        ),
+        "cloud": CommandEntry(
+            "taxel.cli.cloud:cloud_app",
+            "Filter, align, measure and match contact clouds.",
+            ANALYSIS,
+            extra="cloud",
+        ),
+        "thesis": CommandEntry(
+            "taxel.cli.thesis:thesis",
+            "Reproduce the tables and figures of the thesis beside the printed ones.",
+            ANALYSIS,
+            extra="all",
+        ),
+    }
+)
+"""The project's commands, in the order in which a user first needs them."""

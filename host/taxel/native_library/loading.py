@@ -1,0 +1,19 @@
+"""Load a compiled library of the package."""
+
+import ctypes
+import importlib.resources
+
+from taxel.errors import TaxelError
+
+
+def load_library(name: str, purpose: str, error: type[TaxelError]) -> ctypes.CDLL:
+    """Load the shared library `libNAME.so` of the package.
+
+    purpose: the library's name in messages to users, such as "the decoder". Raises `error` with one line if the library
+    is missing.
+    """
+    path = importlib.resources.files("taxel") / "native" / f"lib{name}.so"
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as reason:
+        raise error(f"{purpose} is missing from the package; install taxel again (pip install .)") from reason

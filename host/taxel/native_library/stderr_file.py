@@ -1,0 +1,39 @@
+"""Standard error of C code, captured in a file."""
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def redirected_stderr(path: Path) -> Iterator[None]:
+    """Send the process's standard error to a file: C code writes to the file descriptor, not to `sys.stderr`."""
+    sys.stderr.flush()
+    saved = os.dup(2)
+    target = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+    os.dup2(target, 2)
+    os.close(target)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+
+
+def emulator_message(stderr: str, path: str, world: str) -> str:
+    """The last line that the emulator printed on standard error, complete without the temporary world file.
+
+    stderr: all that was printed. path: of the temporary world file; the word "file" replaces it. world: text of the
+    world file; the line that the message names is quoted from it.
+    """
+    lines = stderr.strip().splitlines()
+    if not lines:
+        return "the library has no memory"
+    text = lines[-1].replace(path, "file")
+    number, world_lines = re.search(r", line (\d+)", text), world.splitlines()
+    if number is None or not 1 <= int(number[1]) <= len(world_lines):
+        return text
+    return f"{text} (found '{world_lines[int(number[1]) - 1]}')"

@@ -1,0 +1,76 @@
+"""Imports of optional libraries, with one error text for all of them.
+
+The core of the package needs numpy, pyserial, construct, typer and rich. Every other library belongs to an extra, which
+`pip` installs: ``pip install 'taxel[sim]'``. A module that needs such a library imports it inside `optional_import`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import MappingProxyType
+from typing import Final
+
+from taxel.errors import TaxelError
+
+EXTRA_OF_PACKAGE: Final = MappingProxyType(
+    {
+        "can": "hand",
+        "distributed": "cluster",
+        "h5py": "gap",
+        "igl": "cloud",
+        "jinja2": "gap",
+        "lz4": "ros",
+        "matplotlib": "plots",
+        "mcap": "ros",
+        "msgpack": "hand",
+        "mujoco": "sim",
+        "pyarrow": "parquet",
+        "rtde_control": "hand",
+        "rtde_receive": "hand",
+        "scipy": "gap",
+        "small_gicp": "cloud",
+        "smbus2": "i2c",
+        "threadpoolctl": "gap",
+        "viser": "web",
+        "zstandard": "ros",
+    }
+)
+"""Extra of pyproject.toml that installs an optional library, by the library's import name. Of several extras that
+install a library, the smallest one is named.
+"""
+
+
+class MissingPackageError(TaxelError, ImportError):
+    """An optional library is not installed. The text names the library, its extra and the command that installs it."""
+
+    def __init__(self, purpose: str, package: str, extra: str) -> None:
+        super().__init__(
+            f"{purpose} needs the Python package '{package}', which is not installed; "
+            f"install the extra '{extra}': pip install 'taxel[{extra}]'"
+        )
+
+
+@contextmanager
+def optional_import(package: str, purpose: str) -> Iterator[None]:
+    """Turn the ImportError of the imports in the block into a `MissingPackageError` of one line.
+
+    package: a key of `EXTRA_OF_PACKAGE`. purpose: the subject of the sentence, such as "a grasp dataset (.h5)".
+    """
+    try:
+        yield
+    except MissingPackageError:
+        raise
+    except ImportError:
+        raise MissingPackageError(purpose, package, EXTRA_OF_PACKAGE[package]) from None
+
+
+def missing_package(error: ModuleNotFoundError, purpose: str, extra: str | None = None) -> MissingPackageError | None:
+    """The error to show instead of a failed import; None if the missing module is not an optional library.
+
+    extra: the extra that installs all that the purpose needs; None: the extra of the missing library alone.
+    """
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRA_OF_PACKAGE:
+        return None
+    return MissingPackageError(purpose, package, extra or EXTRA_OF_PACKAGE[package])

@@ -1,0 +1,92 @@
+"""Plug-ins: objects that installed packages add to a group of entry points, beside the project's own.
+
+A group is a table of names. The project's own names are a mapping from name to ``"module:attribute"``, and a package
+adds names by entry points of the group (see docs/how-to-write-a-plugin.md). Nothing is imported before it is loaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from types import MappingProxyType
+from typing import Any, Final
+
+from taxel.errors import TaxelError
+
+LINKS: Final = "taxel.links"
+"""URL schemes. Object: a function ``(url: str, hand: taxel.hand.Hand | None) -> taxel.link.Link``."""
+EFFECTS: Final = "taxel.effects"
+"""Effects of the diagnosis. Object: a sequence of `taxel.gap.effects.effect.Effect`, the variants of one effect."""
+IMPORTERS: Final = "taxel.importers"
+"""Importers of grasp datasets. Object: a function that becomes the command ``taxel import NAME``."""
+BENCH_PHASES: Final = "taxel.bench_phases"
+BENCH_PROBES: Final = "taxel.bench_probes"
+COMMANDS: Final = "taxel.commands"
+"""Commands of the program ``taxel``. Object: a typer function or a `typer.Typer` group."""
+
+NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+class PluginError(TaxelError):
+    """An entry point cannot be used. The text names the group, the entry point and the distribution."""
+
+
+def plugin_names(group: str, built_in: Mapping[str, str] = NO_NAMES) -> tuple[str, ...]:
+    """All names of a group: the project's own in their order, then those of other packages in alphabetical order.
+
+    Raises `PluginError` if two distributions use one name.
+    """
+    return (*built_in, *sorted(_added(group, built_in)))
+
+
+def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -> Any:
+    """The object that a name of the group stands for.
+
+    Raises `KeyError` for an unknown name, `PluginError` if two distributions use one name or if the import of another
+    package's object fails. An import error of the project's own objects passes unchanged.
+    """
+    if name in built_in:
+        module, _, attribute = built_in[name].partition(":")
+        return getattr(import_module(module), attribute)
+    point = _added(group, built_in)[name]
+    try:
+        return point.load()
+    except Exception as error:  # a plug-in may raise anything while it is imported
+        raise PluginError(
+            f"entry point '{name}' of group '{group}' in package '{_distribution(point)}' cannot be loaded "
+            f"({type(error).__name__}: {error}); correct or uninstall that package"
+        ) from error
+
+
+def _added(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
+    """Entry points of other packages, by name. The project's own entry points that repeat a built-in name are left
+    out.
+    """
+    added: dict[str, EntryPoint] = {}
+    for point in _entry_points(group):
+        if built_in.get(point.name) == point.value:
+            continue
+        if point.name in built_in or (point.name in added and added[point.name].value != point.value):
+            first = "taxel" if point.name in built_in else _distribution(added[point.name])
+            raise PluginError(
+                f"entry point '{point.name}' of group '{group}' is in two packages, '{first}' and "
+                f"'{_distribution(point)}'; uninstall one of them"
+            )
+        added[point.name] = point
+    return added
+
+
+def refresh_plugins() -> None:
+    """Read the installed entry points again, after a package was installed or removed while the program runs."""
+    _entry_points.cache_clear()
+
+
+@cache
+def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+    return tuple(entry_points(group=group))
+
+
+def _distribution(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.value

@@ -1,0 +1,84 @@
+"""A skin that is recorded in an MCAP file: the hub's bytes, and the frames as ROS 2 topics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxel.hand import Hand
+from taxel.link import Link
+from taxel.ros.topics import JointSource, SkinTopics
+from taxel.skin.recording_link import RecordingLink
+from taxel.skin.skin import Skin
+from taxel.stream import TaxelFrame
+
+if TYPE_CHECKING:  # the library mcap is loaded only when an MCAP file is written
+    from taxel.ros.mcap_file import McapFile
+
+BASELINE_METADATA = "taxel_baseline"
+BOARDS_METADATA = "taxel_boards"
+
+
+class McapBytes:
+    """Writer of the hub's bytes into an MCAP file that the caller opens and closes."""
+
+    def __init__(self, file: McapFile, header: Mapping[str, Any]) -> None:
+        self._file = file
+        self._offset_ns = int(header["epoch_offset_ns"])
+        self._uses_hub_clock = header["clock"] == "hub"
+        self.frame_ns = self._offset_ns
+        """Time of the latest frame, Unix nanoseconds."""
+
+    def write(self, data: bytes, time_ns: int) -> None:
+        """Append bytes that arrived at `time_ns`, nanoseconds of the link's clock."""
+        self._file.write_bytes(data, time_ns, self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns)
+
+    def tick(self) -> None:
+        """Give the file a chance to write buffered data to disk."""
+        self._file.tick()
+
+    def close(self) -> None:
+        """Nothing to do: the topics are completed after the link is closed, and then `McapSkin` closes the file."""
+
+
+class McapSkin(Skin):
+    """A skin whose frames are written to an MCAP file as topics, beside the bytes that contained them."""
+
+    def __init__(
+        self, link: Link, hand: Hand, file: McapFile, header: Mapping[str, Any], joints: JointSource | None
+    ) -> None:
+        self._file = file
+        self._bytes = McapBytes(file, header)
+        super().__init__(RecordingLink(link, self._bytes), hand)
+        self._topics = SkinTopics(hand, self.hub, int(header["epoch_offset_ns"]), joints)
+        self._has_baseline = False
+
+    def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
+        frame = super()._check_frame(frame)
+        self._bytes.frame_ns = self._topics.time_ns(frame.time_s)
+        for message in self._topics.take(frame):
+            self._file.publish(message)
+        if self._topics.baseline is not None and not self._has_baseline:
+            self._has_baseline = True
+            values = {name: np.asarray(value).tolist() for name, value in vars(self._topics.baseline).items()}
+            self._file.add_metadata(BASELINE_METADATA, values)
+        return frame
+
+    def close(self) -> None:
+        """Stop the frames of the hub, write the last messages, and close link and file."""
+        super().close()
+        if self._file.is_closed:
+            return
+        try:
+            for message in self._topics.finish():
+                self._file.publish(message)
+            boards = {f"0x{address:02X}": _json_fields(fields) for address, fields in self.hub.boards.items()}
+            self._file.add_metadata(BOARDS_METADATA, boards)
+        finally:
+            self._file.close()
+
+
+def _json_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value.hex() if isinstance(value, bytes) else value for name, value in fields.items()}

@@ -1,0 +1,74 @@
+"""Open a skin: from a URL to a link, a hand description and an iterator over frames."""
+
+import os
+from typing import cast, get_args
+
+from taxel.hand import Hand, load_hand, packaged_hands
+from taxel.hand.description import hand_of_text
+from taxel.link import Link, LinkError, open_link
+from taxel.skin.skin import FrameFormat, Skin
+
+DEFAULT_HAND = "allegro"
+
+
+def open_skin(
+    url: str,
+    hand: Hand | str | os.PathLike[str] | None = None,
+    rate_hz: float | None = None,
+    frames: FrameFormat | None = None,
+) -> Skin:
+    """Open the skin at a URL and start its frames.
+
+    url: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`), `file:capture.bin`, `file:skin.mcap`, a pyserial URL
+    or a scheme of a plug-in. hand: name of a packaged description, a file or a `Hand`; None: the hand that a recording
+    contains, else "allegro". rate_hz: highest rate of scans; None: the rate that the bus permits. frames: "plain"
+    (16-bit counts) or "compact" (the same counts in fewer bytes; boards and hub must support the format); None: the
+    URL's option `frames`, else "plain". The decoded frames are equal.
+
+    Raises `TaxelError` with one line for a missing port, a hub that does not respond, another protocol version, or a
+    board that the hand does not have.
+    """
+    url, frame_format = _split_frame_format(url, frames)
+    link, description = open_source(url, hand)
+    return Skin(link, description, rate_hz, frame_format)
+
+
+def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
+    """The link of a URL and the hand at its other end; arguments and errors as in `open_skin`."""
+    description = _loaded_hand(hand or DEFAULT_HAND)
+    link = open_link(url, description)
+    if hand is not None or not link.is_recorded:
+        return link, description
+    try:
+        return link, recorded_hand(link)
+    except BaseException:
+        link.close()
+        raise
+
+
+def recorded_hand(link: Link) -> Hand:
+    """The hand that a recording contains; else the packaged hand that the recording names; else the default hand."""
+    header = getattr(link, "header", {})
+    text = header.get("hand_description")
+    if isinstance(text, str):
+        return hand_of_text(text.encode(), f"{link.name} (its hand)")
+    name = header.get("hand")
+    return load_hand(name if isinstance(name, str) and name in packaged_hands() else DEFAULT_HAND)
+
+
+def _loaded_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
+    return hand if isinstance(hand, Hand) else load_hand(hand)
+
+
+def _split_frame_format(url: str, frames: FrameFormat | None) -> tuple[str, FrameFormat]:
+    """The URL without its option `frames`, and the frame format. The argument takes precedence over the option."""
+    head, mark, query = url.partition("?")
+    if not mark or url.startswith("file:"):
+        return url, frames or "plain"
+    options = query.split("&")
+    formats = [option.removeprefix("frames=") for option in options if option.startswith("frames=")]
+    if formats and formats[-1] not in get_args(FrameFormat):
+        raise LinkError(url, f"option 'frames' must be {' or '.join(get_args(FrameFormat))}, found '{formats[-1]}'")
+    other_options = "&".join(option for option in options if not option.startswith("frames="))
+    bare_url = head + (f"?{other_options}" if other_options else "")
+    return bare_url, frames or (cast(FrameFormat, formats[-1]) if formats else "plain")

@@ -1,0 +1,24 @@
+"""The URL scheme `file`: a capture or an MCAP file as a link."""
+
+from taxel.hand import Hand
+from taxel.link import Link, LinkError
+from taxel.link.capture import CaptureLink
+from taxel.link.url import recorded_path
+
+
+def open_file(url: str, hand: Hand | None = None) -> Link:
+    """The link that plays the recording of a `file:` URL. hand: not used, since a recording contains its own.
+
+    Raises `LinkError` if the URL names no file, `CaptureError` if the file cannot be read, and `MissingPackageError` if
+    the file needs a library that is not installed.
+    """
+    path = recorded_path(url)
+    if path is None:
+        raise LinkError(url, "is not a file: URL; expected file:capture.bin")
+    from taxel.ros.mcap_signature import is_mcap
+
+    if not is_mcap(path):
+        return CaptureLink(path)
+    from taxel.ros.mcap_link import open_mcap  # needs the extra `ros`, which the core does not install
+
+    return open_mcap(path)

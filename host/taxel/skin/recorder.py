@@ -1,0 +1,105 @@
+"""Open a skin whose bytes, and on request whose topics, are written to a file while its frames are read."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from taxel.hand import Hand
+from taxel.link import CaptureError, CaptureWriter, Link
+from taxel.link.capture import EXISTS
+from taxel.ros.topics import JointSource
+from taxel.skin.mcap_skin import McapSkin
+from taxel.skin.opening import open_source
+from taxel.skin.recording_link import RecordingLink, recording_header
+from taxel.skin.skin import Skin
+
+MCAP_SUFFIX = ".mcap"
+
+
+def open_recorded(
+    url: str,
+    path: str | os.PathLike[str],
+    hand: Hand | str | None = None,
+    overwrite: bool = False,
+    joint_position: npt.ArrayLike | JointSource | None = None,
+) -> Skin:
+    """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
+
+    path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
+    `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
+    radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0.
+    Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
+    """
+    if os.path.exists(path) and not overwrite:
+        raise CaptureError(os.fspath(path), EXISTS)
+    link, description = open_source(url, hand)
+    try:
+        header = recording_header(url, link, description, hand)
+    except BaseException:
+        link.close()
+        raise
+    return record_link(link, description, header, path, overwrite, joint_position)
+
+
+def record_link(
+    link: Link,
+    hand: Hand,
+    header: dict[str, Any],
+    path: str | os.PathLike[str],
+    overwrite: bool = False,
+    joint_position: npt.ArrayLike | JointSource | None = None,
+) -> Skin:
+    """The skin at an open link, recorded as by `open_recorded`. If that fails, the link is closed."""
+    if joint_position is None:
+        joint_position = header.get("joint_position")
+    elif not callable(joint_position):
+        header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
+    if os.fspath(path).endswith(MCAP_SUFFIX):
+        return _record_mcap(link, hand, header, path, overwrite, joint_position)
+    try:
+        writer = CaptureWriter(path, header, overwrite)
+    except BaseException:
+        link.close()
+        raise
+    try:
+        return Skin(RecordingLink(link, writer), hand)
+    except BaseException:
+        if writer.records == 0:
+            os.unlink(path)  # a capture without any bytes is of no use
+        raise
+
+
+def joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
+    """A function that returns the joint angles: the given function, or one that returns fixed angles; None for None."""
+    if joint_position is None or callable(joint_position):
+        return joint_position
+    fixed = np.asarray(joint_position, dtype=np.float64)
+    return lambda: fixed
+
+
+def _record_mcap(
+    link: Link,
+    hand: Hand,
+    header: dict[str, Any],
+    path: str | os.PathLike[str],
+    overwrite: bool,
+    joint_position: npt.ArrayLike | JointSource | None,
+) -> Skin:
+    try:
+        from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
+
+        file = McapFile(path, header, overwrite)
+    except BaseException:
+        link.close()
+        raise
+    try:
+        return McapSkin(link, hand, file, header, joint_source(joint_position))
+    except BaseException:
+        file.close()
+        if file.messages == 0:
+            os.unlink(path)
+        raise

@@ -1,0 +1,90 @@
+"""A link whose bytes are recorded while they are read, and the header of the recording."""
+
+from __future__ import annotations
+
+import os
+import time
+from datetime import UTC, datetime
+from typing import Any, Protocol
+
+from taxel.hand import Hand
+from taxel.hand.description import description_text
+from taxel.link import Chunk, Link
+from taxel.stream.frame_stream import has_arrivals
+from taxel.version import VERSION
+
+
+class ByteWriter(Protocol):
+    """A recording that takes bytes with their arrival times."""
+
+    def write(self, data: bytes, time_ns: int) -> None:
+        """Append bytes that arrived at `time_ns`, nanoseconds of the link's clock."""
+        ...
+
+    def tick(self) -> None:
+        """Called when a read timed out: a chance to write buffered data to disk."""
+        ...
+
+    def close(self) -> None:
+        """Called once, after the last bytes."""
+        ...
+
+
+class RecordingLink:
+    """A link that appends every received chunk to a recording before it returns the chunk to the reader."""
+
+    def __init__(self, link: Link, writer: ByteWriter) -> None:
+        self._link = link
+        self._writer = writer
+        self.name = link.name
+        self.baud = link.baud
+        self.is_real_time = link.is_real_time
+        self.is_recorded = link.is_recorded
+        self.holds_back = link.holds_back
+        self.has_arrivals = has_arrivals(link)
+        self.header: dict[str, Any] = getattr(link, "header", {})
+
+    def read(self, timeout_s: float) -> Chunk | None:
+        """The next chunk of the link, already recorded; None if none arrived in time."""
+        chunk = self._link.read(timeout_s)
+        if chunk is not None:
+            self._writer.write(chunk.data, chunk.arrival_ns)
+        else:
+            self._writer.tick()
+        return chunk
+
+    def write(self, data: bytes) -> None:
+        """Send bytes. Sent bytes are not recorded."""
+        self._link.write(data)
+
+    def close(self) -> None:
+        """Close the link, then the recording."""
+        self._link.close()
+        self._writer.close()
+
+
+def recording_header(
+    url: str, link: Link, hand: Hand, hand_source: Hand | str | os.PathLike[str] | None
+) -> dict[str, Any]:
+    """Header of a recording as JSON values, complete enough to read the file without any other.
+
+    hand_source: the hand as the caller named it, whose description text is stored if there is one; None: `hand`.
+    Fields: `clock`, the time base ("host": arrival times; "hub": the hub's clock); `epoch_offset_ns`, from that clock
+    to Unix time (0: unknown); `hand_description`, text of the hand's file. The header of a source that is a recording
+    itself takes precedence.
+    """
+    clock = "host" if has_arrivals(link) else "hub"
+    offset_ns = time.time_ns() - (time.monotonic_ns() if clock == "host" else 0)
+    header: dict[str, Any] = {
+        "url": url,
+        "hand": hand.name,
+        "baud": link.baud,
+        "clock": clock,
+        "epoch_offset_ns": 0 if link.is_recorded else offset_ns,
+        "taxel_version": VERSION,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    text = description_text(hand if hand_source is None else hand_source)
+    if text is not None:
+        header["hand_description"] = text
+    return header | getattr(link, "header", {}) | {"clock": clock} if link.is_recorded else header

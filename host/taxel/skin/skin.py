@@ -1,0 +1,237 @@
+"""An open skin: its board frames, its frames of the whole skin, and its losses."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+
+from taxel.errors import TaxelError
+from taxel.hand import Hand
+from taxel.link import Link, clock_of
+from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
+from taxel.stream import HubClient, LossAccount, TaxelFrame
+from taxel.stream.cycles import CycleSorter
+from taxel.types import BoolArray, CountArray
+
+FrameFormat = Literal["plain", "compact"]
+"""Frames on the wire: "plain", 16-bit raw counts; "compact", the same raw counts in fewer bytes."""
+
+DISCOVERY_TIMEOUT_S = 1.0
+"""Longest wait for boards that the hub has not found yet, in seconds. Boards start within 50 ms of power-up; a longer
+time delays the opening of a skin with a missing board, a shorter one may miss a board that is still starting.
+"""
+
+
+class BoardMismatchError(TaxelError):
+    """A board on the bus differs from the board that the hand description has at the same address."""
+
+
+class SkinFrame(NamedTuple):
+    """Raw counts of the whole skin in one poll cycle.
+
+    cycle: number of the hub's poll cycle. time_s: start of the first board's scan, seconds of the host clock.
+    raw_counts: u16[n] in the hand's taxel order, 0 where `valid` is False. valid: bool[n], True where the frame of the
+    taxel's board arrived.
+    """
+
+    cycle: int
+    time_s: float
+    raw_counts: CountArray
+    valid: BoolArray
+
+
+class Skin:
+    """An open skin: an iterator over the frames of its boards (`TaxelFrame`), in the order of their arrival.
+
+    Use the skin as a context manager. The iteration ends at the end of a recording. It raises a `TaxelError` of one
+    line if the port vanishes, or if a frame comes from a board that the hand does not have; all earlier frames are
+    delivered first. After a restart of the hub, the handshake and START are repeated.
+    """
+
+    def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
+        self.hand = hand
+        self.hub = HubClient(link)
+        self._rate_hz = rate_hz
+        self._compact = frames == "compact"
+        self._stream = self.hub.stream
+        self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
+        self._sorter = CycleSorter(len(hand.boards))
+        self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
+        try:
+            if not link.is_recorded:
+                self._start()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def _start(self) -> None:
+        self.hub.handshake()
+        self._discover()
+        for address, fields in sorted(self.hub.boards.items()):
+            self._check_board(address, fields)
+        self.hub.set_rate(self._rate_hz)
+        self.hub.start(self._compact)
+
+    def _resume(self) -> None:
+        """Repeat handshake, rate and START after a restart of the hub."""
+        self.hub.handshake()
+        self.hub.set_rate(self._rate_hz)
+        self.hub.start(self._compact)
+
+    def _discover(self) -> None:
+        now_s = clock_of(self._stream.link)
+        deadline = now_s() + DISCOVERY_TIMEOUT_S
+        while True:
+            self.hub.read_boards()
+            if len(self.hub.boards) >= len(self.hand.boards) or now_s() > deadline:
+                return
+            self.hub.wait(0.05)
+
+    def _check_board(self, address: int, fields: dict[str, Any]) -> None:
+        board = self.hand.board(address)  # raises UnknownBoardError
+        found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
+        expected = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
+        if found != expected or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
+            raise BoardMismatchError(
+                f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand "
+                f"'{self.hand.name}' has {board.name} there, kind {board.kind.name} with {expected[2]} taxels "
+                f"on {expected[0]} TX x {expected[1]} RX; exchange the board or use the hand description of this board"
+            )
+
+    @property
+    def missing_boards(self) -> list[str]:
+        """Names of the hand's boards that the hub has not found; empty for a recording."""
+        if self._stream.link.is_recorded:
+            return []
+        return [board.name for board in self.hand.boards if board.address not in self.hub.boards]
+
+    @property
+    def link(self) -> Link:
+        """The link that delivers the bytes."""
+        return self._stream.link
+
+    @property
+    def losses(self) -> LossAccount:
+        """Counts of frames received, missing and lost since the skin was opened."""
+        return self._stream.losses
+
+    @property
+    def bytes_received(self) -> int:
+        """Number of bytes that have arrived since the skin was opened."""
+        return self._stream.bytes_received
+
+    @property
+    def bytes_discarded(self) -> int:
+        """Number of bytes that belonged to no valid frame."""
+        return self._stream.bytes_discarded
+
+    @property
+    def bytes_waiting(self) -> int:
+        """Number of bytes that have arrived and are not decoded yet. The number grows if the reader is too slow."""
+        return self._stream.bytes_waiting
+
+    def is_synchronised(self, address: int) -> bool:
+        """True if the times of a board's frames come from the board's own clock (see `taxel.stream.ClockMap`)."""
+        return self._stream.clock.is_synchronised(address)
+
+    def __iter__(self) -> Iterator[TaxelFrame]:
+        frames = self._stream.frames
+        while True:
+            while frames:
+                yield self._check_frame(frames.popleft())
+            try:
+                self._read_link()
+            except EOFError:
+                return
+
+    def poll(self, timeout_s: float = 0.1) -> list[TaxelFrame]:
+        """All board frames that have arrived, for loops that must not block; an empty list if none arrived.
+
+        timeout_s: longest wait for the first frame, seconds. Raises EOFError at the end of a recording, and otherwise
+        the errors of the iteration.
+        """
+        if not self._stream.frames:
+            self._read_link(timeout_s)
+        arrived = [self._check_frame(frame) for frame in self._stream.frames]
+        self._stream.frames.clear()
+        return arrived
+
+    def _read_link(self, timeout_s: float = 0.1) -> None:
+        if not (self.hub.has_handshake or self._stream.link.is_recorded):
+            self._resume()
+        self._stream.poll(timeout_s)
+
+    def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
+        if self._sizes.get(frame.address) != len(frame.raw_counts):
+            self._raise_mismatch(frame)
+        return frame
+
+    def _raise_mismatch(self, frame: TaxelFrame) -> None:
+        board = self.hand.board(frame.address)  # raises UnknownBoardError
+        raise BoardMismatchError(
+            f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' "
+            f"has {board.name} with {board.kind.taxel_count} there; use the hand description of this skin"
+        )
+
+    def scans(self) -> Iterator[SkinFrame]:
+        """Iterate over frames of the whole skin, one for each poll cycle.
+
+        The taxels of a board whose frame is missing in a cycle are not valid in that cycle.
+        """
+        for frame in self:
+            self._sorter.add(frame)  # the sorter outlives this iterator: the next iterator finishes an incomplete cycle
+            while (frames := self._sorter.pop()) is not None:
+                yield self._assemble(frames)
+        while (frames := self._sorter.pop(is_end=True)) is not None:
+            yield self._assemble(frames)
+
+    def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
+        counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
+        valid = np.zeros(self.hand.n_taxels, dtype=bool)
+        for frame in frames:
+            taxels = self._slices[frame.address]
+            counts[taxels] = frame.raw_counts
+            valid[taxels] = True
+        return SkinFrame(frames[0].cycle, min(frame.time_s for frame in frames), counts, valid)
+
+    def take_baseline(
+        self, samples: int = BASELINE_SAMPLES, progress: Callable[[float], None] | None = None
+    ) -> BaselineResult:
+        """Mean, noise and disturbed taxels over the next `samples` frames of every board that responds.
+
+        Nothing may touch the skin meanwhile. The frames are consumed. Taxels of boards that do not respond are NaN.
+        progress: called with the completed share, 0 to 1. Raises `TaxelError` if a recording ends before the baseline
+        is complete.
+        """
+        baseline = Baseline(self.hand.n_taxels, samples=samples)
+        cycles = 0
+        for scan in self.scans():
+            cycles += 1
+            baseline.update(scan.raw_counts, scan.valid)
+            if progress is not None:
+                progress(baseline.progress)
+            if baseline.ready:
+                return baseline.result()
+            if cycles >= 2 * samples and baseline.ready_mask.any():
+                return BaselineResult(baseline.mean, baseline.noise, baseline.disturbed, baseline.count)
+        raise TaxelError(
+            f"{self._stream.link.name}: the recording ended after {cycles} scans; a baseline needs {samples}"
+        )
+
+    def close(self) -> None:
+        """Stop the frames of the hub and close the link."""
+        link = self._stream.link
+        if not link.is_recorded:
+            with contextlib.suppress(TaxelError):  # a port that has vanished has no stream to stop
+                self.hub.send_stop()
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
