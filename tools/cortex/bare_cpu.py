@@ -1,4 +1,4 @@
-"""A bare Cortex-M0 from Python: the emulator's processor (firmware/emulator/cortex_m0) without any peripherals."""
+"""Python interface of the emulated Cortex-M0 (firmware/emulator/cortex_m0) without peripherals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taxel.native_library import load_library
 
 RAM_BASE = 0x20000000
 SEMIHOSTING = 0xBEAB
-"""The BKPT through which a program asks its host."""
+"""BKPT instruction that requests a semihosting operation."""
 
 STATE = np.dtype(
     [
@@ -26,24 +26,24 @@ STATE = np.dtype(
         *((name, "<u4") for name in ("fault", "fault_address", "lowest_msp")),
     ]
 )
-"""struct taxel_cortex_m0_state."""
+"""Layout of struct taxel_cortex_m0_state."""
 
 
 class Reason(IntEnum):
-    """Why the processor has stopped: enum cortex_m0_reason."""
+    """Reason for which a run ended (enum cortex_m0_reason)."""
 
-    TIME = 0
-    SLEEPS = 1
+    DEADLINE = 0
+    ASLEEP = 1
     STOPPED = 2
-    WAITS = 3
+    BUS_RETRY = 3
     BREAKPOINT = 4
     FAULTED = 5
-    RESET_WANTED = 6
+    RESET_REQUESTED = 6
     LOCKUP = 7
 
 
 class Fault(IntEnum):
-    """enum cortex_m0_fault_kind."""
+    """Kind of a fault (enum cortex_m0_fault_kind)."""
 
     NONE = 0
     UNDEFINED = 1
@@ -60,12 +60,12 @@ class Fault(IntEnum):
 
 @dataclass(frozen=True)
 class Cost:
-    """Cycles of an exception's handler: struct cortex_m0_cost."""
+    """Cycles of an exception's handler (struct cortex_m0_cost)."""
 
     count: int
-    own: int
-    own_min: int
-    own_max: int
+    exclusive: int
+    exclusive_min: int
+    exclusive_max: int
     inclusive: int
     inclusive_min: int
     inclusive_max: int
@@ -74,31 +74,31 @@ class Cost:
 
 
 class CortexLibraryError(TaxelError):
-    """The compiled processor is missing, or refuses its memory."""
+    """The compiled library is missing, or the memory sizes are invalid."""
 
 
 @cache
 def cortex_library() -> ctypes.CDLL:
-    """The loaded library. Raises `CortexLibraryError` if it was not built."""
+    """Load the library once. Raises `CortexLibraryError` if it was not built."""
     library = load_library("taxel_cortex_m0", "the compiled Cortex-M0", CortexLibraryError)
     handle, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
     signatures = {
         "open": (handle, [word, word, ctypes.c_uint8, ctypes.c_uint8, ctypes.c_int]),
         "close": (None, [handle]),
-        "load": (ctypes.c_int, [handle, word, ctypes.c_char_p, word]),
-        "memory": (ctypes.c_int, [handle, word, ctypes.c_char_p, word]),
+        "write_memory": (ctypes.c_int, [handle, word, ctypes.c_char_p, word]),
+        "read_memory": (ctypes.c_int, [handle, word, ctypes.c_char_p, word]),
         "reset": (None, [handle, word]),
         "run": (ctypes.c_int, [handle, long]),
         "step": (ctypes.c_int, [handle]),
-        "instructions": (long, [handle, long]),
+        "count_instructions": (long, [handle, long]),
         "set_line": (None, [handle, ctypes.c_uint, ctypes.c_int]),
-        "skip": (None, [handle]),
-        "cycle": (long, [handle]),
-        "registers": (None, [handle, handle]),
-        "set_registers": (None, [handle, handle]),
-        "cases": (None, [handle, handle, word]),
-        "account": (None, [handle, ctypes.c_int]),
-        "cost": (None, [handle, ctypes.c_uint, handle]),
+        "skip_breakpoint": (None, [handle]),
+        "get_cycle": (long, [handle]),
+        "get_state": (None, [handle, handle]),
+        "set_state": (None, [handle, handle]),
+        "run_cases": (None, [handle, handle, word]),
+        "set_accounting": (None, [handle, ctypes.c_int]),
+        "get_cost": (None, [handle, ctypes.c_uint, handle]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, f"taxel_cortex_m0_{name}")
@@ -107,9 +107,9 @@ def cortex_library() -> ctypes.CDLL:
 
 
 class BareCpu:
-    """A processor with flash at 0 and RAM at 0x20000000 (bytes, multiples of 4). Use it as a context manager.
+    """Processor with flash at 0 and RAM at 0x20000000 (sizes in bytes, multiples of 4). Use it as a context manager.
 
-    It halts at breakpoints, and, if `halt_on_fault`, at instructions that fault. Raises `CortexLibraryError`.
+    A run halts at breakpoints and, with `halt_on_fault`, at faulting instructions. Raises `CortexLibraryError`.
     """
 
     def __init__(
@@ -122,84 +122,86 @@ class BareCpu:
         halt_on_fault: bool = False,
     ) -> None:
         self._library = cortex_library()
-        halts = 1 | (2 if halt_on_fault else 0)
-        self._handle = self._library.taxel_cortex_m0_open(flash_size, ram_size, flash_wait, multiply, halts)
+        halt_flags = 1 | (2 if halt_on_fault else 0)
+        self._handle = self._library.taxel_cortex_m0_open(flash_size, ram_size, flash_wait, multiply, halt_flags)
         if not self._handle:
-            raise CortexLibraryError(f"sizes of memory: expected multiples of 4, found {flash_size} and {ram_size}")
+            raise CortexLibraryError(f"memory sizes: expected multiples of 4, found {flash_size} and {ram_size}")
 
-    def load(self, address: int, data: bytes) -> None:
-        """Into flash or RAM. Raises `ValueError` if it does not lie in one of them."""
-        if self._library.taxel_cortex_m0_load(self._handle, address, data, len(data)):
-            raise ValueError(f"expected {len(data)} bytes of flash or RAM at 0x{address:08X}, found neither")
+    def write_memory(self, address: int, data: bytes) -> None:
+        """Write to flash or RAM. Raises `ValueError` if the range does not lie in one memory."""
+        if self._library.taxel_cortex_m0_write_memory(self._handle, address, data, len(data)):
+            raise ValueError(
+                f"expected {len(data)} bytes of flash or RAM at 0x{address:08X}, found a range outside both"
+            )
 
-    def memory(self, address: int, size: int) -> bytes:
-        """Of flash or RAM. Raises `ValueError` if it does not lie in one of them."""
+    def read_memory(self, address: int, size: int) -> bytes:
+        """Read flash or RAM. Raises `ValueError` if the range does not lie in one memory."""
         buffer = ctypes.create_string_buffer(size)
-        if self._library.taxel_cortex_m0_memory(self._handle, address, buffer, size):
-            raise ValueError(f"expected {size} bytes of flash or RAM at 0x{address:08X}, found neither")
+        if self._library.taxel_cortex_m0_read_memory(self._handle, address, buffer, size):
+            raise ValueError(f"expected {size} bytes of flash or RAM at 0x{address:08X}, found a range outside both")
         return buffer.raw
 
     def reset(self, vectors: int = 0) -> None:
-        """Begin at the vector table there."""
+        """Reset and start from the vector table at address `vectors`."""
         self._library.taxel_cortex_m0_reset(self._handle, vectors)
 
     def run(self, until: int) -> Reason:
-        """Run until that cycle, or until something stops it."""
+        """Run until the cycle `until`, or until an event ends the run."""
         return Reason(self._library.taxel_cortex_m0_run(self._handle, until))
 
     def step(self) -> Reason:
-        """One instruction, or the entry of an exception."""
+        """Execute one instruction or one exception entry."""
         return Reason(self._library.taxel_cortex_m0_step(self._handle))
 
-    def instructions(self, until: int) -> int:
-        """Run in steps until that cycle or until something stops it: how many."""
-        return int(self._library.taxel_cortex_m0_instructions(self._handle, until))
+    def count_instructions(self, until: int) -> int:
+        """Run in steps until the cycle `until` or another event; return the number of steps."""
+        return int(self._library.taxel_cortex_m0_count_instructions(self._handle, until))
 
     def set_line(self, irq: int, high: bool) -> None:
-        """The level of an interrupt input."""
+        """Set the level of an interrupt input."""
         self._library.taxel_cortex_m0_set_line(self._handle, irq, high)
 
     @property
     def cycle(self) -> int:
-        """Cycles since it was made."""
-        return int(self._library.taxel_cortex_m0_cycle(self._handle))
+        """Cycles since the processor was created."""
+        return int(self._library.taxel_cortex_m0_get_cycle(self._handle))
 
     @property
     def state(self) -> NDArray[np.void]:
-        """STATE[1]: its registers. Setting it leaves every exception."""
+        """Registers, STATE[1]. Assignment also leaves every active exception."""
         state = np.zeros(1, STATE)
-        self._library.taxel_cortex_m0_registers(self._handle, state.ctypes.data)
+        self._library.taxel_cortex_m0_get_state(self._handle, state.ctypes.data)
         return state
 
     @state.setter
     def state(self, state: NDArray[np.void]) -> None:
-        self._library.taxel_cortex_m0_set_registers(self._handle, np.ascontiguousarray(state).ctypes.data)
+        self._library.taxel_cortex_m0_set_state(self._handle, np.ascontiguousarray(state).ctypes.data)
 
-    def skip(self) -> None:
-        """Over the breakpoint at which it stands."""
-        self._library.taxel_cortex_m0_skip(self._handle)
+    def skip_breakpoint(self) -> None:
+        """Advance over the breakpoint at r15."""
+        self._library.taxel_cortex_m0_skip_breakpoint(self._handle)
 
     def describe_fault(self) -> str:
-        """The latest fault, in a few words."""
+        """Description of the latest fault."""
         state = self.state[0]
         return f"{Fault(int(state['fault'])).name} fault, r15 0x{state['r'][15]:08X}"
 
     def run_cases(self, states: NDArray[np.void]) -> None:
-        """STATE[n]: from each, one instruction; they become the states after it."""
-        self._library.taxel_cortex_m0_cases(self._handle, states.ctypes.data, len(states))
+        """Execute one instruction from each state of STATE[n] and replace the state by the result."""
+        self._library.taxel_cortex_m0_run_cases(self._handle, states.ctypes.data, len(states))
 
-    def account(self, on: bool) -> None:
-        """Begin to account for handlers, or end."""
-        self._library.taxel_cortex_m0_account(self._handle, on)
+    def set_accounting(self, enabled: bool) -> None:
+        """Start or stop cycle accounting of handlers."""
+        self._library.taxel_cortex_m0_set_accounting(self._handle, enabled)
 
-    def cost(self, exception: int) -> Cost:
-        """What that exception's handler has cost."""
+    def handler_cost(self, exception: int) -> Cost:
+        """Cycle counts of the handler of `exception`."""
         values = (ctypes.c_uint64 * len(fields(Cost)))()
-        self._library.taxel_cortex_m0_cost(self._handle, exception, ctypes.addressof(values))
+        self._library.taxel_cortex_m0_get_cost(self._handle, exception, ctypes.addressof(values))
         return Cost(*values)
 
     def close(self) -> None:
-        """Give its memory back."""
+        """Free the processor."""
         if self._handle:
             self._library.taxel_cortex_m0_close(self._handle)
             self._handle = None

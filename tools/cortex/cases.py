@@ -1,4 +1,4 @@
-"""Random cases: an instruction, and registers and memory in which it may do something."""
+"""Random test cases: an instruction with random registers and memory."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from unicorn_oracle import FLASH_SIZE, RAM_SIZE, SLOT
 
 BLOCK = 2048
-"""Cases that share one memory."""
+"""Number of cases that share one memory."""
 
 CODE = 0x8000
-"""Where the block's instructions lie, SLOT bytes each; the rest of flash is random."""
+"""Address of the block's instructions, SLOT bytes each; the rest of flash is random."""
 
-WIDE = 0xE800
-"""The first halfword from which on an instruction has two."""
+FIRST_32_BIT = 0xE800
+"""Smallest first halfword of a 32-bit instruction."""
 
 NOP = 0xBF00
 FLAG_T = 0x01000000
@@ -24,7 +24,11 @@ EDGES = np.array([0, 1, 2, 31, 32, 33, 255, 256, 0x7FFFFFFF, 0x80000000, 0x80000
 
 
 class Block(NamedTuple):
-    """`first`, `second`: u16[n], halfwords of each instruction; `size`: bytes. `states`: STATE[n] before it."""
+    """A block of test cases.
+
+    first, second: u16[n], halfwords of each instruction. size: i64[n], bytes. states: STATE[n], registers before the
+    instruction. ram, flash: memory shared by all cases.
+    """
 
     first: NDArray[np.uint16]
     second: NDArray[np.uint16]
@@ -34,17 +38,17 @@ class Block(NamedTuple):
     flash: bytes
 
 
-def _wide_seconds(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """Second halfwords: random, or such that the two are BL, MSR, MRS or a barrier."""
+def _second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Random second halfwords u16[n]; a sixth of them encode BL."""
     n = len(first)
     second = rng.integers(0, 0x10000, n, dtype=np.uint16)
     kind = rng.integers(0, 6, n)
-    second[kind == 0] |= 0xD000  # BL, if the first fits
+    second[kind == 0] |= 0xD000  # BL if the first halfword matches
     return second
 
 
-def _special(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
-    """u16[n, 2]: BL, MSR, MRS and barriers, which a sweep of first halfwords would seldom meet."""
+def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
+    """Random BL, MSR, MRS and barriers u16[n, 2], which a sweep of first halfwords rarely contains."""
     kind = rng.integers(0, 4, n)
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
     register = rng.integers(0, 16, n, dtype=np.uint16)
@@ -58,17 +62,19 @@ def _special(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
 
 
 def _instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Blocks in a row sweep all first halfwords; a tenth are special ones instead."""
+    """Halfwords of a block. Consecutive blocks sweep all first halfwords; a tenth are special instructions instead."""
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
-    second = _wide_seconds(rng, first)
+    second = _second_halfwords(rng, first)
     special = rng.permutation(BLOCK)[: BLOCK // 10]
-    first[special], second[special] = _special(rng, len(special)).T
+    first[special], second[special] = _special_instructions(rng, len(special)).T
     return first, second
 
 
 def _registers(rng: np.random.Generator) -> NDArray[np.uint32]:
-    """u32[n, 16]: addresses in RAM and flash, aligned or not, at their ends; small numbers, edges, anything."""
+    """Random registers u32[n, 16]: aligned and unaligned addresses in RAM and flash and at their ends, small numbers,
+    edge cases, and arbitrary values.
+    """
     shape = (BLOCK, 16)
     kind = rng.integers(0, 10, shape)
     values = rng.integers(0, 1 << 32, shape, dtype=np.uint32)
@@ -83,8 +89,8 @@ def _registers(rng: np.random.Generator) -> NDArray[np.uint32]:
     return np.where(kind == 8, rng.choice(EDGES, shape), values).astype(np.uint32)
 
 
-def draw_block(seed: int, index: int) -> Block:
-    """Block `index` of the sequence that `seed` begins."""
+def generate_block(seed: int, index: int) -> Block:
+    """Generate block `index` of the sequence that belongs to `seed`."""
     rng = np.random.default_rng([seed, index])
     first, second = _instructions(rng, index)
     states = np.zeros(BLOCK, STATE)
@@ -99,5 +105,5 @@ def draw_block(seed: int, index: int) -> Block:
     flash = bytearray(rng.bytes(FLASH_SIZE))
     code = np.frombuffer(flash, np.uint16, BLOCK * SLOT // 2, CODE).reshape(BLOCK, -1)
     code[:, 0], code[:, 1] = first, second
-    code[(first >> 8 == 0xBF) & (first & 15 != 0), 1:] = NOP  # Unicorn executes IT and what follows it as one
-    return Block(first, second, np.where(first < WIDE, 2, 4), states, rng.bytes(RAM_SIZE), bytes(flash))
+    code[(first >> 8 == 0xBF) & (first & 15 != 0), 1:] = NOP  # Unicorn executes IT and the following instruction as one
+    return Block(first, second, np.where(first < FIRST_32_BIT, 2, 4), states, rng.bytes(RAM_SIZE), bytes(flash))

@@ -1,4 +1,4 @@
-"""Where Unicorn is known not to be a Cortex-M0: what is allowed to differ, and why."""
+"""Known deviations of Unicorn from a Cortex-M0: differences that a comparison ignores, with the reasons."""
 
 from __future__ import annotations
 
@@ -15,30 +15,33 @@ from taxel.types import BoolArray, CountArray
 
 
 class Outcome(NamedTuple):
-    """A block's cases after the instruction. `ours`, `theirs`: STATE[n]; `verdict`: i64[n], Unicorn's."""
+    """The cases of a block after their instruction.
+
+    emulated, reference: STATE[n] in the emulator and in Unicorn. verdict: i64[n], Unicorn's `Verdict`.
+    """
 
     block: Block
-    ours: NDArray[np.void]
-    theirs: NDArray[np.void]
+    emulated: NDArray[np.void]
+    reference: NDArray[np.void]
     verdict: NDArray[np.int64]
 
 
 class Deviation(NamedTuple):
-    """Instructions that are undefined or unpredictable and that Unicorn executes all the same.
+    """Instructions that are undefined or unpredictable on a Cortex-M0 but executed by Unicorn.
 
-    of: whether it is one of these, by the first and second halfwords.
+    matches: predicate on the first and second halfwords.
     """
 
     name: str
     reason: str
-    of: Callable[[CountArray, CountArray], Any]
+    matches: Callable[[CountArray, CountArray], Any]
 
     def cases(self, outcome: Outcome) -> BoolArray:
-        """bool[n]: those of a block. They are not compared any further."""
-        ours = outcome.ours
-        undefined = (ours["reason"] == Reason.FAULTED) & (ours["fault"] == Fault.UNDEFINED)
+        """Mask bool[n] of the cases of a block that this deviation explains; they are not compared further."""
+        emulated = outcome.emulated
+        undefined = (emulated["reason"] == Reason.FAULTED) & (emulated["fault"] == Fault.UNDEFINED)
         taken = undefined & (outcome.verdict != Verdict.UNDEFINED)
-        return np.asarray(self.of(outcome.block.first, outcome.block.second) & taken, dtype=np.bool_)
+        return np.asarray(self.matches(outcome.block.first, outcome.block.second) & taken, dtype=np.bool_)
 
 
 def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
@@ -87,10 +90,10 @@ KNOWN: tuple[Deviation, ...] = (
 )
 
 
-def tidy(states: NDArray[np.void]) -> None:
-    """STATE[n] of Unicorn's: bits that the architecture does not have, which Unicorn keeps, are cleared.
+def clear_unimplemented_bits(states: NDArray[np.void]) -> None:
+    """Clear bits in Unicorn's STATE[n] that the architecture does not implement but Unicorn keeps.
 
-    They are the two lowest of the stack pointers, and in xPSR Q and GE, which come with ARMv7-M.
+    These bits are the two lowest bits of the stack pointers, and Q and GE in xPSR, which belong to ARMv7-M.
     """
     for name in ("msp", "psp"):
         states[name] &= np.uint32(0xFFFFFFFC)

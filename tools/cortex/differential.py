@@ -1,11 +1,11 @@
-"""Single instructions, here and in Unicorn: registers, flags and memory must be the same.
+"""Differential test of single instructions: registers, flags and memory of the emulator and of Unicorn must be equal.
 
-python tools/cortex/differential.py                           131,072 cases, seed printed
-python tools/cortex/differential.py --cases 10000000 --jobs 2 more of them
-python tools/cortex/differential.py --seed 1 --first 77 --cases 2048     replays one block
+    python tools/cortex/differential.py                            131,072 cases; prints the seed
+    python tools/cortex/differential.py --cases 10000000 --jobs 2  more cases
+    python tools/cortex/differential.py --seed 1 --first 77 --cases 2048     replays one block
 
-Blocks in a row sweep all first halfwords. Exit status 1 at the first block with a difference that deviations.py does
-not know.
+Consecutive blocks sweep all first halfwords. The exit status is 1 at the first block with a difference that
+deviations.py does not list.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parent))
 
 from bare_cpu import RAM_BASE, BareCpu, Fault, Reason
-from cases import BLOCK, Block, draw_block
-from deviations import KNOWN, Outcome, tidy
+from cases import BLOCK, Block, generate_block
+from deviations import KNOWN, Outcome, clear_unimplemented_bits
 from unicorn_oracle import FLASH_SIZE, RAM_SIZE, UnicornMissingError, UnicornOracle, Verdict
 
 SVC = 0xDF
@@ -32,102 +32,108 @@ COMPARED = ("xpsr", "msp", "psp", "primask", "control")
 
 
 def run_block(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> tuple[Outcome, bool]:
-    """The block on both. Whether RAM is the same afterwards is the second part."""
-    for engine in (cpu.load, oracle.write_memory):
+    """Run a block in the emulator and in Unicorn. Returns the outcome, and whether RAM is equal afterwards."""
+    for engine in (cpu.write_memory, oracle.write_memory):
         engine(0, block.flash)
         engine(RAM_BASE, block.ram)
-    ours, theirs = block.states.copy(), block.states.copy()
-    cpu.run_cases(ours)
-    verdict = np.array([oracle.run_case(theirs[i : i + 1], int(block.size[i])) for i in range(len(theirs))])
-    tidy(theirs)
-    same = cpu.memory(RAM_BASE, RAM_SIZE) == oracle.read_memory(RAM_BASE, RAM_SIZE)
-    return Outcome(block, ours, theirs, verdict), same
+    emulated, reference = block.states.copy(), block.states.copy()
+    cpu.run_cases(emulated)
+    verdict = np.array([oracle.run_case(reference[i : i + 1], int(block.size[i])) for i in range(len(reference))])
+    clear_unimplemented_bits(reference)
+    memory_equal = cpu.read_memory(RAM_BASE, RAM_SIZE) == oracle.read_memory(RAM_BASE, RAM_SIZE)
+    return Outcome(block, emulated, reference, verdict), memory_equal
 
 
-def our_verdict(outcome: Outcome) -> NDArray[np.int64]:
-    """i64[n]: what we say became of each instruction, in the oracle's words."""
-    ours = outcome.ours
-    verdict = np.full(len(ours), int(Verdict.DONE))
-    faulted = ours["reason"] == Reason.FAULTED
-    for fault, word in (
+def emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
+    """Verdicts i64[n] of the emulator, as `Verdict` values."""
+    emulated = outcome.emulated
+    verdict = np.full(len(emulated), int(Verdict.DONE))
+    faulted = emulated["reason"] == Reason.FAULTED
+    for fault, fault_verdict in (
         (Fault.UNDEFINED, Verdict.UNDEFINED),
         (Fault.UNALIGNED, Verdict.UNALIGNED),
         (Fault.BUS, Verdict.BUS),
         (Fault.SVC, Verdict.SVC),  # masked: Unicorn has no priorities
     ):
-        verdict[faulted & (ours["fault"] == fault)] = word
-    verdict[ours["reason"] == Reason.BREAKPOINT] = Verdict.BREAKPOINT
+        verdict[faulted & (emulated["fault"] == fault)] = fault_verdict
+    verdict[emulated["reason"] == Reason.BREAKPOINT] = Verdict.BREAKPOINT
     verdict[(outcome.block.first >> 8 == SVC) & ~faulted] = Verdict.SVC
     return verdict
 
 
 def differences(outcome: Outcome) -> NDArray[np.bool_]:
-    """bool[n]: where the two disagree, or where one of our faults has left its mark on a register."""
-    ours, theirs, before = outcome.ours, outcome.theirs, outcome.block.states
-    different = our_verdict(outcome) != outcome.verdict
-    different |= (ours["reason"] == Reason.FAULTED) & (ours["r"] != before["r"]).any(1)
-    settled = outcome.verdict == Verdict.DONE
+    """Mask bool[n] of the cases where the two disagree, or where a fault of the emulator changed a register."""
+    emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
+    different = emulated_verdict(outcome) != outcome.verdict
+    different |= (emulated["reason"] == Reason.FAULTED) & (emulated["r"] != before["r"]).any(1)
+    completed = outcome.verdict == Verdict.DONE
     for name in COMPARED:
-        different |= (ours[name] != theirs[name]) & settled
-    different |= (ours["r"] != theirs["r"]).any(1) & settled
+        different |= (emulated[name] != reference[name]) & completed
+    different |= (emulated["r"] != reference["r"]).any(1) & completed
     return np.asarray(different, dtype=np.bool_)
 
 
 def describe(outcome: Outcome, case: int) -> str:
-    """One line: the instruction, and what differs."""
-    ours, theirs = outcome.ours[case], outcome.theirs[case]
+    """Describe the instruction of a case and the differences in one line."""
+    emulated, reference = outcome.emulated[case], outcome.reference[case]
     first, second = outcome.block.first[case], outcome.block.second[case]
-    words = [f"{first:04x} {second:04x}:"]
-    words += [f"we say {Verdict(int(our_verdict(outcome)[case])).name}, Unicorn {Verdict(outcome.verdict[case]).name}"]
+    parts = [f"{first:04x} {second:04x}:"]
+    parts += [
+        f"emulator {Verdict(int(emulated_verdict(outcome)[case])).name}, Unicorn {Verdict(outcome.verdict[case]).name}"
+    ]
     for i in range(16):
-        if ours["r"][i] != theirs["r"][i]:
-            words.append(f"r{i} {outcome.block.states[case]['r'][i]:08x} -> {ours['r'][i]:08x}, {theirs['r'][i]:08x};")
+        if emulated["r"][i] != reference["r"][i]:
+            parts.append(
+                f"r{i} {outcome.block.states[case]['r'][i]:08x} -> {emulated['r'][i]:08x}, {reference['r'][i]:08x};"
+            )
     for name in COMPARED:
-        if ours[name] != theirs[name]:
-            words.append(f"{name} {ours[name]:08x}, {theirs[name]:08x};")
-    return " ".join(words)
+        if emulated[name] != reference[name]:
+            parts.append(f"{name} {emulated[name]:08x}, {reference[name]:08x};")
+    return " ".join(parts)
 
 
 def first_memory_difference(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> str:
-    """One line: the first instruction after which memory is not the same."""
-    for engine in (cpu.load, oracle.write_memory):
+    """Describe in one line the first instruction after which the memories differ."""
+    for engine in (cpu.write_memory, oracle.write_memory):
         engine(0, block.flash)
         engine(RAM_BASE, block.ram)
     for i in range(len(block.states)):
-        ours, theirs = block.states[i : i + 1].copy(), block.states[i : i + 1].copy()
-        cpu.run_cases(ours)
-        verdict = oracle.run_case(theirs, int(block.size[i]))
-        here, there = (np.frombuffer(engine(RAM_BASE, RAM_SIZE), "<u4") for engine in (cpu.memory, oracle.read_memory))
-        different = np.flatnonzero(here != there)
+        emulated, reference = block.states[i : i + 1].copy(), block.states[i : i + 1].copy()
+        cpu.run_cases(emulated)
+        verdict = oracle.run_case(reference, int(block.size[i]))
+        emulated_words = np.frombuffer(cpu.read_memory(RAM_BASE, RAM_SIZE), "<u4")
+        reference_words = np.frombuffer(oracle.read_memory(RAM_BASE, RAM_SIZE), "<u4")
+        different = np.flatnonzero(emulated_words != reference_words)
         if len(different):
-            at = int(different[0])
-            words = (
+            index = int(different[0])
+            parts = (
                 f"{block.first[i]:04x} {block.second[i]:04x}: Unicorn {verdict.name}, {len(different)} words differ,"
             )
-            return f"{words} at {RAM_BASE + 4 * at:08x} {here[at]:08x}, {there[at]:08x}"
-    return "memory differs, but not one instruction at a time"
+            address = RAM_BASE + 4 * index
+            return f"{parts} at {address:08x} {emulated_words[index]:08x}, {reference_words[index]:08x}"
+    return "memory differs after the block, but not after single instructions"
 
 
 def check_block(seed: int, index: int, cpu: BareCpu, oracle: UnicornOracle) -> tuple[Counter[str], list[str]]:
-    """What was counted, and a line for each difference that is not known."""
-    block = draw_block(seed, index)
-    outcome, same_memory = run_block(block, cpu, oracle)
+    """Compare one block. Returns the counts by verdict and deviation, and a line for each unexplained difference."""
+    block = generate_block(seed, index)
+    outcome, memory_equal = run_block(block, cpu, oracle)
     tally: Counter[str] = Counter()
-    excused = np.zeros(BLOCK, bool)
+    explained = np.zeros(BLOCK, bool)
     for deviation in KNOWN:
         cases = deviation.cases(outcome)
         tally[deviation.name] += int(cases.sum())
-        excused |= cases
+        explained |= cases
     for verdict in Verdict:
-        tally[verdict.name] += int(((outcome.verdict == verdict) & ~excused).sum())
-    lines = [describe(outcome, int(i)) for i in np.flatnonzero(differences(outcome) & ~excused)]
-    if not same_memory:
+        tally[verdict.name] += int(((outcome.verdict == verdict) & ~explained).sum())
+    lines = [describe(outcome, int(i)) for i in np.flatnonzero(differences(outcome) & ~explained)]
+    if not memory_equal:
         lines.append(first_memory_difference(block, cpu, oracle))
     return tally, [f"block {index}: {line}" for line in lines]
 
 
-def check_range(seed: int, first: int, blocks: int) -> tuple[Counter[str], list[str]]:
-    """Blocks in a row on two fresh processors, up to the first with a difference."""
+def check_blocks(seed: int, first: int, blocks: int) -> tuple[Counter[str], list[str]]:
+    """Compare consecutive blocks on two new processors, up to the first block with a difference."""
     tally: Counter[str] = Counter()
     with BareCpu(FLASH_SIZE, RAM_SIZE, halt_on_fault=True) as cpu, UnicornOracle() as oracle:
         for index in range(first, first + blocks):
@@ -138,12 +144,12 @@ def check_range(seed: int, first: int, blocks: int) -> tuple[Counter[str], list[
     return tally, []
 
 
-def _check_one(part: tuple[int, int, int]) -> tuple[Counter[str], list[str]]:
-    return check_range(*part)
+def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], list[str]]:
+    return check_blocks(*part)
 
 
 def main() -> int:
-    """Print what was counted."""
+    """Compare the requested blocks and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--cases", type=int, default=64 * BLOCK, help="rounded up to blocks of 2,048 (default: 131,072)"
@@ -159,7 +165,7 @@ def main() -> int:
     begin = time.monotonic()
     try:
         with multiprocessing.Pool(arguments.jobs) as pool:
-            for part, lines in pool.imap(_check_one, ranges):
+            for part, lines in pool.imap(_check_part, ranges):
                 tally += part
                 if lines:
                     print("\n".join(lines))

@@ -1,6 +1,6 @@
-"""Programs for a bare Cortex-M0: compiled, and run here, in Unicorn and in QEMU. What they say is one text.
+"""Test programs for a Cortex-M0: compiled, then run in the emulator, in Unicorn and in QEMU. Their output is one text.
 
-A program asks its host through BKPT 0xAB (semihosting): write a text, end.
+A program calls its host through BKPT 0xAB (semihosting) to write a text or to end.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ PROGRAMS = Path(__file__).parent / "programs"
 FIRMWARE = ROOT / "firmware"
 COMPILER, OBJCOPY, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-objcopy", "qemu-system-arm"
 SYS_WRITE0, SYS_EXIT = 4, 0x18
-PATIENCE_S = 60.0
-LONGEST = 1 << 34
-"""Cycles after which a program is taken to hang."""
+TIMEOUT_S = 60.0
+CYCLES_MAX = 1 << 34
+"""Number of cycles after which a program counts as hung."""
 
 SOURCES: dict[str, tuple[str, ...]] = {
     "firmware": (
@@ -38,20 +38,20 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "ticks": ("boards/psoc4200/ticks.c",),
 }
-"""What a program has of the firmware."""
-DEFINED: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_IN_SLOT",)}
+"""Firmware sources that a program is linked with."""
+DEFINITIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_IN_SLOT",)}
 
 
 class ToolMissingError(Exception):
-    """Something that is not installed, in one line."""
+    """A missing tool; the message is one line."""
 
 
 class ImageError(Exception):
-    """A program that cannot be compiled, or does not come to its end, in one line."""
+    """A program that cannot be compiled or does not end; the message is one line."""
 
 
 class Image(NamedTuple):
-    """A program. `binary`: flash from 0 on. `elf`: the file that QEMU takes."""
+    """A compiled program. binary: flash contents from address 0. elf: the file that QEMU loads."""
 
     name: str
     binary: bytes
@@ -59,7 +59,7 @@ class Image(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a program has said, and after how many cycles it ended (0: unknown)."""
+    """Output of a program, and the number of cycles after which it ended (0: unknown)."""
 
     text: str
     cycles: int
@@ -79,7 +79,7 @@ def build_image(name: str, optimisation: str = "-Os") -> Image:
     sources = [PROGRAMS / "image.c", PROGRAMS / f"{name}.c", *(FIRMWARE / source for source in SOURCES.get(name, ()))]
     options = ["-mcpu=cortex-m0", "-mthumb", optimisation, "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-nostartfiles"]
     options += [
-        *DEFINED.get(name, ()),
+        *DEFINITIONS.get(name, ()),
         f"-I{FIRMWARE}",
         "--specs=nosys.specs",
         f"-T{PROGRAMS / 'image.ld'}",
@@ -95,36 +95,38 @@ def _run(command: list[str]) -> None:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = result.stderr.strip().splitlines()
-        why = next((line for line in lines if "error: " in line), lines[0] if lines else "it does not say why")
-        raise ImageError(f"{command[0]} has failed: {why}")
+        reason = next(
+            (line for line in lines if "error: " in line), lines[0] if lines else "no message on standard error"
+        )
+        raise ImageError(f"{command[0]} failed: {reason}")
 
 
 def _text_at(memory: bytes) -> str:
     return memory.split(b"\0", 1)[0].decode("ascii")
 
 
-def run_here(image: Image, cpu: BareCpu | None = None) -> Run:
-    """On our processor, without wait states unless `cpu` is another. Raises `ImageError`."""
+def run_emulator(image: Image, cpu: BareCpu | None = None) -> Run:
+    """Run in the emulator, without wait states unless `cpu` is given. Raises `ImageError`."""
     if cpu is None:
-        with BareCpu() as own:
-            return run_here(image, own)
-    cpu.load(0, image.binary)
+        with BareCpu() as default_cpu:
+            return run_emulator(image, default_cpu)
+    cpu.write_memory(0, image.binary)
     cpu.reset()
     begin = cpu.cycle
-    said: list[str] = []
-    while (reason := cpu.run(begin + LONGEST)) == Reason.BREAKPOINT:
+    outputs: list[str] = []
+    while (reason := cpu.run(begin + CYCLES_MAX)) == Reason.BREAKPOINT:
         state = cpu.state["r"][0]
         if state[0] != SYS_WRITE0:
-            return Run("".join(said), cpu.cycle - begin)
+            return Run("".join(outputs), cpu.cycle - begin)
         address = int(state[1])
         end = FLASH_SIZE if address < FLASH_SIZE else RAM_BASE + RAM_SIZE
-        said.append(_text_at(cpu.memory(address, min(64, end - address))))
-        cpu.skip()
-    raise ImageError(f"{image.name} has not come to its end: {reason.name}, {cpu.describe_fault()}")
+        outputs.append(_text_at(cpu.read_memory(address, min(64, end - address))))
+        cpu.skip_breakpoint()
+    raise ImageError(f"{image.name} did not end: {reason.name}, {cpu.describe_fault()}")
 
 
 class UnicornRun:
-    """A program in Unicorn. `slice_`: instructions a call, 0 for all in one."""
+    """A program in Unicorn."""
 
     def __init__(self, image: Image) -> None:
         try:
@@ -140,7 +142,7 @@ class UnicornRun:
         self._engine.reg_write(arm.UC_ARM_REG_SP, int.from_bytes(image.binary[:4], "little"))
         self._entry = int.from_bytes(image.binary[4:8], "little")
         self._engine.hook_add(u.UC_HOOK_INTR, self._on_interrupt)
-        self._said: list[str] = []
+        self._outputs: list[str] = []
         self._ended = False
 
     def _on_interrupt(self, engine: Any, number: int, _: object) -> None:
@@ -149,35 +151,36 @@ class UnicornRun:
             engine.emu_stop()
             return
         address = engine.reg_read(self._arm.UC_ARM_REG_R1)
-        self._said.append(_text_at(bytes(engine.mem_read(address, 64))))
+        self._outputs.append(_text_at(bytes(engine.mem_read(address, 64))))
         engine.reg_write(self._arm.UC_ARM_REG_PC, (engine.reg_read(self._arm.UC_ARM_REG_PC) + 2) | 1)
 
-    def run(self, slice_: int = 0) -> str:
-        """To the end: what it has said."""
-        place = self._entry
+    def run(self, instructions_per_call: int = 0) -> str:
+        """Run the program to its end and return its output. instructions_per_call: 0 for one call."""
+        address = self._entry
         while not self._ended:
-            self._engine.emu_start(place | 1, 0xFFFFFFFE, count=slice_)
-            place = self._engine.reg_read(self._arm.UC_ARM_REG_PC)
-        return "".join(self._said)
+            self._engine.emu_start(address | 1, 0xFFFFFFFE, count=instructions_per_call)
+            address = self._engine.reg_read(self._arm.UC_ARM_REG_PC)
+        return "".join(self._outputs)
 
 
 def run_unicorn(image: Image) -> Run:
-    """In Unicorn, all at once. Raises `UnicornMissingError`."""
+    """Run in Unicorn in one call. Raises `UnicornMissingError`."""
     return Run(UnicornRun(image).run(), 0)
 
 
 def run_qemu(image: Image, *, counted: bool = False) -> Run:
-    """On QEMU's micro:bit, a Cortex-M0. `counted`: time goes with the instructions, so that every run is the same.
-    Raises `ToolMissingError`, `ImageError`.
+    """Run on QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`.
+
+    counted: time advances with the instructions, so that every run gives the same result.
     """
     if not shutil.which(QEMU):
         raise ToolMissingError(f"{QEMU} is missing: apt-get install qemu-system-arm")
     command = [QEMU, "-M", "microbit", "-display", "none", "-serial", "none", "-monitor", "none"]
     command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image.elf)]
-    command += ["-icount", "shift=6,sleep=off"] if counted else []  # 64 ns: about a clock of its 16 MHz
+    command += ["-icount", "shift=6,sleep=off"] if counted else []  # 64 ns: one clock of its 16 MHz
     try:
-        result = subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE_S, stdin=subprocess.DEVNULL)
+        result = subprocess.run(command, capture_output=True, check=False, timeout=TIMEOUT_S, stdin=subprocess.DEVNULL)
     except subprocess.TimeoutExpired:
-        raise ImageError(f"{image.name} has not come to its end in QEMU within {PATIENCE_S:.0f} s") from None
-    # Semihosting writes to standard output or error, depending on QEMU's version.
+        raise ImageError(f"{image.name} did not end in QEMU within {TIMEOUT_S:.0f} s") from None
+    # QEMU's semihosting writes to standard output or to standard error, depending on its version.
     return Run((result.stdout + result.stderr).decode("ascii", "replace"), 0)

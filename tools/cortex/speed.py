@@ -1,10 +1,10 @@
-"""Instructions a second of the emulator's Cortex-M0, and of Unicorn on the same image.
+"""Instructions per second of the emulated Cortex-M0 and of Unicorn on the same image.
 
-python tools/cortex/speed.py              loops, tables, bytes and words, calls, multiplications (programs/speed.c)
-python tools/cortex/speed.py --program firmware --optimise s     another program, compiled for size
+    python tools/cortex/speed.py              loops, tables, bytes and words, calls, multiplications (programs/speed.c)
+    python tools/cortex/speed.py --program firmware --optimise s     another program, compiled for size
 
-Processor time of one core, median of the repeats. Unicorn runs the program in one call, and in slices of a thousand
-and a hundred instructions, which is what it takes to stop it near a given time.
+The figures are processor time of one core, median of the repeats. Unicorn runs the program in one call, and in slices
+of a thousand and a hundred instructions, which a caller needs to stop Unicorn near a given time.
 """
 
 from __future__ import annotations
@@ -20,77 +20,76 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from bare_cpu import BareCpu, Reason
-from images import Image, ImageError, ToolMissingError, UnicornRun, build_image, run_here
+from images import Image, ImageError, ToolMissingError, UnicornRun, build_image, run_emulator
 from unicorn_oracle import UnicornMissingError
 
 SLICES = (0, 1000, 100)
 
 
 def count_instructions(image: Image) -> int:
-    """Instructions of the whole program, counted one by one."""
+    """Count the instructions of the whole program in single steps."""
     with BareCpu() as cpu:
-        cpu.load(0, image.binary)
+        cpu.write_memory(0, image.binary)
         cpu.reset()
         count = 0
         while True:
-            count += cpu.instructions(1 << 40)
+            count += cpu.count_instructions(1 << 40)
             if cpu.state["r"][0, 0] != 4:
                 return count
-            cpu.skip()
+            cpu.skip_breakpoint()
 
 
-def seconds(action: Callable[[], object], repeats: int) -> float:
-    """Median processor time of `action`."""
-    spent = []
+def median_seconds(action: Callable[[], object], repeats: int) -> float:
+    """Median processor time of `action` in seconds."""
+    times = []
     for _ in range(repeats):
         begin = time.process_time()
         action()
-        spent.append(time.process_time() - begin)
-    return statistics.median(spent)
+        times.append(time.process_time() - begin)
+    return statistics.median(times)
 
 
-def in_slices(cpu: BareCpu, image: Image, cycles: int) -> None:
-    """The program on our processor, `cycles` a call."""
-    cpu.load(0, image.binary)
+def run_in_slices(cpu: BareCpu, image: Image, cycles: int) -> None:
+    """Run the program in the emulator with `cycles` cycles per call."""
+    cpu.write_memory(0, image.binary)
     cpu.reset()
     while True:
         reason = cpu.run(cpu.cycle + cycles)
         if reason == Reason.BREAKPOINT:
             if cpu.state["r"][0, 0] != 4:
                 return
-            cpu.skip()
+            cpu.skip_breakpoint()
 
 
-def in_unicorn(image: Image, size: int) -> str:
-    """The program in a fresh Unicorn."""
+def run_in_unicorn(image: Image, size: int) -> str:
+    """Run the program in a new Unicorn engine."""
     return UnicornRun(image).run(size)
 
 
 def main() -> int:
-    """Print the rates and their ratios."""
+    """Measure and print the rates and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--program", default="speed", help="of tools/cortex/programs (default: speed)")
-    parser.add_argument("--optimise", default="2", help="level that it is compiled with: 2, s (default: 2)")
-    parser.add_argument("--repeats", type=int, default=5, help="(default: 5)")
+    parser.add_argument("--program", default="speed", help="program of tools/cortex/programs (default: speed)")
+    parser.add_argument("--optimise", default="2", help="optimisation level, 2 or s (default: 2)")
+    parser.add_argument("--repeats", type=int, default=5, help="repetitions of each measurement (default: 5)")
     arguments = parser.parse_args()
     try:
         image = build_image(arguments.program, f"-O{arguments.optimise}")
         count = count_instructions(image)
-        fast = run_here(image).cycles
+        cycles = run_emulator(image).cycles
         with BareCpu(flash_wait=1) as cpu:
-            slow = run_here(image, cpu).cycles
-        print(
-            f"{image.name}: {count} instructions, {fast} cycles; {slow} with one wait state ({fast / slow:.0%} as fast)"
-        )
-        ours = count / seconds(lambda: run_here(image), arguments.repeats)
-        print(f"here: {ours / 1e6:.0f} million instructions/s")
+            waiting_cycles = run_emulator(image, cpu).cycles
+        print(f"{image.name}: {count} instructions, {cycles} cycles")
+        print(f"{waiting_cycles} cycles with one wait state ({cycles / waiting_cycles:.0%} of the speed)")
+        emulated = count / median_seconds(lambda: run_emulator(image), arguments.repeats)
+        print(f"emulator: {emulated / 1e6:.0f} million instructions/s")
         with BareCpu() as cpu:
-            ours_sliced = count / seconds(lambda: in_slices(cpu, image, 1000), arguments.repeats)
-        print(f"here, 1000 cycles a call from Python: {ours_sliced / 1e6:.0f} million instructions/s")
+            sliced_rate = count / median_seconds(lambda: run_in_slices(cpu, image, 1000), arguments.repeats)
+        print(f"emulator, 1000 cycles per call from Python: {sliced_rate / 1e6:.0f} million instructions/s")
         for size in SLICES:
-            theirs = count / seconds(partial(in_unicorn, image, size), 1 if size else arguments.repeats)
-            name = f"{size} instructions a call" if size else "in one call"
-            print(f"Unicorn, {name}: {theirs / 1e6:.1f} million instructions/s; ratio {ours / theirs:.1f}")
+            reference = count / median_seconds(partial(run_in_unicorn, image, size), 1 if size else arguments.repeats)
+            name = f"{size} instructions per call" if size else "in one call"
+            print(f"Unicorn, {name}: {reference / 1e6:.1f} million instructions/s; ratio {emulated / reference:.1f}")
     except (ToolMissingError, ImageError, UnicornMissingError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -1,6 +1,6 @@
-"""Unicorn as the oracle of single instructions: its C interface, called through ctypes for speed.
+"""Unicorn as the reference for single instructions, called through its C interface with ctypes for speed.
 
-The model must be chosen without UC_MODE_MCLASS: with it, Unicorn 2.1 takes a Cortex-M33 whatever it is told.
+UC_MODE_MCLASS must not be set: with this mode Unicorn 2.1 emulates a Cortex-M33 regardless of the selected model.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 FLASH_SIZE, RAM_SIZE = 0x20000, 0x4000
 SLOT = 8
-"""Bytes of code memory for a case: an instruction of up to 4 bytes and what follows it."""
+"""Bytes of code memory per case: an instruction of up to 4 bytes and the instruction after it."""
 
 INTERRUPT_SVC, INTERRUPT_DATA_ABORT, INTERRUPT_BREAKPOINT = 2, 4, 7
 NO_INTERRUPT = -1
 
 
 class Verdict(IntEnum):
-    """What became of an instruction."""
+    """Result of an instruction."""
 
     DONE = 0
     UNDEFINED = 1
@@ -36,7 +36,7 @@ class Verdict(IntEnum):
 
 
 class UnicornMissingError(Exception):
-    """Unicorn is not installed, or not usable, in one line."""
+    """Unicorn is not installed or not usable; the message is one line."""
 
 
 class _Constants(NamedTuple):
@@ -45,7 +45,7 @@ class _Constants(NamedTuple):
     library: ctypes.CDLL
 
 
-def _constants() -> _Constants:
+def _load_unicorn() -> _Constants:
     try:
         package = importlib.import_module("unicorn")
         unicorn = importlib.import_module("unicorn.unicorn_const")
@@ -53,17 +53,17 @@ def _constants() -> _Constants:
     except ImportError:
         raise UnicornMissingError("unicorn is not installed: pip install unicorn==2.1.4") from None
     folder = Path(str(package.__file__)).parent / "lib"
-    found = sorted(folder.glob("libunicorn.so*"))
-    if not found:
+    libraries = sorted(folder.glob("libunicorn.so*"))
+    if not libraries:
         raise UnicornMissingError(f"no libunicorn.so in {folder.name} of the package unicorn")
-    return _Constants(unicorn, arm, ctypes.CDLL(str(found[0])))
+    return _Constants(unicorn, arm, ctypes.CDLL(str(libraries[0])))
 
 
 class UnicornOracle:
-    """A Cortex-M0 in Unicorn with the memory of `bare_cpu.BareCpu()`. Raises `UnicornMissingError`."""
+    """Cortex-M0 in Unicorn with the memory of `bare_cpu.BareCpu()`. Raises `UnicornMissingError`."""
 
     def __init__(self) -> None:
-        self._u, self._arm, self._library = _constants()
+        self._u, self._arm, self._library = _load_unicorn()
         self._handle = ctypes.c_void_p()
         self._call("open", self._u.UC_ARCH_ARM, self._u.UC_MODE_THUMB, ctypes.byref(self._handle), handle=False)
         self._control(self._u.UC_CTL_CPU_MODEL, self._arm.UC_CPU_ARM_CORTEX_M0)
@@ -71,17 +71,17 @@ class UnicornOracle:
         self._map(RAM_BASE, RAM_SIZE, self._u.UC_PROT_ALL)
         self._interrupt = NO_INTERRUPT
         self._hook_interrupts()
-        self._place_registers()
+        self._prepare_batches()
 
     def _call(self, name: str, *arguments: Any, handle: bool = True) -> int:
         function = getattr(self._library, f"uc_{name}")
         result = int(function(self._handle, *arguments) if handle else function(*arguments))
         if result:
-            raise UnicornMissingError(f"uc_{name} has failed with {result}")
+            raise UnicornMissingError(f"uc_{name} failed with error {result}")
         return result
 
     def _control(self, kind: int, *values: int) -> None:
-        """uc_ctl(), written: see the macros UC_CTL_WRITE in unicorn.h."""
+        """Call uc_ctl() as the macros UC_CTL_WRITE in unicorn.h do."""
         request = ctypes.c_uint32(kind | len(values) << 26 | 1 << 30)
         self._call("ctl", request, *(ctypes.c_int(value) for value in values))
 
@@ -95,62 +95,66 @@ class UnicornOracle:
 
         kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p)
         self._callback, hook = kind(on_interrupt), ctypes.c_size_t()
-        begin, end = ctypes.c_uint64(1), ctypes.c_uint64(0)  # everywhere
+        begin, end = ctypes.c_uint64(1), ctypes.c_uint64(0)  # begin > end: all addresses
         self._call("hook_add", ctypes.byref(hook), self._u.UC_HOOK_INTR, self._callback, None, begin, end)
 
-    def _place_registers(self) -> None:
-        """The words of a state, in its own order, as arrays of registers and pointers for uc_reg_*_batch."""
+    def _prepare_batches(self) -> None:
+        """Prepare the arrays of registers and pointers into the state for uc_reg_read_batch and uc_reg_write_batch."""
         arm = self._arm
         registers = [arm.UC_ARM_REG_R0 + i for i in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR]
         self._state = np.zeros(1, STATE)
         words = self._state.view("<u4")
-        places = [*range(15), self._word("xpsr")]
-        self._written = self._batch([*registers, arm.UC_ARM_REG_XPSR], places, words)
+        word_indices = [*range(15), self._word_index("xpsr")]
+        self._write_batch = self._batch([*registers, arm.UC_ARM_REG_XPSR], word_indices, words)
         before = [(arm.UC_ARM_REG_CONTROL, "control"), (arm.UC_ARM_REG_PSP, "psp"), (arm.UC_ARM_REG_PRIMASK, "primask")]
-        self._special = self._batch([number for number, _ in before], [self._word(name) for _, name in before], words)
+        self._special_batch = self._batch(
+            [number for number, _ in before], [self._word_index(name) for _, name in before], words
+        )
         everything = [*registers, arm.UC_ARM_REG_PC, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_MSP, arm.UC_ARM_REG_PSP]
         everything += [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_CONTROL]
-        places = [*range(16), *(self._word(name) for name in ("xpsr", "msp", "psp", "primask", "control"))]
-        self._read = self._batch(everything, places, words)
+        word_indices = [*range(16), *(self._word_index(name) for name in ("xpsr", "msp", "psp", "primask", "control"))]
+        self._read_batch = self._batch(everything, word_indices, words)
 
     @staticmethod
-    def _word(name: str) -> int:
+    def _word_index(name: str) -> int:
         assert STATE.fields is not None
         return int(STATE.fields[name][1]) // 4
 
     @staticmethod
-    def _batch(registers: list[int], places: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
+    def _batch(registers: list[int], word_indices: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
         numbers = (ctypes.c_int * len(registers))(*registers)
-        pointers = (ctypes.c_void_p * len(registers))(*(words.ctypes.data + 4 * place for place in places))
+        pointers = (ctypes.c_void_p * len(registers))(
+            *(words.ctypes.data + 4 * word_index for word_index in word_indices)
+        )
         return numbers, pointers, len(registers)
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """Into flash or RAM; what was translated of it is forgotten."""
+        """Write flash or RAM and discard the translated code."""
         self._call("mem_write", ctypes.c_uint64(address), data, ctypes.c_uint64(len(data)))
         self._control(self._u.UC_CTL_TB_FLUSH)
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """Of flash or RAM."""
+        """Read flash or RAM."""
         buffer = ctypes.create_string_buffer(size)
         self._call("mem_read", ctypes.c_uint64(address), buffer, ctypes.c_uint64(size))
         return buffer.raw
 
     def run_case(self, state: NDArray[np.void], size: int) -> Verdict:
-        """One instruction of `size` bytes from STATE[1] `state` on, which becomes the state after it."""
+        """Execute one instruction of `size` bytes from STATE[1] `state` and replace `state` by the result."""
         self._state[:] = state
         begin = int(state["r"][0, 15])
-        self._library.uc_reg_write_batch(self._handle, *self._special)
-        self._library.uc_reg_write_batch(self._handle, *self._written)
+        self._library.uc_reg_write_batch(self._handle, *self._special_batch)
+        self._library.uc_reg_write_batch(self._handle, *self._write_batch)
         self._interrupt = NO_INTERRUPT
         limit = ctypes.c_uint64(begin + size)
         error = self._library.uc_emu_start(
             self._handle, ctypes.c_uint64(begin | 1), limit, ctypes.c_uint64(0), ctypes.c_size_t(1)
         )
-        self._library.uc_reg_read_batch(self._handle, *self._read)
+        self._library.uc_reg_read_batch(self._handle, *self._read_batch)
         state[:] = self._state
-        return self._judge(int(error), begin, state)
+        return self._classify(int(error), begin, state)
 
-    def _judge(self, error: int, begin: int, state: NDArray[np.void]) -> Verdict:
+    def _classify(self, error: int, begin: int, state: NDArray[np.void]) -> Verdict:
         u, moved = self._u, int(state["r"][0, 15]) != begin
         if self._interrupt != NO_INTERRUPT:
             verdicts = {
@@ -163,10 +167,10 @@ class UnicornOracle:
             return Verdict.BUS
         if error == u.UC_ERR_INSN_INVALID and not moved:
             return Verdict.UNDEFINED
-        return Verdict.DONE  # the fetch after a branch may have failed, which is no part of it
+        return Verdict.DONE  # the fetch after a branch may have failed, which is not part of this instruction
 
     def close(self) -> None:
-        """Give its memory back."""
+        """Free the engine."""
         if self._handle:
             self._library.uc_close(self._handle)
             self._handle = ctypes.c_void_p()

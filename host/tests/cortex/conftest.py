@@ -1,4 +1,4 @@
-"""The commands of tools/cortex as modules, and what is installed of their oracles."""
+"""Fixtures: the modules of tools/cortex, and the installed oracles."""
 
 import importlib
 import sys
@@ -22,7 +22,7 @@ def cortex():
 
 @pytest.fixture(scope="session")
 def image_of(cortex) -> Callable:
-    """Compile a program, or skip and say what is missing."""
+    """Compile a program, or skip the test and name the missing tool."""
 
     def build(name: str):
         try:
@@ -35,9 +35,9 @@ def image_of(cortex) -> Callable:
 
 @pytest.fixture(scope="session")
 def in_qemu(cortex) -> Callable:
-    def run(image, **how):
+    def run(image, **options):
         try:
-            return cortex.images.run_qemu(image, **how)
+            return cortex.images.run_qemu(image, **options)
         except cortex.images.ToolMissingError as missing:
             pytest.skip(str(missing))
 

@@ -1,6 +1,6 @@
-"""Why Unicorn is the oracle and not the engine: what it does not do, each shown once beside ours.
+"""Limits of Unicorn that exclude it as the emulation engine; each test shows one limit.
 
-Should one of these fail with a newer Unicorn, the choice in firmware/DESIGN.md deserves another look.
+If a test fails with a newer Unicorn, reconsider the choice documented in firmware/DESIGN.md.
 """
 
 import importlib
@@ -21,8 +21,8 @@ STR_R0_R1, LDR_R0_R1, ADDS_R0_1, NOP, WFI, BX_LR, MOVW = (
 )
 
 
-def words(*halves: int) -> bytes:
-    return np.array(halves, "<u2").tobytes()
+def encode_halfwords(*halfwords: int) -> bytes:
+    return np.array(halfwords, "<u2").tobytes()
 
 
 @pytest.fixture
@@ -35,84 +35,84 @@ def arm(u):
     return importlib.import_module("unicorn.arm_const")
 
 
-def engine_of(u, arm, mode, *halves):
+def create_engine(u, arm, mode, *halfwords):
     engine = u.Uc(u.UC_ARCH_ARM, mode, arm.UC_CPU_ARM_CORTEX_M0)
     engine.mem_map(0, 0x10000)
     engine.mem_map(0x20000000, 0x4000)
-    engine.mem_write(0x100, words(*halves, NOP, NOP))
+    engine.mem_write(0x100, encode_halfwords(*halfwords, NOP, NOP))
     return engine
 
 
-def test_the_mode_for_microcontrollers_is_a_cortex_m33_whatever_is_asked_for(u, arm):
-    engine = engine_of(u, arm, u.UC_MODE_THUMB | u.UC_MODE_MCLASS, *MOVW)
+def test_microcontroller_mode_always_emulates_a_cortex_m33(u, arm):
+    engine = create_engine(u, arm, u.UC_MODE_THUMB | u.UC_MODE_MCLASS, *MOVW)
     engine.emu_start(0x101, 0x104)  # a fault on a Cortex-M0
     assert engine.ctl_get_cpu_model() == arm.UC_CPU_ARM_CORTEX_M33
-    engine = engine_of(u, arm, u.UC_MODE_THUMB | u.UC_MODE_MCLASS, LDR_R0_R1)
+    engine = create_engine(u, arm, u.UC_MODE_THUMB | u.UC_MODE_MCLASS, LDR_R0_R1)
     engine.reg_write(arm.UC_ARM_REG_R1, 0x20000001)
     engine.emu_start(0x101, 0x102)  # unaligned: a fault on a Cortex-M0
 
 
-def test_there_is_no_system_control_space(cortex, u, arm):
-    engine = engine_of(u, arm, u.UC_MODE_THUMB, LDR_R0_R1)
+def test_the_system_control_space_is_missing(cortex, u, arm):
+    engine = create_engine(u, arm, u.UC_MODE_THUMB, LDR_R0_R1)
     engine.reg_write(arm.UC_ARM_REG_R1, NVIC_ISER)
     with pytest.raises(u.UcError):
         engine.emu_start(0x101, 0x102)
     with cortex.bare_cpu.BareCpu(halt_on_fault=True) as cpu:
-        cpu.load(0x100, words(LDR_R0_R1))
+        cpu.write_memory(0x100, encode_halfwords(LDR_R0_R1))
         states = np.zeros(1, cortex.bare_cpu.STATE)
         states["r"][0, 1], states["r"][0, 15], states["xpsr"] = NVIC_ISER, 0x100, 0x01000000
         cpu.run_cases(states)
-        assert states["reason"] == cortex.bare_cpu.Reason.TIME
+        assert states["reason"] == cortex.bare_cpu.Reason.DEADLINE
 
 
-def test_an_exception_does_not_return(u, arm):
-    engine = engine_of(u, arm, u.UC_MODE_THUMB, BX_LR)
+def test_an_exception_return_is_not_supported(u, arm):
+    engine = create_engine(u, arm, u.UC_MODE_THUMB, BX_LR)
     engine.reg_write(arm.UC_ARM_REG_LR, 0xFFFFFFF9)
     with pytest.raises(u.UcError):
         engine.emu_start(0x101, 0x102)
 
 
-@pytest.mark.parametrize("how", ["mmio", "hook"])
-def test_a_stop_in_a_callback_repeats_the_store(u, arm, how):
-    engine, seen = engine_of(u, arm, u.UC_MODE_THUMB, STR_R0_R1, ADDS_R0_1), []
+@pytest.mark.parametrize("callback_kind", ["mmio", "hook"])
+def test_a_stop_in_a_callback_repeats_the_store(u, arm, callback_kind):
+    engine, writes = create_engine(u, arm, u.UC_MODE_THUMB, STR_R0_R1, ADDS_R0_1), []
 
     def on_write(engine, *arguments):
-        seen.append(arguments)
+        writes.append(arguments)
         engine.emu_stop()
 
-    if how == "mmio":
+    if callback_kind == "mmio":
         engine.mmio_map(PORT, 0x1000, lambda *_: 0, None, on_write, None)
     else:
         engine.mem_map(PORT, 0x1000)
         engine.hook_add(u.UC_HOOK_MEM_WRITE, on_write, None, PORT, PORT + 0xFFF)
     engine.reg_write(arm.UC_ARM_REG_R1, PORT)
-    for times in (1, 2):
-        engine.emu_start(engine.reg_read(arm.UC_ARM_REG_PC) | 1 if times > 1 else 0x101, 0x104)
-        assert len(seen) == times
+    for count in (1, 2):
+        engine.emu_start(engine.reg_read(arm.UC_ARM_REG_PC) | 1 if count > 1 else 0x101, 0x104)
+        assert len(writes) == count
         assert engine.reg_read(arm.UC_ARM_REG_PC) == 0x100
 
 
-def test_a_callback_does_not_know_which_instruction_it_serves(u, arm):
-    engine, places = engine_of(u, arm, u.UC_MODE_THUMB, NOP, NOP, LDR_R0_R1, NOP, LDR_R0_R1), []
+def test_a_callback_sees_only_the_address_of_the_block(u, arm):
+    engine, program_counters = create_engine(u, arm, u.UC_MODE_THUMB, NOP, NOP, LDR_R0_R1, NOP, LDR_R0_R1), []
 
     def on_read(engine, *_):
-        places.append(engine.reg_read(arm.UC_ARM_REG_PC))
+        program_counters.append(engine.reg_read(arm.UC_ARM_REG_PC))
         return 0
 
     engine.mmio_map(PORT, 0x1000, on_read, None, lambda *_: None, None)
     engine.reg_write(arm.UC_ARM_REG_R1, PORT)
     engine.emu_start(0x101, 0x10A)
-    assert places == [0x100, 0x100]  # the beginning of the block, not 0x104 and 0x108
+    assert program_counters == [0x100, 0x100]  # the beginning of the block, not 0x104 and 0x108
 
 
-def test_the_stack_pointer_keeps_bits_that_it_does_not_have(cortex, oracle):
+def test_the_stack_pointer_keeps_its_two_lowest_bits(cortex, oracle):
     states = np.zeros(1, cortex.bare_cpu.STATE)
     states["r"][0, 1], states["r"][0, 13], states["r"][0, 15], states["xpsr"] = 3, 0x20001000, 0x100, 0x01000000
-    oracle.write_memory(0x100, words(0x448D))  # ADD SP, r1
-    theirs = states.copy()
-    oracle.run_case(theirs, 2)
-    assert theirs["r"][0, 13] == 0x20001003
+    oracle.write_memory(0x100, encode_halfwords(0x448D))  # ADD SP, r1
+    reference = states.copy()
+    oracle.run_case(reference, 2)
+    assert reference["r"][0, 13] == 0x20001003
     with cortex.bare_cpu.BareCpu(halt_on_fault=True) as cpu:
-        cpu.load(0x100, words(0x448D))
+        cpu.write_memory(0x100, encode_halfwords(0x448D))
         cpu.run_cases(states)
     assert states["r"][0, 13] == 0x20001000

@@ -1,4 +1,4 @@
-/* The bootloader's choice of an image, on a flash in RAM: two small slots, and the rows of configuration and metadata. */
+/* Slot selection of the bootloader on a flash in RAM: two small slots and the rows of configuration and metadata. */
 #include "bootloader/parts.h"
 #include "codec/crc32.h"
 #include "image.h"
@@ -7,12 +7,12 @@
 #define SLOT_ROWS 4u
 #define FIRST_ROW (TAXEL_BOOT_CONFIGURATION_ROW - 2u * SLOT_ROWS)
 #define ROWS (TAXEL_BOOT_ROW_COUNT - FIRST_ROW)
-#define STARTS_NOTHING 0xFFu
+#define NO_SLOT_STARTED 0xFFu
 
 static uint8_t rows[ROWS * ROW];
 static uint32_t clock_us, writes;
 static uint8_t cause, started;
-static bool asked_to_stay, write_fails;
+static bool stay_requested, write_fails;
 static struct taxel_boot boot;
 
 static const struct taxel_boot_layout layout = {
@@ -49,9 +49,9 @@ static uint8_t on_cause(void *context)
 static bool on_stay(void *context)
 {
     (void)context;
-    const bool asked = asked_to_stay;
-    asked_to_stay = false;
-    return asked;
+    const bool requested = stay_requested;
+    stay_requested = false;
+    return requested;
 }
 
 static void on_start(void *context, uint32_t vectors)
@@ -82,7 +82,7 @@ static struct taxel_boot_hal hal = {
 };
 static struct taxel_boot_config config = {.flash = {&hal, &layout}, .checksum = TAXEL_BOOT_CHECKSUM_ANY};
 
-/* An image of 300 bytes for that slot, written there byte by byte. */
+/* Write an image of 300 bytes to the slot. */
 static void install(uint8_t slot, uint8_t version)
 {
     uint8_t *const image = row_at(layout.first_rows[slot]);
@@ -104,7 +104,7 @@ static void install(uint8_t slot, uint8_t version)
     taxel_boot_image_header_pack(&header, image);
 }
 
-/* Not a CRC: over rows that end in their own it is the same for all. */
+/* FNV-1a hash of the flash. A CRC would be constant over rows that end in their own CRC. */
 static uint32_t hash(void)
 {
     uint32_t value = 0x811C9DC5u;
@@ -114,20 +114,20 @@ static uint32_t hash(void)
     return value;
 }
 
-/* A start with that cause: the slot that runs, when, and what stands in the metadata afterwards. */
-static void starts(const char *what, uint8_t with_cause)
+/* Start with a reset cause and print the started slot, the time of the start, and the metadata afterwards. */
+static void report_start(const char *description, uint8_t with_cause)
 {
-    put_text(what);
+    put_text(description);
     put_text("\n");
     cause = with_cause;
     clock_us = 0;
-    started = STARTS_NOTHING;
+    started = NO_SLOT_STARTED;
     taxel_boot_init(&boot, &config);
     taxel_boot_run(&boot);
-    put_word("  at once", started);
+    put_word("  before listening", started);
     clock_us = TAXEL_BOOT_LISTEN_US;
     taxel_boot_run(&boot);
-    put_word("  later", started);
+    put_word("  after listening", started);
     put_word("  stays", boot.stay);
     put_word("  kept slot", taxel_boot_kept_slot(&config.flash));
     put_word("  rows written", writes);
@@ -136,32 +136,32 @@ static void starts(const char *what, uint8_t with_cause)
 
 int main(void)
 {
-    uintptr_t begin = (uintptr_t)rows - FIRST_ROW * ROW; /* the rows before are never looked at */
-    __asm__("" : "+r"(begin));                           /* nor may the compiler reason about them */
+    uintptr_t begin = (uintptr_t)rows - FIRST_ROW * ROW; /* the rows before FIRST_ROW are never accessed */
+    __asm__("" : "+r"(begin));                           /* hides the invalid address from the compiler */
     hal.flash = (const uint8_t *)begin;
-    starts("nothing", TAXEL_RESET_CAUSE_POWER_ON);
+    report_start("empty flash", TAXEL_RESET_CAUSE_POWER_ON);
     install(0, 1);
-    starts("an image that nobody has confirmed", TAXEL_RESET_CAUSE_POWER_ON);
+    report_start("one unconfirmed image", TAXEL_RESET_CAUSE_POWER_ON);
     put_word("confirm", (uint32_t)taxel_boot_confirm(&config.flash, 0));
-    starts("confirmed", TAXEL_RESET_CAUSE_COMMAND);
+    report_start("confirmed image", TAXEL_RESET_CAUSE_COMMAND);
     install(1, 2);
-    starts("another beside it", TAXEL_RESET_CAUSE_POWER_ON);
+    report_start("second image installed", TAXEL_RESET_CAUSE_POWER_ON);
     put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
     for (unsigned i = 0; i <= TAXEL_BOOT_TRIES; i++) {
-        starts("on trial", TAXEL_RESET_CAUSE_WATCHDOG);
+        report_start("on trial", TAXEL_RESET_CAUSE_WATCHDOG);
     }
     put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
     row_at(layout.first_rows[1])[200] ^= 1u;
-    starts("damaged", TAXEL_RESET_CAUSE_COMMAND);
+    report_start("damaged image", TAXEL_RESET_CAUSE_COMMAND);
     row_at(layout.first_rows[1])[200] ^= 1u;
     write_fails = true;
-    starts("a try that cannot be recorded", TAXEL_RESET_CAUSE_COMMAND);
+    report_start("trial that cannot be recorded", TAXEL_RESET_CAUSE_COMMAND);
     write_fails = false;
-    asked_to_stay = true;
-    starts("asked to stay", TAXEL_RESET_CAUSE_COMMAND);
-    starts("whole again", TAXEL_RESET_CAUSE_COMMAND);
+    stay_requested = true;
+    report_start("stay requested", TAXEL_RESET_CAUSE_COMMAND);
+    report_start("image repaired", TAXEL_RESET_CAUSE_COMMAND);
     put_word("confirm", (uint32_t)taxel_boot_confirm(&config.flash, 1));
     row_at(layout.first_rows[1])[100] ^= 4u;
-    starts("the one before it", TAXEL_RESET_CAUSE_POWER_ON);
+    report_start("fallback to the previous image", TAXEL_RESET_CAUSE_POWER_ON);
     return 0;
 }

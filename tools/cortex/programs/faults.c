@@ -1,11 +1,12 @@
-/* Every fault once, with what its frame says: the address (from the instruction on), LR, xPSR; and its way back. */
+/* Raises every fault once and prints its frame: the address relative to the instruction, LR and xPSR; then returns from
+ * the fault. */
 #include "image.h"
 
 struct frame {
     uint32_t r0, r1, r2, r3, r12, lr, pc, xpsr;
 };
 
-static volatile uint32_t faults, way_back, anywhere;
+static volatile uint32_t faults, return_address, hide_address;
 static uint32_t word = 0x12345678u;
 
 __attribute__((used)) static void report(struct frame *frame, uint32_t exc_return)
@@ -13,10 +14,10 @@ __attribute__((used)) static void report(struct frame *frame, uint32_t exc_retur
     faults++;
     put_word("  r0", frame->r0);
     put_word("  r1", frame->r1);
-    put_word("  address", anywhere ? 0 : frame->pc - (way_back & ~15u));
+    put_word("  address", hide_address ? 0 : frame->pc - (return_address & ~15u));
     put_word("  xPSR", frame->xpsr);
     put_word("  EXC_RETURN", exc_return);
-    frame->pc = way_back;
+    frame->pc = return_address;
     frame->xpsr |= 1u << 24;
 }
 
@@ -29,7 +30,7 @@ __attribute__((naked)) void on_hard_fault(void)
                      "pop {r0, pc}");
 }
 
-/* The instruction stands at a multiple of 16; behind the fault, execution goes on at its end. */
+/* The instruction lies at a multiple of 16. After the fault, execution continues at the end of the instruction. */
 #define TRY(name, r0_value, instruction) \
     do { \
         register uint32_t r0 __asm__("r0") = (uint32_t)(r0_value); \
@@ -37,7 +38,7 @@ __attribute__((naked)) void on_hard_fault(void)
         put_text(name "\n"); \
         r0 = (uint32_t)(r0_value); \
         r1 = 0x11111111u; \
-        __asm__ volatile("ldr r2, =way_back\n\t" \
+        __asm__ volatile("ldr r2, =return_address\n\t" \
                          "ldr r3, =1f\n\t" \
                          "str r3, [r2]\n\t" \
                          "movs r2, #0\n\t" \
@@ -57,27 +58,27 @@ __attribute__((naked)) void on_hard_fault(void)
 
 int main(void)
 {
-    const uint32_t at = (uint32_t)&word;
-    TRY("no fault", at, "ldr r1, [r0]");
-    TRY("LDR at 1", at + 1, "ldr r1, [r0]");
-    TRY("LDR at 2", at + 2, "ldr r1, [r0]");
-    TRY("LDRH at 1", at + 1, "ldrh r1, [r0]");
-    TRY("LDRSH at 3", at + 3, "ldrsh r1, [r0, r2]");
-    TRY("STR at 1", at + 1, "str r1, [r0]");
-    TRY("STRH at 1", at + 1, "strh r1, [r0]");
-    TRY("LDM at 2", at + 2, "ldm r0!, {r1}");
-    TRY("STM at 2", at + 2, "stm r0!, {r1}");
-    TRY("LDR from nowhere", 0x70000000u, "ldr r1, [r0]");
-    TRY("STRB to nowhere", 0x70000000u, "strb r1, [r0]");
+    const uint32_t address = (uint32_t)&word;
+    TRY("no fault", address, "ldr r1, [r0]");
+    TRY("LDR at 1", address + 1, "ldr r1, [r0]");
+    TRY("LDR at 2", address + 2, "ldr r1, [r0]");
+    TRY("LDRH at 1", address + 1, "ldrh r1, [r0]");
+    TRY("LDRSH at 3", address + 3, "ldrsh r1, [r0, r2]");
+    TRY("STR at 1", address + 1, "str r1, [r0]");
+    TRY("STRH at 1", address + 1, "strh r1, [r0]");
+    TRY("LDM at 2", address + 2, "ldm r0!, {r1}");
+    TRY("STM at 2", address + 2, "stm r0!, {r1}");
+    TRY("LDR from an unmapped address", 0x70000000u, "ldr r1, [r0]");
+    TRY("STRB to an unmapped address", 0x70000000u, "strb r1, [r0]");
     TRY("UDF", 0, "udf #0");
     TRY("UDF.W", 0, ".hword 0xF7F0, 0xA000");
     TRY("MOVW", 0, ".hword 0xF240, 0x0000");
     TRY("MLA", 0, ".hword 0xFB00, 0x0000");
     TRY("B.W", 0, ".hword 0xF000, 0xB800");
-    TRY("LDR.W", at, ".hword 0xF8D0, 0x1000");
+    TRY("LDR.W", address, ".hword 0xF8D0, 0x1000");
     TRY("undefined 16 bit", 0, ".hword 0xB800");
-    anywhere = 1; /* the manual says the address of the SVC, QEMU that behind it */
-    TRY("SVC where it is masked", 0, "cpsid i\n\tsvc #0");
+    hide_address = 1; /* the manual specifies the address of the SVC, QEMU reports the following address */
+    TRY("masked SVC", 0, "cpsid i\n\tsvc #0");
     __asm__ volatile("cpsie i");
     put_word("faults", faults);
     put_word("word", word);

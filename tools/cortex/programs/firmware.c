@@ -1,5 +1,5 @@
-/* The repository's own firmware: frames through the encoder and, damaged, through the deframer; a board's scans and registers
- * on a HAL of nothing. */
+/* Firmware of this repository: frames pass the encoder and, partly damaged, the deframer; a board scans and serves its
+ * registers with a HAL without hardware. */
 #include <string.h>
 
 #include "codec/crc32.h"
@@ -14,13 +14,13 @@
 #define TAXELS (ROWS * COLUMNS)
 #define PAYLOAD_MAX (TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXELS)
 
-static uint32_t state = 7, check;
+static uint32_t state = 7, checksum;
 static uint8_t wire[400], chunk[1024], body[9 + PAYLOAD_MAX];
 static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXELS)], crossing_map[TAXEL_CROSSING_MAP_SIZE];
 static unsigned started;
 static struct taxel_sensor sensor;
 
-static uint32_t draw(void)
+static uint32_t next_random(void)
 {
     state ^= state << 13;
     state ^= state >> 17;
@@ -30,10 +30,10 @@ static uint32_t draw(void)
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
-    check = taxel_crc32(check, frame->payload, frame->length) + frame->sequence + frame->type;
+    checksum = taxel_crc32(checksum, frame->payload, frame->length) + frame->sequence + frame->type;
 }
 
-static void frames(void)
+static void test_frames(void)
 {
     struct taxel_deframer deframer;
     const struct taxel_deframer_config config = {
@@ -47,10 +47,10 @@ static void frames(void)
     taxel_deframer_init(&deframer, &config);
     for (unsigned i = 0; i < FRAMES; i++) {
         uint8_t payload[PAYLOAD_MAX];
-        const uint32_t taxels = draw() % (TAXELS + 1u);
+        const uint32_t taxels = next_random() % (TAXELS + 1u);
         const uint16_t length = (uint16_t)(TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * taxels);
         for (unsigned k = 0; k < length; k++) {
-            payload[k] = (uint8_t)(draw() % 5u ? draw() : 0);
+            payload[k] = (uint8_t)(next_random() % 5u ? next_random() : 0);
         }
         payload[0] = TAXEL_ADDRESS_MIN;
         payload[1] = (uint8_t)taxels;
@@ -58,14 +58,14 @@ static void frames(void)
         taxel_encoder_begin(&encoder, wire, sizeof wire, 0, TAXEL_FRAME_TYPE_TAXELS, (uint16_t)i, length);
         taxel_encoder_put(&encoder, payload, length);
         const size_t size = taxel_encoder_end(&encoder);
-        check = taxel_crc32(check, wire, size);
+        checksum = taxel_crc32(checksum, wire, size);
         if (i % 4u == 3u) {
-            wire[draw() % size] ^= (uint8_t)(1u << draw() % 8u);
+            wire[next_random() % size] ^= (uint8_t)(1u << next_random() % 8u);
         }
         taxel_deframer_push(&deframer, wire, size);
     }
     taxel_deframer_finish(&deframer);
-    put_word("frames", check);
+    put_word("frames", checksum);
     put_word("found", (uint32_t)deframer.frames);
     put_word("discarded", (uint32_t)deframer.discarded_bytes);
 }
@@ -80,7 +80,7 @@ static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
     started++;
-    check = check * 33u + tx * 16u + rx;
+    checksum = checksum * 33u + tx * 16u + rx;
 }
 
 static uint32_t on_clock(void *context)
@@ -104,7 +104,7 @@ static void on_restore(void *context, uint32_t before)
 static void on_leave(void *context)
 {
     (void)context;
-    put_text("left\n");
+    put_text("restart or bootloader requested\n");
 }
 
 static const struct taxel_sensor_hal hal = {
@@ -138,24 +138,24 @@ static void read_registers(uint8_t pointer, unsigned size)
     taxel_sensor_on_address(&sensor, true);
     for (unsigned i = 0; i < size; i++) {
         const uint8_t byte = taxel_sensor_on_read(&sensor);
-        check = taxel_crc32(check, &byte, 1);
+        checksum = taxel_crc32(checksum, &byte, 1);
     }
     taxel_sensor_on_stop(&sensor);
 }
 
-static void scans(void)
+static void test_scans(void)
 {
     put_word("accepted", (uint32_t)taxel_sensor_init(&sensor, &board));
     taxel_scan_start(&sensor);
     for (unsigned i = 0; i < 20u * TAXELS; i++) {
-        taxel_sensor_on_conversion(&sensor, (uint16_t)draw());
+        taxel_sensor_on_conversion(&sensor, (uint16_t)next_random());
         if (i % 100u == 99u) {
             read_registers((uint8_t)(i / 100u * 16u), 40);
         }
     }
     put_word("scans", sensor.scan.scans);
     put_word("conversions", started);
-    put_word("registers", check);
+    put_word("registers", checksum);
 }
 
 int main(void)
@@ -164,7 +164,7 @@ int main(void)
     for (unsigned i = 0; i < TAXELS; i++) {
         crossing_map[i / 8u] |= (uint8_t)(1u << i % 8u);
     }
-    frames();
-    scans();
+    test_frames();
+    test_scans();
     return 0;
 }

@@ -1,11 +1,11 @@
-/* Start of a program: vectors, memory, main(), and the way out. */
+/* Start-up code of a program: vectors, initialisation of memory, call of main(), and end. */
 #include "image.h"
 
 enum { SYS_WRITE0 = 4, SYS_EXIT = 0x18, APPLICATION_EXIT = 0x20026 };
 
 extern uint32_t stack_top, data_begin, data_end, data_source, bss_begin, bss_end;
 
-static uint32_t ask_host(uint32_t operation, uint32_t argument)
+static uint32_t call_host(uint32_t operation, uint32_t argument)
 {
     register uint32_t r0 __asm__("r0") = operation;
     register uint32_t r1 __asm__("r1") = argument;
@@ -15,7 +15,7 @@ static uint32_t ask_host(uint32_t operation, uint32_t argument)
 
 void put_text(const char *text)
 {
-    ask_host(SYS_WRITE0, (uint32_t)text);
+    call_host(SYS_WRITE0, (uint32_t)text);
 }
 
 void put_word(const char *name, uint32_t value)
@@ -31,7 +31,7 @@ void put_word(const char *name, uint32_t value)
 void end(void)
 {
     for (;;) {
-        ask_host(SYS_EXIT, APPLICATION_EXIT);
+        call_host(SYS_EXIT, APPLICATION_EXIT);
     }
 }
 
@@ -47,7 +47,7 @@ static void start(void)
     end();
 }
 
-static void unexpected(void)
+static void report_unexpected(void)
 {
     uint32_t number;
     __asm__ volatile("mrs %0, ipsr" : "=r"(number));

@@ -1,4 +1,5 @@
-/* What a program on the bare processor has of its host: words and text through semihosting (BKPT 0xAB), an end. */
+/* Interface of a program to its host: output of words and texts through semihosting (BKPT 0xAB), and end of the
+ * program. */
 #ifndef CORTEX_IMAGE_H
 #define CORTEX_IMAGE_H
 
@@ -8,12 +9,13 @@
 int main(void);
 
 void put_text(const char *text);
-void put_word(const char *name, uint32_t value); /* one line: name, hexadecimal */
+void put_word(const char *name, uint32_t value); /* prints one line: name and hexadecimal value */
 void end(void) __attribute__((noreturn));
 
 typedef void handler(void);
 
-/* Weak: a program defines those that it wants. Any other exception prints its number and ends. */
+/* Weak symbols: a program defines the handlers that it needs. Any other exception prints its number and ends the
+ * program. */
 void on_nmi(void);
 void on_hard_fault(void);
 void on_svcall(void);

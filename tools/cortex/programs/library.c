@@ -1,4 +1,4 @@
-/* CRC-32, sorting, 64-bit arithmetic and floating point by libgcc, memory and text by the C library. */
+/* CRC-32, sorting, 64-bit arithmetic and floating point of libgcc, memory and string functions of the C library. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,7 +9,7 @@
 static uint32_t words[COUNT], state = 1;
 static uint8_t bytes[1024], copy[1024];
 
-static uint32_t draw(void)
+static uint32_t next_random(void)
 {
     state ^= state << 13;
     state ^= state >> 17;
@@ -28,26 +28,26 @@ static uint32_t crc32(const uint8_t *data, size_t size)
     return ~crc;
 }
 
-static int by_value(const void *a, const void *b)
+static int compare_values(const void *a, const void *b)
 {
     const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
     return (x > y) - (x < y);
 }
 
-static void sort(void)
+static void test_sort(void)
 {
     for (size_t i = 0; i < COUNT; i++) {
-        words[i] = draw();
+        words[i] = next_random();
     }
-    qsort(words, COUNT, sizeof *words, by_value);
+    qsort(words, COUNT, sizeof *words, compare_values);
     put_word("sorted", crc32((const uint8_t *)words, sizeof words));
 }
 
-static void divide(void)
+static void test_arithmetic(void)
 {
     uint64_t sum = 0;
     for (unsigned i = 0; i < 300; i++) {
-        const uint64_t a = (uint64_t)draw() << 32 | draw(), b = (uint64_t)draw() << (i % 33) | 1u;
+        const uint64_t a = (uint64_t)next_random() << 32 | next_random(), b = (uint64_t)next_random() << (i % 33) | 1u;
         const int64_t c = (int64_t)a, d = -(int64_t)(b >> 3 | 1u);
         sum = sum * 31u + a / b + a % b + (uint64_t)(c / d) + (uint64_t)(c % d) + a * b + (a >> (i % 64)) + (a << (i % 64));
         sum += (uint32_t)a / ((uint32_t)b | 1u) + (uint32_t)((int32_t)a % ((int32_t)(b >> 5) | 1));
@@ -56,30 +56,30 @@ static void divide(void)
     put_word("64 bit, low", (uint32_t)sum);
 }
 
-static void floats(void)
+static void test_floating_point(void)
 {
     float f = 1.5f;
     double g = 0.7;
     for (unsigned i = 1; i < 100; i++) {
-        f = f * 1.0625f + (float)(int32_t)draw() / 3.0e9f;
+        f = f * 1.0625f + (float)(int32_t)next_random() / 3.0e9f;
         g = g / (1.0 + 1.0 / i) - (double)f * 1e-3 + (f > 2.0f ? 0.25 : -0.125);
     }
-    uint32_t single;
-    uint64_t both;
-    memcpy(&single, &f, sizeof single);
-    memcpy(&both, &g, sizeof both);
-    put_word("float", single);
-    put_word("double, high", (uint32_t)(both >> 32));
-    put_word("double, low", (uint32_t)both);
+    uint32_t float_bits;
+    uint64_t double_bits;
+    memcpy(&float_bits, &f, sizeof float_bits);
+    memcpy(&double_bits, &g, sizeof double_bits);
+    put_word("float", float_bits);
+    put_word("double, high", (uint32_t)(double_bits >> 32));
+    put_word("double, low", (uint32_t)double_bits);
 }
 
-static void memory(void)
+static void test_memory(void)
 {
     for (size_t i = 0; i < sizeof bytes; i++) {
-        bytes[i] = (uint8_t)draw();
+        bytes[i] = (uint8_t)next_random();
     }
     for (unsigned i = 0; i < 200; i++) {
-        const size_t from = draw() % 900, to = draw() % 900, size = draw() % 120;
+        const size_t from = next_random() % 900, to = next_random() % 900, size = next_random() % 120;
         memcpy(copy + to, bytes + from, size);
         memmove(bytes + to, bytes + from, size);
         memset(copy + from, (int)i, size / 2);
@@ -92,9 +92,9 @@ static void memory(void)
 
 int main(void)
 {
-    sort();
-    divide();
-    floats();
-    memory();
+    test_sort();
+    test_arithmetic();
+    test_floating_point();
+    test_memory();
     return 0;
 }

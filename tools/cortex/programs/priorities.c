@@ -1,4 +1,5 @@
-/* Who runs when: interrupts pended by software, PendSV, SVC, SysTick, at all four priorities, with PRIMASK and in handlers. */
+/* Order of execution of exceptions: interrupts pended by software, PendSV, SVC and SysTick at all four priorities, with
+ * PRIMASK and within handlers. */
 #include "image.h"
 
 #define REG(address) (*(volatile uint32_t *)(address))
@@ -16,15 +17,15 @@
 #define PENDSVSET (1u << 28)
 #define PENDSTSET (1u << 26)
 #define LOG_SIZE 64u
-#define PERIOD 400000u /* long, so that a second tick is out of the question */
+#define PERIOD 400000u /* long enough to exclude a second tick */
 
 static volatile uint8_t log[LOG_SIZE];
-static volatile unsigned logged, nests;
+static volatile unsigned log_count, nesting;
 static volatile uint32_t raise_in[48], raise_system_in[48];
 
-static void note(uint8_t what)
+static void log_event(uint8_t event)
 {
-    log[logged++ % LOG_SIZE] = what;
+    log[log_count++ % LOG_SIZE] = event;
 }
 
 static void barrier(void)
@@ -32,24 +33,24 @@ static void barrier(void)
     __asm__ volatile("dsb\n\tisb" ::: "memory");
 }
 
-/* On the way in, out, and what was pended in between. */
+/* Log entry and exit, and pend the configured exceptions in between. */
 static void handler_body(void)
 {
     uint32_t number;
     __asm__ volatile("mrs %0, ipsr" : "=r"(number));
-    note((uint8_t)number);
-    nests++;
+    log_event((uint8_t)number);
+    nesting++;
     const uint32_t irqs = raise_in[number], system = raise_system_in[number];
     raise_in[number] = raise_system_in[number] = 0;
     if (irqs || system) {
         __asm__ volatile("cpsid i");
         ISPR = irqs;
         ICSR = system;
-        __asm__ volatile("cpsie i"); /* all at once, however soon a processor notices a pended one */
+        __asm__ volatile("cpsie i"); /* raises all at once, independent of how soon a processor detects a pending exception */
         barrier();
     }
-    note((uint8_t)(0x80u | number));
-    nests--;
+    log_event((uint8_t)(0x80u | number));
+    nesting--;
 }
 
 void on_svcall(void) __attribute__((alias("handler_body")));
@@ -60,17 +61,17 @@ void on_irq1(void) __attribute__((alias("handler_body")));
 void on_irq2(void) __attribute__((alias("handler_body")));
 void on_irq3(void) __attribute__((alias("handler_body")));
 
-static void show(const char *name)
+static void print_log(const char *name)
 {
     put_text(name);
     put_text("\n");
-    for (unsigned i = 0; i < logged; i++) {
+    for (unsigned i = 0; i < log_count; i++) {
         put_word(log[i] & 0x80u ? "    out" : "  in", log[i] & 0x7Fu);
     }
-    logged = 0;
+    log_count = 0;
 }
 
-static void set(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1, unsigned irq2, unsigned irq3)
+static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1, unsigned irq2, unsigned irq3)
 {
     SHPR2 = svcall << 30;
     SHPR3 = systick << 30 | pendsv << 22;
@@ -78,19 +79,19 @@ static void set(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq
     barrier();
 }
 
-static void all_at_once(const char *name)
+static void raise_all_at_once(const char *name)
 {
     __asm__ volatile("cpsid i");
     ISPR = 15;
     ICSR = PENDSVSET | PENDSTSET;
-    put_word("ICSR", ICSR & ~(1u << 11)); /* RETTOBASE, which ARMv6-M does not have */
+    put_word("ICSR", ICSR & ~(1u << 11)); /* RETTOBASE does not exist in ARMv6-M */
     put_word("ISPR", ISPR);
     __asm__ volatile("cpsie i");
     barrier();
-    show(name);
+    print_log(name);
 }
 
-static void in_each_other(const char *name)
+static void raise_in_handlers(const char *name)
 {
     raise_in[16] = 2;
     raise_in[17] = 4;
@@ -99,19 +100,19 @@ static void in_each_other(const char *name)
     raise_system_in[14] = PENDSTSET;
     ISPR = 1;
     barrier();
-    show(name);
+    print_log(name);
 }
 
-static void by_svc(const char *name)
+static void raise_in_svc(const char *name)
 {
     raise_in[11] = 5;
     raise_system_in[11] = PENDSVSET;
     __asm__ volatile("svc #1" ::: "memory");
     barrier();
-    show(name);
+    print_log(name);
 }
 
-static void registers(void)
+static void test_registers(void)
 {
     put_word("IPR0", IPR0);
     put_word("SHPR2", SHPR2);
@@ -122,15 +123,15 @@ static void registers(void)
     ISPR = 5;
     put_word("ISPR", ISPR);
     barrier();
-    show("not enabled");
+    print_log("not enabled");
     ICPR = 4;
     put_word("ISPR", ISPR);
     ISER = 15;
     barrier();
-    show("enabled again");
+    print_log("enabled again");
 }
 
-static void ticks(void)
+static void test_systick(void)
 {
     SYST_RVR = PERIOD;
     SYST_CVR = 0;
@@ -142,10 +143,10 @@ static void ticks(void)
     raise_in[15] = 1;
     SYST_CVR = 0;
     SYST_CSR = 7;
-    while (!logged) {
+    while (!log_count) {
     }
     SYST_CSR = 0;
-    show("by the timer");
+    print_log("raised in SysTick");
 }
 
 int main(void)
@@ -158,13 +159,13 @@ int main(void)
     for (unsigned i = 0; i < sizeof priorities / sizeof *priorities; i++) {
         const uint8_t *const p = priorities[i];
         put_word("PRIORITIES", i);
-        set(p[0], p[1], p[2], p[3], p[4], p[5], p[6]);
-        all_at_once("all at once");
-        in_each_other("in each other");
-        by_svc("by SVC");
+        set_priorities(p[0], p[1], p[2], p[3], p[4], p[5], p[6]);
+        raise_all_at_once("all at once");
+        raise_in_handlers("raised in handlers");
+        raise_in_svc("raised in SVC");
     }
-    registers();
-    ticks();
-    put_word("nests", nests);
+    test_registers();
+    test_systick();
+    put_word("nesting", nesting);
     return 0;
 }

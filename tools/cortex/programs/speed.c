@@ -1,4 +1,4 @@
-/* What the processor's speed is measured with: loops, table look-ups, byte and word traffic, calls, multiplications. */
+/* Benchmark of the processor's speed: loops, table look-ups, byte and word traffic, calls, multiplications. */
 #include "image.h"
 
 #define ROUNDS 400u
@@ -35,7 +35,7 @@ static void fill(uint32_t seed)
     }
 }
 
-static void heap_down(size_t root, size_t size)
+static void sift_down(size_t root, size_t size)
 {
     for (;;) {
         size_t child = 2 * root + 1;
@@ -56,13 +56,13 @@ static void heap_down(size_t root, size_t size)
 static void heap_sort(void)
 {
     for (size_t i = WORDS / 2; i-- > 0;) {
-        heap_down(i, WORDS);
+        sift_down(i, WORDS);
     }
     for (size_t size = WORDS; size-- > 1;) {
         const uint32_t largest = words[0];
         words[0] = words[size];
         words[size] = largest;
-        heap_down(0, size);
+        sift_down(0, size);
     }
 }
 

@@ -1,11 +1,12 @@
-/* Two stacks, special registers, frames at odd places, returns from nested handlers to either stack. */
+/* Both stacks, special registers, frames at unaligned stack pointers, and returns from nested handlers to either stack.
+ */
 #include "image.h"
 
 #define ICSR (*(volatile uint32_t *)0xE000ED04)
 #define PENDSVSET (1u << 28)
 
 static uint32_t process_stack[64];
-static volatile uint32_t seen[4];
+static volatile uint32_t restored[4];
 
 #define READ(name, special) \
     do { \
@@ -14,8 +15,8 @@ static volatile uint32_t seen[4];
         put_word(name, value_); \
     } while (0)
 
-/* r0: MSP on entry, r1: EXC_RETURN. */
-__attribute__((used)) static void look(uint32_t msp, uint32_t exc_return)
+/* msp: MSP at entry; exc_return: EXC_RETURN. */
+__attribute__((used)) static void report_frame(uint32_t msp, uint32_t exc_return)
 {
     uint32_t psp;
     __asm__ volatile("mrs %0, psp" : "=r"(psp));
@@ -35,7 +36,7 @@ __attribute__((used)) static void look(uint32_t msp, uint32_t exc_return)
     __asm__ volatile("mov r0, sp\n\t" \
                      "mov r1, lr\n\t" \
                      "push {r0, lr}\n\t" \
-                     "bl look\n\t" \
+                     "bl report_frame\n\t" \
                      "pop {r0, pc}")
 
 __attribute__((naked)) void on_svcall(void)
@@ -48,21 +49,21 @@ __attribute__((naked)) void on_pendsv(void)
     ENTER;
 }
 
-/* Registers of known contents, so many words on the stack, an SVC, and what is left of them. */
+/* Sets registers to known values, pushes `words` words, calls SVC and stores the registers afterwards. */
 #define CALL(words) \
     __asm__ volatile("movs r0, #10\n\tmovs r1, #11\n\tmovs r2, #12\n\tmovs r3, #13\n\tmov r12, r3\n\t" \
                      "sub sp, #4 * " #words "\n\t" \
                      "cmp r0, r1\n\t" \
                      "svc #0\n\t" \
                      "add sp, #4 * " #words "\n\t" \
-                     "ldr r4, =seen\n\tstm r4!, {r0-r3}" ::: "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
+                     "ldr r4, =restored\n\tstm r4!, {r0-r3}" ::: "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
 
-static void show(const char *name)
+static void print_restored(const char *name)
 {
     put_text(name);
     put_text("\n");
     for (unsigned i = 0; i < 4; i++) {
-        put_word("  kept", seen[i]);
+        put_word("  restored", restored[i]);
     }
 }
 
@@ -83,21 +84,21 @@ int main(void)
 {
     special_registers();
     CALL(2);
-    show("main stack");
+    print_restored("main stack");
     CALL(1);
-    show("main stack, odd");
+    print_restored("main stack, odd");
     __asm__ volatile("msr psp, %0" ::"r"(process_stack + 64));
     __asm__ volatile("movs r0, #2\n\tmsr control, r0\n\tisb" ::: "r0", "memory");
     READ("CONTROL", "control");
     CALL(2);
-    show("process stack");
+    print_restored("process stack");
     CALL(1);
-    show("process stack, odd");
+    print_restored("process stack, odd");
     register uint32_t r0 __asm__("r0") = PENDSVSET;
     register volatile uint32_t *r1 __asm__("r1") = &ICSR;
     __asm__ volatile("movs r2, #0\n\tmovs r3, #0\n\tmov r12, r3\n\tstr r0, [r1]\n\tdsb\n\tisb" ::"r"(r0), "r"(r1)
                      : "r2", "r3", "r12", "memory");
-    show("PendSV");
+    print_restored("PendSV");
     __asm__ volatile("movs r0, #0\n\tmsr control, r0\n\tisb" ::: "r0", "memory");
     READ("CONTROL", "control");
     return 0;

@@ -1,5 +1,5 @@
-/* The port's clock on SysTick: it never runs backwards, with interrupts on or off, ticks come when they are due, and a wait ends
- * with one. Every figure is a count of what went wrong, or of ticks. */
+/* Clock of the PSoC 4200 port on SysTick: it never runs backwards, with interrupts enabled or disabled; ticks occur
+ * when due; a wait ends with a tick. Every printed figure is a count of errors or of ticks. */
 #include "boards/psoc4200/ticks.h"
 #include "boards/psoc4200/clocks.h"
 #include "boards/psoc4200/regs/core.h"
@@ -7,24 +7,25 @@
 
 #define CYCLES_PER_US (CPU_HZ / 1000000u)
 #define WRAP_US 4096u
-#define LATE_MAX 100u /* cycles from the end of a period to the handler's first look */
-#define JUMP_MAX 12u  /* us from one reading to the next */
+#define DELAY_MAX 100u /* cycles from the end of a period to the first read in the handler */
+#define JUMP_MAX 12u  /* us between two consecutive readings */
 #define RUN 100000u
 
 void systick_handler(void);
 
-static volatile uint32_t ticks, latest, work;
+static volatile uint32_t ticks, delay_max, work;
 
 void on_systick(void)
 {
-    const uint32_t late = SYSTICK->reload - SYSTICK->value;
-    latest = late > latest ? late : latest;
+    const uint32_t delay = SYSTICK->reload - SYSTICK->value;
+    delay_max = delay > delay_max ? delay : delay_max;
     ticks++;
     systick_handler();
 }
 
-/* Readings in a row, from 3 ms after a tick to behind the next: how many are less than the one before, or far from it. */
-static void read_on(const char *name, bool masked)
+/* Read the clock continuously from 3 ms after a tick until after the next tick, and count readings that decrease or
+ * jump. */
+static void check_monotonic(const char *name, bool masked)
 {
     uint32_t backwards = 0, jumps = 0;
     wait_for_interrupt();
@@ -43,83 +44,83 @@ static void read_on(const char *name, bool masked)
     if (masked) {
         interrupts_unmask(interrupts);
         __asm__ volatile("isb" ::: "memory");
-        put_word("  ticks then", ticks - before);
+        put_word("  ticks after unmasking", ticks - before);
     }
 }
 
-static void work_on(uint32_t rounds)
+static void busy_loop(uint32_t rounds)
 {
     for (uint32_t i = 0; i < rounds; i++) {
         work += i;
     }
 }
 
-static uint32_t timed(uint32_t rounds)
+static uint32_t time_busy_loop(uint32_t rounds)
 {
     const uint64_t begin = ticks_us();
-    work_on(rounds);
+    busy_loop(rounds);
     return (uint32_t)(ticks_us() - begin);
 }
 
-/* Work of several wraps in the time that a long wrap is given for it: the clock shows what it shows otherwise. */
-static void stretched(void)
+/* A busy loop of several wraps within a stretched wrap takes the same time on the clock as without it. */
+static void check_stretched_wrap(void)
 {
-    const uint32_t plain = timed(RUN), interrupts = interrupts_mask();
+    const uint32_t normal_us = time_busy_loop(RUN), interrupts = interrupts_mask();
     const uint64_t begin = ticks_us();
     const uint32_t part = ticks_stretch();
-    work_on(RUN);
+    busy_loop(RUN);
     ticks_shrink(part);
     interrupts_unmask(interrupts);
-    const uint32_t found = (uint32_t)(ticks_us() - begin), apart = found > plain ? found - plain : plain - found;
-    put_word("wraps in that work", plain > 2u * WRAP_US);
-    put_word("time lost in a long wrap", apart * 100u > plain);
+    const uint32_t stretched_us = (uint32_t)(ticks_us() - begin), difference = stretched_us > normal_us ? stretched_us - normal_us : normal_us - stretched_us;
+    put_word("busy loop longer than two wraps", normal_us > 2u * WRAP_US);
+    put_word("time lost in a long wrap", difference * 100u > normal_us);
 }
 
-static void waits(void)
+static void check_waits(void)
 {
-    uint32_t wrong = 0;
+    uint32_t errors = 0;
     for (unsigned i = 0; i < 8u; i++) {
         const uint32_t before = ticks;
         wait_for_interrupt();
-        wrong += ticks != before + 1u;
+        errors += ticks != before + 1u;
     }
-    put_word("waits that did not end with a tick", wrong);
+    put_word("waits that did not end with a tick", errors);
 }
 
-static void delays(void)
+static void check_delays(void)
 {
-    uint32_t wrong = 0;
+    uint32_t errors = 0;
     for (uint32_t us = 10; us < 20000u; us *= 3u) {
         const uint64_t begin = ticks_us();
         ticks_delay_us(us);
-        const uint64_t took = ticks_us() - begin;
-        wrong += took < us || took > us + JUMP_MAX;
+        const uint64_t elapsed = ticks_us() - begin;
+        errors += elapsed < us || elapsed > us + JUMP_MAX;
     }
-    put_word("delays too short or long", wrong);
+    put_word("delays too short or long", errors);
 }
 
-static void masked_ticks(void)
+static void check_masked_ticks(void)
 {
     const uint32_t interrupts = interrupts_mask(), before = ticks;
-    work_on(RUN);
+    busy_loop(RUN);
     put_word("ticks while masked", ticks - before);
     put_word("  pending", !!(SCS_ICSR & SCS_ICSR_SYSTICK_PENDING));
     interrupts_unmask(interrupts);
     __asm__ volatile("isb" ::: "memory");
-    put_word("  kept", ticks - before);
+    put_word("  served after unmasking", ticks - before);
 }
 
 int main(void)
 {
     ticks_init();
-    read_on("interrupts on:", false);
-    read_on("interrupts off:", true);
-    delays();
-    latest = 0;
-    waits();
-    work_on(RUN);
-    put_word("late", latest > LATE_MAX);
-    masked_ticks();
-    stretched();
+    check_monotonic("interrupts on:", false);
+    check_monotonic("interrupts off:", true);
+    check_delays();
+    delay_max = 0;
+    check_waits();
+    busy_loop(RUN);
+    put_word("late", delay_max > DELAY_MAX);
+    check_masked_ticks();
+    check_stretched_wrap();
     return 0;
 }
