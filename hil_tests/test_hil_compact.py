@@ -46,7 +46,7 @@ def test_compact_frames_carry_the_counts_that_were_shown(rig: Rig, compact_skin:
             counts.check(frame)
         counts.go_on()
     assert compact_skin.losses.lost_on_wire == 0
-    assert not compact_skin.losses.undecoded
+    assert not compact_skin.losses.undecoded_frames
 
 
 def test_every_board_is_read_more_often_than_by_plain_frames(rig: Rig) -> None:

@@ -160,13 +160,13 @@ class Soak:
 
     def _take_batch(self, batch: Batch) -> None:
         """Frames before a restart of the hub and after it are of two counts."""
-        restarts = batch.others["stream_position"][(batch.others["flags"] & HUB_RESTARTED) != 0]
-        cuts = [0, *np.searchsorted(batch.taxels["stream_position"], restarts).tolist(), len(batch.taxels)]
-        starts = [0, *np.cumsum(batch.taxels["size"].astype(int)).tolist()]
+        restarts = batch.message_rows["stream_position"][(batch.message_rows["flags"] & HUB_RESTARTED) != 0]
+        cuts = [0, *np.searchsorted(batch.taxel_rows["stream_position"], restarts).tolist(), len(batch.taxel_rows)]
+        starts = [0, *np.cumsum(batch.taxel_rows["size"].astype(int)).tolist()]
         for part, (first, last) in enumerate(itertools.pairwise(cuts)):
             if part:
                 self._note_restart()
-            self._take_frames(batch.taxels[first:last], batch.counts[starts[first] : starts[last]])
+            self._take_frames(batch.taxel_rows[first:last], batch.counts[starts[first] : starts[last]])
 
     def _note_restart(self) -> None:
         """The hub counts from 0 again; when it booted stands in the log of faults."""

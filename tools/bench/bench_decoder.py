@@ -11,7 +11,7 @@ from recorded import record
 from taxel.link import CaptureLink
 from taxel.stream import LossAccount, StreamDecoder, decode_capture
 from taxel.stream.clock import ClockMap
-from taxel.stream.frames import taxel_frames_of
+from taxel.stream.frames import build_taxel_frames
 from taxel_protocol import FrameType
 from taxel_protocol.framing import cobs_decode, whiten
 from taxel_protocol.wire import Body
@@ -44,8 +44,8 @@ def _as_frames(data: bytes) -> None:
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
     for start in range(0, len(data), CHUNK):
         for batch in decoder.push(data[start : start + CHUNK]):
-            rows = batch.taxels
-            taxel_frames_of(batch, rows, clock.host_times_s(clock.hub_times_us(rows)))
+            rows = batch.taxel_rows
+            build_taxel_frames(batch, rows, clock.host_times_s(clock.hub_times_us(rows)))
 
 
 def measure() -> list[Figure]:

@@ -20,7 +20,7 @@ from taxel.link import CaptureLink, write_stimulus
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, Activation
 from taxel.stream import CaptureDecoder, StreamDecoder
 from taxel.stream.clock import ClockMap
-from taxel.stream.frames import taxel_frames_of
+from taxel.stream.frames import build_taxel_frames
 
 SEED = 7
 PRESSES, FIRST_S, EACH_S, HELD_S, FORCE_N, STEP_S = 60, 1.5, 0.3, 0.15, 2.0, 1e-6
@@ -51,8 +51,8 @@ def _delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np
     arrived: dict[int, list[NDArray[np.float64]]] = {board.address: [] for board in hand.boards}
     counts: dict[int, list[NDArray[np.uint16]]] = {board.address: [] for board in hand.boards}
     for batch, arrivals in CaptureDecoder(capture):
-        places = np.searchsorted(arrivals["end"], batch.taxels["stream_position"], side="left")
-        for row, at in zip(batch.taxels, (arrivals["time_ns"][places] * 1e-9).tolist(), strict=True):
+        places = np.searchsorted(arrivals["end"], batch.taxel_rows["stream_position"], side="left")
+        for row, at in zip(batch.taxel_rows, (arrivals["time_ns"][places] * 1e-9).tolist(), strict=True):
             arrived[int(row["address"])].append(at)
             counts[int(row["address"])].append(batch.counts[row["offset"] : row["offset"] + row["size"]])
     delays = np.empty(taxels.shape)
@@ -76,8 +76,8 @@ def host_s_of_a_frame(capture: Path) -> float:
     for chunk in data.split(b"\0\0"):
         begun = time.perf_counter()
         for batch in decoder.push(chunk + b"\0"):
-            rows = batch.taxels
-            for frame in taxel_frames_of(batch, rows, clock.host_times_s(clock.hub_times_us(rows))):
+            rows = batch.taxel_rows
+            for frame in build_taxel_frames(batch, rows, clock.host_times_s(clock.hub_times_us(rows))):
                 judge = judges.get(frame.address)
                 if judge is None:
                     judge = judges[frame.address] = Activation(frame.raw_counts)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from ideal import WARM_UP, noise_entropy, recording_entropy
 
-from taxel.demonstration import DEMO_PRESSES
+from taxel.demonstration import DEMO_CONTACTS
 from taxel.hand import Hand, load_hand
 from taxel.hand.press import press_forces
 from taxel.hand.world import WorldSettings, world_text
@@ -26,8 +26,8 @@ from taxel.stream import FrameStream
 from taxel_protocol import FrameType, encode_frame
 from taxel_protocol.limits import (
     ACKNOWLEDGE_FORGET,
-    COMPACT_OVERHEAD_CODED,
-    COMPACT_OVERHEAD_MIN,
+    COMPACT_OVERHEAD_DELTA,
+    COMPACT_OVERHEAD_PACKED,
     COMPACT_WIDTH_MASK,
     REGISTER_COMPACT,
 )
@@ -102,7 +102,7 @@ class Skin:
         self.world, self.hand = world, hand
         self.sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         self.link = _Fed()
-        self.stream = FrameStream(self.link, lambda message: None, on_answers=self._take)
+        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._take)
         self._answers: deque[dict[int, bytes]] = deque([{}, {}])
         self._sequence = 0
 
@@ -143,7 +143,7 @@ class Skin:
         if not frame:
             return
         packed = bool(frame[2] & COMPACT_WIDTH_MASK)
-        overhead = COMPACT_OVERHEAD_MIN if packed else COMPACT_OVERHEAD_CODED
+        overhead = COMPACT_OVERHEAD_PACKED if packed else COMPACT_OVERHEAD_DELTA
         tally.heads += overhead
         if packed:
             tally.packed += len(frame) - overhead
@@ -154,7 +154,7 @@ class Skin:
 def measure(hand: Hand, noise: float, seconds: float, touched: bool) -> Tally:
     """Poll a skin of that noise for so long, after WARM_UP cycles; `touched`: seven presses, one a second."""
     settings = WorldSettings(seed=SEED, noise_counts=noise, scl_hz=BUS_HZ)
-    presses = [replace(p, start_s=p.start_s - DEMO_PRESSES[0].start_s) for p in DEMO_PRESSES]
+    presses = [replace(p, start_s=p.start_s - DEMO_CONTACTS[0].start_s) for p in DEMO_CONTACTS]
     times, forces = press_forces(hand, presses)
     tally = Tally()
     with VirtualWorld(world_text(hand, settings), "none") as world:
@@ -168,8 +168,8 @@ def measure(hand: Hand, noise: float, seconds: float, touched: bool) -> Tally:
                 world.press(np.array([np.interp(now, times, forces[:, i]) for i in range(hand.n_taxels)]))
             skin.cycle(number, tally if number >= WARM_UP else None)
             world.run(max(begin + (number + 1) / RATE_HZ - world.now_s, 0.0))
-        if skin.stream.losses.undecoded:
-            raise SystemExit(f"undecoded frames: {skin.stream.losses.undecoded}")
+        if skin.stream.losses.undecoded_frames:
+            raise SystemExit(f"undecoded frames: {skin.stream.losses.undecoded_frames}")
     return tally
 
 

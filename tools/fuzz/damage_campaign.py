@@ -67,7 +67,7 @@ class Decoders:
 def _taxel_frames(batch: Batch) -> list[Frame]:
     names = ("address", "size", "cycle", "hub_time_us", "board_sequence", "board_time_us", "sequence", "offset")
     frames = []
-    for row in batch.taxels[list(names)].tolist() if len(batch.taxels) else []:
+    for row in batch.taxel_rows[list(names)].tolist() if len(batch.taxel_rows) else []:
         address, size, cycle, hub_us, scan, board_us, sequence, offset = row
         head = bytes([address, size]) + cycle.to_bytes(2, "little") + hub_us.to_bytes(4, "little")
         head += scan.to_bytes(2, "little") + board_us.to_bytes(4, "little")
@@ -76,7 +76,7 @@ def _taxel_frames(batch: Batch) -> list[Frame]:
 
 
 def _other_frames(batch: Batch) -> list[Frame]:
-    rows = batch.others[["type", "sequence", "offset", "size"]].tolist() if len(batch.others) else []
+    rows = batch.message_rows[["type", "sequence", "offset", "size"]].tolist() if len(batch.message_rows) else []
     return [(kind, sequence, batch.payloads[offset : offset + size]) for kind, sequence, offset, size in rows]
 
 

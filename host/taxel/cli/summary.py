@@ -48,7 +48,7 @@ class StreamSummary:
         return {
             "hand": self._skin.hand.name,
             "seconds": self.seconds,
-            "frames_received": losses.received,
+            "frames_received": losses.frames_received,
             "frames_lost_on_wire": losses.lost_on_wire,
             "bytes_received": self._skin.bytes_received,
             "bytes_discarded": self._skin.bytes_discarded,

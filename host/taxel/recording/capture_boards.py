@@ -13,7 +13,7 @@ from taxel.signal import (
     Activation,
     ActivationFrame,
     BaselineResult,
-    baseline_of,
+    compute_baseline,
 )
 from taxel.stream import CaptureDecoder, ClockMap
 from taxel.stream.row_clock import RowClock
@@ -106,7 +106,7 @@ def activity_of(
                 resting[address] = frames
                 if len(frames.time_s) <= samples:
                     continue
-                baseline = baseline_of(frames.raw_counts[:samples], samples=samples)
+                baseline = compute_baseline(frames.raw_counts[:samples], samples=samples)
                 judges[address] = baseline, Activation(baseline.mean, threshold)
                 frames = frames.part(slice(samples, None))
                 del resting[address]

@@ -138,7 +138,7 @@ def _decode_board(
     baseline = Baseline(raw.shape[1])
     for counts in raw[:BASELINE_SAMPLES]:
         baseline.update(counts)
-    baseline.result().require_clean()
+    baseline.result().require_undisturbed()
     decoded = Activation(baseline.result().mean, threshold)(raw[ready:])
     sampled_s = time_s[ready:, None] + _taxel_offsets(frames[ready:], time_s[ready:], raw.shape[1]) - begin_s
     cycle = _unwrapped(np.array([first_cycle, *(frame.cycle for frame in frames)]))[1 + ready :]

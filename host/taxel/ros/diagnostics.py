@@ -1,47 +1,54 @@
-"""What hub and boards have counted, as diagnostics."""
+"""Loss counters of the hub and the boards as a ROS diagnostics message."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from taxel.hand import Hand
-from taxel.ros.tree import header
+from taxel.ros.tf_tree import header
 from taxel.stream import HubClient
 
-OK, WARN, STALE = 0, 1, 3
+OK, WARN, STALE = 0, 1, 3  # constants of diagnostic_msgs/DiagnosticStatus
+
+_HUB_COUNTERS = ("frames_dropped", "cycle_time_us", "bus_recoveries")
+_BOARD_COUNTERS = ("nacks", "timeouts", "crc_errors", "retries")
 
 
-def _status(level: int, name: str, message: str, hardware: str, values: dict[str, int]) -> dict[str, Any]:
-    pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
-    return {"level": level, "name": name, "message": message, "hardware_id": hardware, "values": pairs}
+def diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
+    """A diagnostic_msgs/DiagnosticArray message: the losses of the stream, and one status for each board."""
+    statuses = [_hub_status(hub)]
+    statuses += [_board_status(hub, board.address, board.name) for board in hand.boards]
+    return {"header": header(time_ns, ""), "status": statuses}
 
 
-def diagnostics(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
-    """A diagnostic_msgs/DiagnosticArray: the stream's losses, and one status for each board."""
+def _hub_status(hub: HubClient) -> dict[str, Any]:
     losses, stream = hub.stream.losses, hub.stream
     lost = losses.lost_on_wire
     values = {
-        "frames_received": losses.received,
+        "frames_received": losses.frames_received,
         "frames_lost_on_wire": lost,
         "hub_restarts": losses.restarts,
         "bytes_received": stream.bytes_received,
         "bytes_discarded": stream.bytes_discarded,
     }
-    counters = ("frames_dropped", "cycle_time_us", "bus_recoveries")
-    values |= {f"hub_{name}": int(hub.status[name]) for name in counters} if hub.status else {}
+    values |= {f"hub_{name}": int(hub.status[name]) for name in _HUB_COUNTERS} if hub.status else {}
     text = f"{lost} frames lost on the wire" if lost else "no frame lost on the wire"
-    statuses = [_status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)]
-    boards = losses.boards
-    for board in hand.boards:
-        place = f"0x{board.address:02X}"
-        count = boards.get(board.address)
-        if count is None:
-            statuses.append(_status(STALE, f"taxel: {board.name}", "has sent nothing", place, {}))
-            continue
-        bad = count.missing + count.damaged
-        text = f"{count.missing} frames missing, {count.damaged} damaged" if bad else "complete"
-        values = {"received": count.received, "missing": count.missing, "damaged": count.damaged}
-        told = hub.board_status.get(board.address, {})
-        values |= {name: int(told[name]) for name in ("nacks", "timeouts", "crc_errors", "retries") if name in told}
-        statuses.append(_status(WARN if bad else OK, f"taxel: {board.name}", text, place, values))
-    return {"header": header(time_ns, ""), "status": statuses}
+    return _status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)
+
+
+def _board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
+    title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
+    count = hub.stream.losses.boards.get(address)
+    if count is None:
+        return _status(STALE, title, "has sent nothing", hardware_id, {})
+    faulty = count.missing + count.damaged
+    text = f"{count.missing} frames missing, {count.damaged} damaged" if faulty else "complete"
+    values = {"received": count.received, "missing": count.missing, "damaged": count.damaged}
+    reported = hub.board_status.get(address, {})
+    values |= {counter: int(reported[counter]) for counter in _BOARD_COUNTERS if counter in reported}
+    return _status(WARN if faulty else OK, title, text, hardware_id, values)
+
+
+def _status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:
+    pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
+    return {"level": level, "name": name, "message": message, "hardware_id": hardware_id, "values": pairs}

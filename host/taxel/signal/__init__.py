@@ -5,12 +5,12 @@ from taxel.signal.baseline import (
     BASELINE_SAMPLES,
     Baseline,
     BaselineResult,
-    baseline_of,
+    compute_baseline,
 )
-from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, MEDIAN_WINDOW_SAMPLES, disturbed_taxels
+from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, MEDIAN_WINDOW_SAMPLES, find_disturbed_taxels
 from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
 from taxel.signal.events import ActivationTracker, ContactEvent
-from taxel.signal.noise import NoiseReport, noise_report, snr, snr_db
+from taxel.signal.noise import NoiseReport, measure_noise, snr, snr_db
 
 __all__ = [
     "ACTIVATION_THRESHOLD_COUNTS",
@@ -26,9 +26,9 @@ __all__ = [
     "DisturbedBaselineError",
     "NoiseReport",
     "TooFewSamplesError",
-    "baseline_of",
-    "disturbed_taxels",
-    "noise_report",
+    "compute_baseline",
+    "find_disturbed_taxels",
+    "measure_noise",
     "snr",
     "snr_db",
 ]

@@ -85,7 +85,7 @@ class Activation:
             raise ValueError(f"raw_counts: expected 0..{RAW_COUNT_MAX}, found {found}")
         return self._judge(counts, self._at_a_rail(counts))
 
-    def over_hold(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
+    def evaluate_hold(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
         """Judge the mean of the valid frames of a hold, per taxel.
 
         raw_counts: u16[T, n]. valid: a bool, bool[T] or bool[T, n]. Returns an ActivationFrame of shape

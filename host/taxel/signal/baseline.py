@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.signal._arrays import positive, raw_count_array, validity_mask
-from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, disturbed_taxels
+from taxel.signal.disturbance import DISTURBANCE_LIMIT_COUNTS, find_disturbed_taxels
 from taxel.signal.errors import DisturbedBaselineError, TooFewSamplesError
 from taxel.types import BoolArray, CountArray, FloatArray, IntArray
 
@@ -32,7 +32,7 @@ class BaselineResult:
     disturbed: BoolArray
     count: IntArray
 
-    def require_clean(self) -> None:
+    def require_undisturbed(self) -> None:
         """Raise DisturbedBaselineError, naming the taxels, if any was disturbed."""
         if self.disturbed.any():
             raise DisturbedBaselineError(np.flatnonzero(self.disturbed).tolist(), self.disturbed.size)
@@ -46,7 +46,7 @@ class Baseline:
     max_disturbance_counts: limit of the touch test in `disturbance.py`, counts.
 
     Samples are kept (K x n x 2 bytes) and all sums are exact integers, so the result equals that of
-    `baseline_of` to the last bit. Once a taxel is complete it takes no more. A disturbed baseline is
+    `compute_baseline` to the last bit. Once a taxel is complete it takes no more. A disturbed baseline is
     reported, never repaired. A touch that lasts through all the samples cannot be told from a taxel that
     rests lower; `Activation` marks it as `suspect_baseline` after it has been released.
 
@@ -118,21 +118,21 @@ class Baseline:
     @property
     def disturbed(self) -> BoolArray:
         """bool[n], touched while the samples were taken; False where not complete."""
-        return disturbed_taxels(self._kept, self.max_disturbance_counts) & self.ready_mask
+        return find_disturbed_taxels(self._kept, self.max_disturbance_counts) & self.ready_mask
 
     def result(self) -> BaselineResult:
         """The complete baseline; raises TooFewSamplesError before `ready`."""
         return _summary(self._kept, self._count, self.max_disturbance_counts)
 
-    def require_clean(self) -> None:
+    def require_undisturbed(self) -> None:
         """Raise DisturbedBaselineError if a taxel was disturbed, TooFewSamplesError before `ready`."""
-        self.result().require_clean()
+        self.result().require_undisturbed()
 
     def _where_ready(self, values: FloatArray) -> FloatArray:
         return np.where(self.ready_mask, values, np.nan)
 
 
-def baseline_of(
+def compute_baseline(
     raw_counts: npt.ArrayLike,
     valid: npt.ArrayLike | None = None,
     samples: int = BASELINE_SAMPLES,
@@ -163,7 +163,7 @@ def _summary(kept: CountArray, count: IntArray, limit: float) -> BaselineResult:
     if count[worst] < kept.shape[0]:
         raise TooFewSamplesError(worst, needed=kept.shape[0], found=int(count[worst]))
     mean, noise = _mean_and_noise(kept)
-    return BaselineResult(mean, noise, disturbed_taxels(kept, limit), count.copy())
+    return BaselineResult(mean, noise, find_disturbed_taxels(kept, limit), count.copy())
 
 
 def _mean_and_noise(kept: CountArray) -> tuple[FloatArray, FloatArray]:

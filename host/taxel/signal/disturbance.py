@@ -50,7 +50,7 @@ MEDIAN_WINDOW_SAMPLES = 13
 MEAN_SHIFT_SHARE = 0.5
 
 
-def disturbed_taxels(samples: npt.ArrayLike, max_disturbance_counts: float = DISTURBANCE_LIMIT_COUNTS) -> BoolArray:
+def find_disturbed_taxels(samples: npt.ArrayLike, max_disturbance_counts: float = DISTURBANCE_LIMIT_COUNTS) -> BoolArray:
     """Which taxels were touched while `samples` were taken.
 
     samples: raw counts u16[K, n], the K samples that make the baseline, oldest first, all valid.

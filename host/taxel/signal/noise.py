@@ -40,7 +40,7 @@ class NoiseReport:
     common_mode_sigma: FloatArray | None
 
 
-def noise_report(
+def measure_noise(
     raw_counts: npt.ArrayLike,
     line_of: npt.ArrayLike | None = None,
     valid: npt.ArrayLike | None = None,

@@ -1,4 +1,4 @@
-"""From bytes to taxel frames, with every loss counted and every time on the host's clock."""
+"""Decoding of the hub's byte stream into taxel frames, with loss counters and times on the host's clock."""
 
 from taxel.stream.accounting import BoardCount, LossAccount
 from taxel.stream.capture_decoder import CapturedBatch, CaptureDecoder, decode_capture

@@ -1,4 +1,4 @@
-"""What was lost, where, and how that is known."""
+"""Counters of received, lost and damaged frames."""
 
 from typing import NamedTuple
 
@@ -9,10 +9,10 @@ from taxel.stream.decoder import ADDRESSES, StreamDecoder
 
 
 class BoardCount(NamedTuple):
-    """One board's frames.
+    """Frame counts of one board.
 
-    `received`: whole ones; `missing`: poll cycles without one, between two that brought one, in which the board had a
-    newer scan to show; `damaged`: the board's own CRC was wrong, so that they were not used.
+    `received`: complete frames. `missing`: poll cycles without a frame of the board, between two cycles with a frame,
+    in which the board had a new scan. `damaged`: frames rejected because the board's CRC was wrong.
     """
 
     received: int
@@ -21,51 +21,55 @@ class BoardCount(NamedTuple):
 
 
 class LossAccount:
-    """What a decoder has counted so far; always up to date.
+    """Live view of the loss counters of a decoder.
 
-    Every frame that the hub puts onto the wire carries the next of 65,536 sequence numbers, so `lost_on_wire` is
-    exact for losses shorter than that; a board's frame also carries its poll cycle, so `boards[address].missing`
-    counts every frame that did not arrive, whatever the reason.
+    Every frame of the hub carries a 16-bit sequence number, so `lost_on_wire` is exact for gaps shorter than 65,536
+    frames. A board's frame also carries its poll cycle, so `boards[address].missing` counts every missing frame,
+    regardless of the cause.
     """
 
     def __init__(self, decoder: StreamDecoder) -> None:
         self._decoder = decoder
 
     @property
-    def received(self) -> int:
-        """Frames of any type that arrived whole."""
+    def frames_received(self) -> int:
+        """Complete frames of any type."""
         return int(self._decoder.totals[0])
 
     @property
     def lost_on_wire(self) -> int:
-        """Frames that the hub sent and that did not arrive whole."""
+        """Frames that the hub sent but that did not arrive complete."""
         return int(self._decoder.totals[1])
 
     @property
     def restarts(self) -> int:
-        """Times that the hub began anew."""
+        """Number of hub restarts."""
         return int(self._decoder.totals[2])
 
     @property
     def frames_sent(self) -> int:
-        """Frames that the hub has put onto the wire since the first one that arrived: received and lost."""
-        return self.received + self.lost_on_wire
+        """Frames that the hub has sent since the first received frame: received plus lost."""
+        return self.frames_received + self.lost_on_wire
 
     @property
     def boards(self) -> dict[int, BoardCount]:
-        """Counts of every board that has sent a frame, by address."""
+        """Frame counts by board address; only boards that have sent a frame."""
         table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
-        seen = np.flatnonzero(table[0] + table[2] + table[3])
-        return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in seen.tolist()}
+        addresses = np.flatnonzero(table[0] + table[2] + table[3])
+        return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in addresses.tolist()}
 
     @property
-    def undecoded(self) -> dict[int, int]:
-        """Compact frames that arrived whole, but coded against a reference that this host does not have, by address.
+    def undecoded_frames(self) -> dict[int, int]:
+        """Number of complete delta frames whose key frame this host does not have, by board address.
 
-        A few, when a host begins in the middle of a stream or a board was exchanged; boards without any are left out.
+        A few such frames occur when a host joins a running stream or a board is replaced. Boards without any are
+        omitted.
         """
         table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
         return {int(a): int(table[3, a]) for a in np.flatnonzero(table[3]).tolist()}
 
     def __repr__(self) -> str:
-        return f"LossAccount(received={self.received}, lost_on_wire={self.lost_on_wire}, restarts={self.restarts})"
+        return (
+            f"LossAccount(frames_received={self.frames_received}, lost_on_wire={self.lost_on_wire}, "
+            f"restarts={self.restarts})"
+        )

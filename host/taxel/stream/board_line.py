@@ -1,21 +1,21 @@
-"""The line through the last readings of one board's clock, kept up as they come."""
+"""Incremental least-squares line through the latest readings of one board's clock."""
 
 from collections import deque
 
 import numpy as np
 
 SYNC_WINDOW = 32
-"""Clock readings of one board that a fit uses: about half a minute."""
+"""Number of clock readings in a fit; about half a minute for one skin of 17 boards."""
 
 SYNC_TOLERANCE_US = 300.0
-"""Clock readings of one board lie this close to a line, or one of them was damaged."""
+"""Largest residual, microseconds, of an undamaged clock reading from the fitted line."""
 
 
 class BoardLine:
-    """Readings (board, hub) in whole microseconds, not wrapped, and the sums of which least squares are made.
+    """Clock readings (board, hub) in unwrapped integer microseconds, with the running sums of a least-squares fit.
 
-    A hub with one board sends 60 readings a second. The sums are whole numbers, so that nothing is lost in them
-    however long a stream lasts.
+    A hub with one board sends 60 readings per second, so the sums are updated instead of recomputed. They are exact
+    integers and accumulate no rounding error in a long stream.
     """
 
     def __init__(self) -> None:
@@ -31,13 +31,13 @@ class BoardLine:
         return self._readings[-1]
 
     def add(self, board_us: int, hub_us: int) -> None:
-        """A reading; beyond `SYNC_WINDOW` the oldest goes."""
+        """Add a reading and remove the oldest beyond `SYNC_WINDOW` readings."""
         self._readings.append((board_us, hub_us))
-        self._count(board_us, hub_us, 1)
+        self._update_sums(board_us, hub_us, 1)
         if len(self._readings) > SYNC_WINDOW:
-            self._count(*self._readings.popleft(), -1)
+            self._update_sums(*self._readings.popleft(), -1)
 
-    def _count(self, x: int, y: int, sign: int) -> None:
+    def _update_sums(self, x: int, y: int, sign: int) -> None:
         self._x += sign * x
         self._y += sign * y
         self._xx += sign * x * x
@@ -45,30 +45,31 @@ class BoardLine:
         self._yy += sign * y * y
 
     def fit(self) -> tuple[float, float] | None:
-        """(microseconds of the hub after its last reading at the board's last reading, hub's per board's microsecond).
+        """Return (offset, slope) of the line, or None if all readings have the same board time.
 
-        None if all readings are of one microsecond.
+        offset: fitted hub time at the last board reading, minus the last hub reading, microseconds. slope: hub
+        microseconds per board microsecond.
         """
         n = len(self._readings)
-        spread = n * self._xx - self._x * self._x
-        if not spread:
+        variance = n * self._xx - self._x * self._x
+        if not variance:
             return None
-        common = n * self._xy - self._x * self._y
-        # No reading is farther from the line than the root of all squares together: most often that is near enough.
-        squares = ((n * self._yy - self._y * self._y) * spread - common * common) / (n * spread)
-        slope = common / spread
+        covariance = n * self._xy - self._x * self._y
+        # The root of the sum of squared residuals bounds every residual; usually this bound is within the tolerance.
+        squares = ((n * self._yy - self._y * self._y) * variance - covariance * covariance) / (n * variance)
+        slope = covariance / variance
         x, y = self.last
         offset = ((self._y - n * y) + slope * (n * x - self._x)) / n
-        return (offset, slope) if squares <= SYNC_TOLERANCE_US**2 else self._checked(offset, slope)
+        return (offset, slope) if squares <= SYNC_TOLERANCE_US**2 else self._fit_without_outliers(offset, slope)
 
-    def _checked(self, offset: float, slope: float) -> tuple[float, float]:
-        """The same, unless a reading is off: then the line for which most readings speak."""
+    def _fit_without_outliers(self, offset: float, slope: float) -> tuple[float, float]:
+        """Return the given line if all readings are within the tolerance, else the Theil-Sen line."""
         x, y = self.last
-        board = np.array([one - x for one, _ in self._readings], dtype=float)
-        hub = np.array([one - y for _, one in self._readings], dtype=float)
+        board = np.array([board_us - x for board_us, _ in self._readings], dtype=float)
+        hub = np.array([hub_us - y for _, hub_us in self._readings], dtype=float)
         if np.abs(hub - offset - slope * board).max() <= SYNC_TOLERANCE_US:
             return offset, slope
-        from scipy.stats import theilslopes  # takes half a second to import, and is hardly ever needed
+        from scipy.stats import theilslopes  # the import takes half a second and is rarely needed
 
         slope, offset, _, _ = theilslopes(hub, board)
         return float(offset), float(slope)

@@ -1,8 +1,8 @@
-"""From a board's clock, up to 2 % off, to the host's.
+"""Clock mapping from the boards, whose oscillators are off by up to 2 %, to the host.
 
-Two steps. Board to hub: the hub reads each board's clock about once a second (TIME_SYNC); a line through the last
-readings maps the board's microseconds to the hub's. Hub to host: bytes can only be late, never early, so a line under
-all (departure, arrival) points, touching the earliest ones, maps the hub's clock to the host's.
+Step 1, board to hub: the hub reads each board's clock about once a second (TIME_SYNC); a line through the latest
+readings maps board time to hub time. Step 2, hub to host: bytes can be delayed but never arrive early, so the lower
+envelope of the (departure, arrival) points maps hub time to host time.
 """
 
 from collections import deque
@@ -18,32 +18,33 @@ from taxel_protocol import FrameType
 
 BIN_US = 50_000.0
 BINS = 400
-"""The hub-to-host line is drawn under the earliest arrival of each of the last 400 bins of 50 ms."""
+"""Number of bins of `BIN_US` in the lower envelope; each bin contributes its earliest arrival."""
 
 REFIT_BINS = 10
+"""Bins after which the line is fitted again although no point lies below it."""
 
 RATE_TOLERANCE = 0.025
-"""The hub's and the host's clocks run alike within this share: 2 % of the hub's oscillator, and the host's own."""
+"""Largest relative rate difference between hub and host: 2 % of the hub's oscillator plus the host's error."""
 
 RESTART_US = 100_000
-"""A hub whose clock has gone back by more than this has been restarted."""
+"""A hub clock that goes back by more than this indicates a hub restart."""
 
 AGE_MAX_US = 2_000_000
-"""No snapshot is older than this when it is read; a board time that says so is that of another start of the board."""
+"""Largest age of a scan when the hub reads it; a larger age indicates a board restart."""
 
 WIRE_OVERHEAD = 12
-"""Bytes of a frame beside its payload: header, CRC, stuffing and delimiters."""
+"""Bytes of a frame without its payload: header, CRC, stuffing and delimiters."""
 
 _WRAP = 1 << 32
 
 
 def _is_plausible(step_us: int, elapsed_us: int) -> bool:
-    """Whether a board's clock went on as the hub's did: no oscillator is off by a tenth."""
+    """Whether a board clock advanced like the hub clock, within 10 % and 1 ms; no oscillator is off by 10 %."""
     return abs(step_us - elapsed_us) <= 0.1 * elapsed_us + 1000
 
 
 class LowerEnvelope:
-    """The line under a cloud of points that touches it from below around the middle of its span."""
+    """Lower envelope of points (x, y): the line through the edge of the lower convex hull at the middle of the span."""
 
     def __init__(self) -> None:
         self._bins: deque[tuple[float, float, float]] = deque(maxlen=BINS)
@@ -51,30 +52,30 @@ class LowerEnvelope:
         self._fitted_bin = 0.0
 
     def add(self, x: float, y: float) -> None:
-        """A point; x in microseconds, never going back by more than a bin, y in seconds."""
+        """Add a point. x: microseconds, decreasing by at most one bin; y: seconds."""
         number = x // BIN_US
-        late = y - x * 1e-6
+        delay = y - x * 1e-6
         if self._bins and self._bins[-1][0] == number:
-            if late >= self._bins[-1][2] - self._bins[-1][1] * 1e-6:
+            if delay >= self._bins[-1][2] - self._bins[-1][1] * 1e-6:
                 return
             self._bins.pop()
         self._bins.append((number, x, y))
         if self._fit is not None:
-            # A point above the line says little new: then the old line serves for half a second more.
+            # A point above the line hardly changes the fit, so the line is kept for another half second.
             x0, y0, slope = self._fit
             if y < y0 + slope * (x - x0) or number - self._fitted_bin >= REFIT_BINS:
                 self._fit = None
 
     @property
     def line(self) -> tuple[float, float, float] | None:
-        """(x0, y0, slope): y = y0 + slope * (x - x0), slope in seconds a microsecond; None without a point."""
+        """(x0, y0, slope) of y = y0 + slope * (x - x0), slope in seconds per microsecond; None without points."""
         if self._fit is None and self._bins:
-            self._fit = self._touch([(x, y) for _, x, y in self._bins])
+            self._fit = self._fit_envelope([(x, y) for _, x, y in self._bins])
             self._fitted_bin = self._bins[-1][0]
         return self._fit
 
     @staticmethod
-    def _touch(points: list[tuple[float, float]]) -> tuple[float, float, float]:
+    def _fit_envelope(points: list[tuple[float, float]]) -> tuple[float, float, float]:
         x0, y0 = points[0]
         offsets = [(x - x0, y - y0) for x, y in points]
         hull: list[tuple[float, float]] = []
@@ -87,9 +88,9 @@ class LowerEnvelope:
             hull.append((x, y))
         middle = 0.5 * offsets[-1][0]
         for (xa, ya), (xb, yb) in pairwise(hull):
-            if xb >= middle and xb != xa:  # a hub's times may go back, by less than a bin
+            if xb >= middle and xb != xa:  # hub times may decrease by less than a bin
                 slope = (yb - ya) / (xb - xa)
-                # Two points 50 ms apart, one of them late, would make a clock that no oscillator keeps.
+                # Two points 50 ms apart, one of them delayed, can give a slope outside the oscillator tolerance.
                 possible = min(max(slope, (1.0 - RATE_TOLERANCE) * 1e-6), (1.0 + RATE_TOLERANCE) * 1e-6)
                 if possible != slope:
                     xa, ya = min(offsets, key=lambda point: point[1] - possible * point[0])
@@ -98,47 +99,47 @@ class LowerEnvelope:
 
 
 class ClockMap:
-    """Times of one stream on the host's clock.
+    """Mapping of the times of one stream to the host's clock.
 
-    `has_arrivals` False (bytes from a program that does not pace them): the hub's own clock is the time base.
+    `baud`: of the hub's port. `has_arrivals`: whether arrival times are real; if not, hub time is the time base.
     """
 
     def __init__(self, baud: float, has_arrivals: bool) -> None:
         self._byte_us = 10e6 / baud
         self._has_arrivals = has_arrivals
-        self._hub_us = 0  # latest hub time known, not wrapped
+        self._hub_us = 0  # latest hub time, unwrapped
         self._envelope = LowerEnvelope()
         self._read_us = np.full(128, np.inf)
-        self._last_begun: tuple[NDArray[np.uint16], NDArray[np.int64], NDArray[np.uint8]] | None = None
+        self._last_read: tuple[NDArray[np.uint16], NDArray[np.int64], NDArray[np.uint8]] | None = None
         self._lines: dict[int, BoardLine] = {}
-        self._suspects: dict[int, tuple[int, int]] = {}
-        self._known = np.zeros(128, dtype=bool)
+        self._implausible: dict[int, tuple[int, int]] = {}
+        self._is_mapped = np.zeros(128, dtype=bool)
         self._board_0 = np.zeros(128, dtype=np.uint32)
         self._hub_0 = np.zeros(128)
         self._rate = np.ones(128)
 
     def is_synchronised(self, address: int) -> bool:
-        """Whether the board's own timestamps are used: after its second clock reading, within two seconds of its
-        first frame.
+        """Whether the board's timestamps are used: from its second clock reading on, about two seconds after its start.
 
-        Until then a frame's time is that of the hub's read, late by the age of the snapshot (at most two scans).
+        Before that, the time of a frame is the time at which the hub read it, late by the age of the scan (at most two
+        scan periods).
         """
-        return bool(self._known[address])
+        return bool(self._is_mapped[address])
 
     def take_message(self, message: HubMessage) -> None:
-        """Learn from a TIME_SYNC or HUB_STATUS frame."""
+        """Update the mapping with a hub message; only TIME_SYNC, HUB_STATUS and HUB_HANDSHAKE have an effect."""
         if message.type is FrameType.HUB_STATUS or message.type is FrameType.HUB_HANDSHAKE:
             self._take_uptime(message.fields["uptime_us"])
         elif message.type is FrameType.TIME_SYNC:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
 
     def _take_uptime(self, uptime_us: int) -> None:
-        if uptime_us < self._hub_us - RESTART_US:  # the hub has started anew: so has its clock
+        if uptime_us < self._hub_us - RESTART_US:  # the hub has restarted, and its clock with it
             self._envelope = LowerEnvelope()
-            self._last_begun = None
+            self._last_read = None
             self._lines.clear()
-            self._suspects.clear()
-            self._known[:] = False
+            self._implausible.clear()
+            self._is_mapped[:] = False
             self._hub_us = uptime_us
         self._hub_us = max(self._hub_us, uptime_us)
 
@@ -149,25 +150,25 @@ class ClockMap:
             last_board_us, last_hub_us = line.last
             step = (board_us - last_board_us) % _WRAP
             if not _is_plausible(step, hub_us - last_hub_us):
-                self._suspect(address, board_us, hub_us)
+                self._handle_implausible_sync(address, board_us, hub_us)
                 return
             board_us = last_board_us + step
-        self._suspects.pop(address, None)
+        self._implausible.pop(address, None)
         line.add(board_us, hub_us)
-        self._use(address, line)
+        self._update_line(address, line)
 
-    def _suspect(self, address: int, board_us: int, hub_us: int) -> None:
-        # One reading that does not fit was damaged on the bus (it has no CRC); two that fit each other are a restart.
-        earlier = self._suspects.get(address)
-        self._suspects[address] = (board_us, hub_us)
+    def _handle_implausible_sync(self, address: int, board_us: int, hub_us: int) -> None:
+        # A single implausible reading was damaged on the bus (it has no CRC); two consistent ones are a board restart.
+        earlier = self._implausible.get(address)
+        self._implausible[address] = (board_us, hub_us)
         if earlier is not None and _is_plausible((board_us - earlier[0]) % _WRAP, hub_us - earlier[1]):
             self._lines[address] = BoardLine()
             self._lines[address].add(*earlier)
-            self._known[address] = False
-            del self._suspects[address]
+            self._is_mapped[address] = False
+            del self._implausible[address]
             self._take_sync(address, board_us, hub_us)
 
-    def _use(self, address: int, line: BoardLine) -> None:
+    def _update_line(self, address: int, line: BoardLine) -> None:
         fit = line.fit()
         if fit is None:
             return
@@ -176,23 +177,23 @@ class ClockMap:
         self._board_0[address] = board_us % _WRAP
         self._hub_0[address] = hub_us + offset
         self._rate[address] = rate
-        self._known[address] = True
+        self._is_mapped[address] = True
 
     def hub_times_us(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
-        """When the scans of taxel frames (dtype `ROW`) began: microseconds since the hub's start, by its clock."""
+        """Return the scan starts of taxel frames (dtype `ROW`), f64[k], microseconds of hub time."""
         if not len(rows):
             return np.zeros(0)
-        address = rows["address"].astype(np.intp)  # numpy indexes ten times faster with its own index type
+        address = rows["address"].astype(np.intp)  # indexing with intp is ten times faster in numpy
         since = (rows["board_time_us"] - self._board_0[address]).view(np.int32)
         mapped: NDArray[np.float64] = self._hub_0[address] + self._rate[address] * since
         read = self._unwrap(rows["hub_time_us"])
         self._hub_us = max(self._hub_us, int(read[-1]))
         age = read - mapped
-        usable = self._known[address] & (age > -RESTART_US) & (age < AGE_MAX_US)
+        usable = self._is_mapped[address] & (age > -RESTART_US) & (age < AGE_MAX_US)
         return np.where(usable, mapped, read.astype(float))
 
     def _unwrap(self, hub_time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Whole hub times near the latest one known, from times modulo 2^32."""
+        """Unwrap hub times modulo 2^32 to the values nearest to the latest hub time."""
         near = np.uint32(self._hub_us % _WRAP)
         return self._hub_us + (hub_time_us - near).view(np.int32).astype(np.int64)
 
@@ -203,48 +204,52 @@ class ClockMap:
         syncs: NDArray[np.void],
         sync_hub_us: Sequence[int],
     ) -> None:
-        """Learn from taxel and TIME_SYNC frames (dtype `ROW`), in order.
+        """Update the lower envelope with taxel and TIME_SYNC frames (dtype `ROW`), in stream order.
 
-        `taxel_arrivals_s`: when the last byte of each taxel frame arrived, seconds. `sync_hub_us`: hub times of the
-        TIME_SYNC frames. A frame goes onto the wire when the hub has read it. How long a board's read takes is the
-        shortest time from its beginning to that of the next one: then the next transfer followed at once.
+        `taxel_arrivals_s`: arrival time of the last byte of each taxel frame, seconds. `sync_hub_us`: hub times of the
+        TIME_SYNC frames. A frame departs when the hub has finished reading the board. The read time of a board is
+        estimated as the shortest time from the start of its read to the start of the next transfer.
         """
         if not self._has_arrivals or not len(taxels) + len(syncs):
             return
-        begun = self._unwrap(taxels["hub_time_us"])
-        self._learn_read_times(taxels, begun, syncs, np.array(sync_hub_us, dtype=np.int64))
+        read_start = self._unwrap(taxels["hub_time_us"])
+        self._update_read_times(taxels, read_start, syncs, np.array(sync_hub_us, dtype=np.int64))
         if not len(taxels):
             return
         read_us = self._read_us[taxels["address"]]
         read_us[read_us == np.inf] = 0.0
-        departed = begun + read_us + (taxels["length"] + float(WIRE_OVERHEAD)) * self._byte_us
-        late = taxel_arrivals_s - departed * 1e-6
+        departed = read_start + read_us + (taxels["length"] + float(WIRE_OVERHEAD)) * self._byte_us
+        delay = taxel_arrivals_s - departed * 1e-6
         bins = departed // BIN_US
         for start, end in pairwise([0, *(np.flatnonzero(bins[1:] != bins[:-1]) + 1).tolist(), len(taxels)]):
-            earliest = start + int(np.argmin(late[start:end]))
+            earliest = start + int(np.argmin(delay[start:end]))
             self._envelope.add(float(departed[earliest]), float(taxel_arrivals_s[earliest]))
 
-    def _learn_read_times(
-        self, taxels: NDArray[np.void], begun: NDArray[np.int64], syncs: NDArray[np.void], sync_us: NDArray[np.int64]
+    def _update_read_times(
+        self,
+        taxels: NDArray[np.void],
+        read_start: NDArray[np.int64],
+        syncs: NDArray[np.void],
+        sync_us: NDArray[np.int64],
     ) -> None:
-        sequence, times, address = taxels["sequence"], begun, taxels["address"]
+        sequence, times, address = taxels["sequence"], read_start, taxels["address"]
         if len(syncs):
             order = np.argsort(np.concatenate([taxels["stream_position"], syncs["stream_position"]]), kind="stable")
             sequence = np.concatenate([sequence, syncs["sequence"]])[order]
             times = np.concatenate([times, sync_us])[order]
             address = np.concatenate([address, np.zeros(len(syncs), np.uint8)])[order]
-        earlier = self._last_begun
-        if earlier is not None:  # the pair may lie across two batches
-            sequence = np.concatenate([earlier[0], sequence])
-            times = np.concatenate([earlier[1], times])
-            address = np.concatenate([earlier[2], address])
-        self._last_begun = sequence[-1:], times[-1:], address[-1:]
+        previous = self._last_read
+        if previous is not None:  # a pair may span two batches
+            sequence = np.concatenate([previous[0], sequence])
+            times = np.concatenate([previous[1], times])
+            address = np.concatenate([previous[2], address])
+        self._last_read = sequence[-1:], times[-1:], address[-1:]
         step = times[1:] - times[:-1]
         follows = (sequence[1:] - sequence[:-1] == 1) & (address[:-1] != 0) & (step > 0)  # u16: modulo 65536
         np.minimum.at(self._read_us, address[:-1][follows], step[follows])
 
     def host_times_s(self, hub_us: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The hub's microseconds on the host's clock, seconds."""
+        """Map hub times, microseconds, to the host's clock, seconds."""
         line = self._envelope.line if self._has_arrivals else None
         if line is None:
             return hub_us * 1e-6

@@ -1,4 +1,7 @@
-"""The firmware's own deframer (firmware/codec/deframer.c), frame by frame: slow, for those who check it."""
+"""Python binding of the firmware's frame-by-frame deframer (firmware/codec/deframer.c), for tests and fuzzers.
+
+The batch decoder of `taxel.stream.decoder` is much faster.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
 
 TO_HOST = 1
 """`TAXEL_DIRECTION_TO_HOST`."""
-_STATE_SIZE = 1024  # more than `struct taxel_deframer`
+_STATE_SIZE = 1024  # upper bound of the size of `struct taxel_deframer`, bytes
 
 
 class _Frame(ctypes.Structure):
@@ -43,27 +46,27 @@ class _Config(ctypes.Structure):
 
 
 class Deframer:
-    """Whole streams to the host, each from its beginning. library: the codec to use; None: the package's own."""
+    """Decoder of complete hub-to-host streams. library: the codec library; None: the library of the package."""
 
     def __init__(self, library: ctypes.CDLL | None = None) -> None:
         self._library = codec_library() if library is None else library
         self._state = ctypes.create_string_buffer(_STATE_SIZE)
         self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
         self._body = ctypes.create_string_buffer(BODY_MAX)
-        self._handler = _HANDLER(self._take)
+        self._handler = _HANDLER(self._append_frame)
         memory = (ctypes.addressof(self._chunk), len(self._chunk), ctypes.addressof(self._body))
         self._config = _Config(*memory, PAYLOAD_MAX, TO_HOST, self._handler, None)
-        self._found: list[tuple[int, int, bytes]] = []
+        self._frames: list[tuple[int, int, bytes]] = []
 
-    def _take(self, _: int | None, frame: Any) -> None:
-        found = frame.contents
-        self._found.append((found.type, found.sequence, ctypes.string_at(found.payload, found.length)))
+    def _append_frame(self, _: int | None, frame: Any) -> None:
+        content = frame.contents
+        self._frames.append((content.type, content.sequence, ctypes.string_at(content.payload, content.length)))
 
     def decode(self, pieces: Iterable[bytes]) -> list[tuple[int, int, bytes]]:
-        """(type, sequence, payload) of every frame that a host would believe, in a stream that comes in `pieces`."""
-        self._found = []
+        """Return (type, sequence, payload) of every valid frame in the stream that consists of `pieces`."""
+        self._frames = []
         self._library.taxel_deframer_init(self._state, ctypes.byref(self._config))
         for piece in pieces:
             self._library.taxel_deframer_push(self._state, piece, ctypes.c_size_t(len(piece)))
         self._library.taxel_deframer_finish(self._state)
-        return self._found
+        return self._frames

@@ -1,4 +1,4 @@
-"""From taxel frames back to the hub's bytes, for recordings that kept the frames and not the bytes."""
+"""Encoding of taxel frames as hub bytes, for recordings that contain frames instead of bytes."""
 
 import ctypes
 import struct
@@ -14,17 +14,17 @@ from taxel_protocol.layout import pack
 from taxel_protocol.limits import PAYLOAD_MAX
 
 STATUS_PERIOD_S = 1.0
-"""A hub tells its state about once a second; so does a made one, because its uptime unwraps the 32-bit times."""
+"""Period of the encoded HUB_STATUS frames, as of a physical hub; their uptime unwraps the 32-bit times."""
 
 PAUSE_S = 60.0
-"""The reader decodes what it has at least once in so many recorded seconds: within the wrap of 32-bit microseconds."""
+"""Longest recorded time between two pauses of the reader; must be below the wrap of the 32-bit microseconds."""
 
 _HEADERS = struct.Struct("<BBHIHI")
 _WIRE_MAX = 2 * PAYLOAD_MAX + 64
 
 
 def encode_on_wire(frame_type: FrameType, sequence: int, payload: bytes) -> bytes:
-    """One frame as it goes onto the wire, by the C encoder; equals `taxel_protocol.encode_frame`."""
+    """Encode one frame for the wire with the C encoder; the result equals `taxel_protocol.encode_frame`."""
     out = ctypes.create_string_buffer(_WIRE_MAX)
     encode = codec_library().taxel_batch_encode
     encode.restype = ctypes.c_size_t
@@ -36,7 +36,7 @@ def encode_on_wire(frame_type: FrameType, sequence: int, payload: bytes) -> byte
 
 
 def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
-    """A TAXELS frame on the wire. `sequence`: of the hub's frames; `hub_time_us`: instead of the frame's own."""
+    """Encode a TAXELS frame for the wire. `sequence`: of the hub frame; `hub_time_us`: replaces the time in `frame`."""
     counts = frame.raw_counts.astype("<u2").tobytes()
     headers = _HEADERS.pack(
         frame.address, len(frame.raw_counts), frame.cycle, hub_time_us % (1 << 32), frame.sequence, frame.board_time_us
@@ -47,10 +47,10 @@ def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
 
 
 class FramesLink:
-    """Frames as if a hub sent them whose clock is the recording's: a frame's `time_s` is kept to the microsecond.
+    """Read-only link that encodes recorded frames as the bytes of a hub; `time_s` is kept to the microsecond.
 
-    `frames` in the order in which they arrived. The bytes are not those that were sent: what a hub says beside taxel
-    frames, the frames' `hub_time_us` and the count of frames lost on the wire are not in `frames`.
+    `frames`: in order of arrival. The bytes differ from the recorded bytes: other hub messages, the original
+    `hub_time_us` and the number of frames lost on the wire are not reproduced.
     """
 
     is_real_time = False
@@ -66,39 +66,39 @@ class FramesLink:
         self._sequence = 0
         self._status_s = float("-inf")
         self._pause_s: float | None = None
-        self._held: TaxelFrame | None = None
+        self._postponed: TaxelFrame | None = None
 
     def read(self, timeout_s: float = 0.0) -> Chunk | None:
-        """The next frame. Raises EOFError after the last."""
-        frame, self._held = self._held or next(self._frames, None), None
+        """Return the next frame as a chunk. Raises EOFError after the last frame."""
+        frame, self._postponed = self._postponed or next(self._frames, None), None
         if frame is None:
             raise EOFError
         if self._pause_s is None:
             self._pause_s = frame.time_s + PAUSE_S
         if frame.time_s >= self._pause_s:
-            self._held, self._pause_s = frame, None
+            self._postponed, self._pause_s = frame, None
             return None
-        return Chunk(b"".join(self._bytes_of(frame)), max(0, round(frame.time_s * 1e9)))
+        return Chunk(b"".join(self._encode(frame)), max(0, round(frame.time_s * 1e9)))
 
-    def _bytes_of(self, frame: TaxelFrame) -> Iterator[bytes]:
+    def _encode(self, frame: TaxelFrame) -> Iterator[bytes]:
         time_us = max(0, round(frame.time_s * 1e6))
         if frame.time_s >= self._status_s + STATUS_PERIOD_S:
             self._status_s = frame.time_s
             fields = dict.fromkeys((item.name for item in HubStatus.subcons), 0)
             fields |= {"uptime_us": time_us, "streaming": 1, "frames_sent": self._sequence}
-            yield encode_on_wire(FrameType.HUB_STATUS, self._next(), pack(HubStatus, fields))
-        yield encode_taxels(frame, self._next(), time_us)
+            yield encode_on_wire(FrameType.HUB_STATUS, self._next_sequence(), pack(HubStatus, fields))
+        yield encode_taxels(frame, self._next_sequence(), time_us)
 
-    def _next(self) -> int:
+    def _next_sequence(self) -> int:
         self._sequence += 1
         return (self._sequence - 1) % (1 << 16)
 
     def write(self, data: bytes) -> None:
-        """Refused: nobody answers in a recording."""
-        raise LinkError(self.name, "is a recording; it takes no commands")
+        """Raise LinkError: a recording accepts no commands."""
+        raise LinkError(self.name, "is a recording and accepts no commands")
 
     def close(self) -> None:
-        """Let go of whatever the frames come from."""
+        """Close the source of the frames."""
         close = getattr(self._frames, "close", None)
         if close is not None:
             close()

@@ -1,4 +1,4 @@
-"""A link's bytes as frames: decoded, counted, on the host's clock, and with the hub's messages set aside."""
+"""Frames of a link: decoding, loss counting and clock mapping; hub messages go to a callback."""
 
 from collections import deque
 from collections.abc import Callable
@@ -7,19 +7,19 @@ from taxel.link import Chunk, Link, SteppedLink
 from taxel.stream.accounting import LossAccount
 from taxel.stream.clock import ClockMap
 from taxel.stream.decoder import Batch, StreamDecoder
-from taxel.stream.frames import HubMessage, TaxelFrame, taxel_frames_of
+from taxel.stream.frames import HubMessage, TaxelFrame, build_taxel_frames
 from taxel.stream.pump import Pump
 from taxel.stream.ring import RingBuffer
 from taxel.stream.row_clock import RowClock
 
 RECORDED_BYTES_AT_ONCE = 1 << 17
-"""A recording is decoded in pieces of this size: large enough for speed, small enough for constant memory."""
+"""Bytes of a recording that are decoded at a time: large enough for speed, small enough for constant memory."""
 
 
 def has_arrivals(link: Link) -> bool:
-    """Whether the times at which the link's bytes arrive tell when they were sent.
+    """Whether the arrival times of the link's bytes are determined by their departure times.
 
-    Not those of an emulator that runs as fast as it is read, nor of a recording of one, which says so.
+    False for an emulator that runs as fast as it is read, and for a recording of such an emulator.
     """
     if link.is_recorded:
         return bool(getattr(link, "has_arrivals", True))
@@ -27,11 +27,11 @@ def has_arrivals(link: Link) -> bool:
 
 
 class FrameStream:
-    """Frames of a link. `poll()` moves what has arrived into `frames`; messages go to `on_message`.
+    """Taxel frames of a link. `poll()` appends the received frames to `frames`; hub messages go to `on_message`.
 
-    A link in real time is read by a thread of its own into a ring buffer; a recording, and a link whose time goes on
-    only while it is read, are read when they are asked for. `on_answers` gets what boards of compact snapshots wait
-    for, payloads of ACKNOWLEDGE frames; without it they get no answer, and come to code less and less well.
+    A separate thread reads a real-time link into a ring buffer of `ring_capacity` bytes. A recording, and a link whose
+    time advances only while it is read, are read in `poll()`. `on_acknowledgements` receives the payloads of
+    ACKNOWLEDGE frames to send; without it boards receive no acknowledgements, so their delta frames grow.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class FrameStream:
         link: Link,
         on_message: Callable[[HubMessage], None],
         ring_capacity: int = 1 << 22,
-        on_answers: Callable[[bytes], None] | None = None,
+        on_acknowledgements: Callable[[bytes], None] | None = None,
     ) -> None:
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
@@ -47,7 +47,7 @@ class FrameStream:
         self.clock = ClockMap(link.baud, has_arrivals(link))
         self.bytes_received = 0
         self._rows = RowClock(self.clock, on_message)
-        self._on_answers = on_answers
+        self._on_acknowledgements = on_acknowledgements
         self._decoder = StreamDecoder()
         self.losses = LossAccount(self._decoder)
         self._arrival_ends: list[int] = []
@@ -62,23 +62,23 @@ class FrameStream:
 
     @property
     def bytes_discarded(self) -> int:
-        """Bytes that were part of no frame, or that a slow reader let the ring buffer lose."""
+        """Number of bytes that were part of no frame, or that the ring buffer lost because the reader was too slow."""
         return self._decoder.discarded_bytes + (self._ring.overrun_bytes if self._ring else 0)
 
     @property
     def bytes_waiting(self) -> int:
-        """Bytes that have arrived and that nobody has polled yet; 0 for what is only read when it is asked for."""
+        """Number of received bytes that `poll()` has not taken yet; 0 for a link that is read in `poll()`."""
         return len(self._ring) if self._ring else 0
 
-    def begin_anew(self) -> None:
-        """The hub is about to be asked to stream: what it did before is no measure of what is missing."""
+    def prepare_stream_start(self) -> None:
+        """Reset the cycle tracking; call before START so that earlier cycles do not count as missing frames."""
         self._decoder.forget_cycles()
 
     def poll(self, timeout_s: float = 0.1) -> bool:
-        """Take in what has arrived, waiting at most `timeout_s`; True if anything had.
+        """Decode the received bytes, waiting at most `timeout_s` seconds; return whether any had arrived.
 
-        When the link has ended or failed, what had arrived is delivered first; then EOFError or the `LinkError` is
-        raised.
+        After the end or a failure of the link, all received frames are delivered before EOFError or the `LinkError`
+        is raised.
         """
         if self._end is not None:
             raise self._end
@@ -87,16 +87,16 @@ class FrameStream:
         except Exception as end:
             self._end = end
             for batch in self._decoder.finish():
-                self._take(batch)
+                self._append_frames(batch)
             if self.frames:
                 return True
             raise
         if not chunks:
             return False
         for batch in self._decoder.push(self._note_arrivals(chunks)):
-            self._take(batch)
-        while self._on_answers is not None and (answers := self._decoder.answers()):
-            self._on_answers(answers)
+            self._append_frames(batch)
+        while self._on_acknowledgements is not None and (payload := self._decoder.take_acknowledgements()):
+            self._on_acknowledgements(payload)
         return True
 
     def _read(self, timeout_s: float) -> list[Chunk]:
@@ -115,7 +115,7 @@ class FrameStream:
             except Exception as end:
                 if not chunks:
                     raise
-                self._pending_end = end  # first what stands before the end
+                self._pending_end = end  # raised after the chunks before it are decoded
                 break
             if chunk is None:
                 break
@@ -132,12 +132,12 @@ class FrameStream:
             self._arrival_ns.append(chunk.arrival_ns)
         return b"".join(chunk.data for chunk in chunks)
 
-    def _take(self, batch: Batch) -> None:
+    def _append_frames(self, batch: Batch) -> None:
         for rows, times_s in self._rows.take(batch, self._arrival_ends, self._arrival_ns):
-            self.frames.extend(taxel_frames_of(batch, rows, times_s))
+            self.frames.extend(build_taxel_frames(batch, rows, times_s))
 
     def release(self) -> None:
-        """Stop reading; the link stays open for others. What they do not read is lost to this stream."""
+        """Stop reading and leave the link open, so that another reader can use it."""
         if self._pump is not None:
             self._pump.stop()
 

@@ -1,4 +1,4 @@
-"""What comes out of a stream: taxel frames, and the hub's messages as named fields."""
+"""Decoded frames of a stream: taxel frames, and hub messages as named fields."""
 
 from typing import Any, NamedTuple
 
@@ -12,12 +12,12 @@ from taxel_protocol.layout import unpack
 
 
 class TaxelFrame(NamedTuple):
-    """One board's snapshot.
+    """One scan of one board.
 
-    `raw_counts` u16[n] in the board's taxel order (TX by TX, RX by RX); contact lowers a count. `time_s`: when the
-    scan began, on the host's clock (seconds; see `Skin.clock`). `cycle`: the hub's poll cycle; the frames of one
-    cycle show the skin at one time. `sequence`: the board's scan number. `board_time_us`, `hub_time_us`: as sent,
-    modulo 2^32.
+    `raw_counts`: u16[n] in the board's taxel order (TX by TX, RX by RX); contact lowers a count. `time_s`: start of
+    the scan, seconds on the host's clock (see `Skin.clock`). `cycle`: poll cycle of the hub; frames of the same cycle
+    belong to the same skin frame. `sequence`: scan number of the board. `board_time_us`, `hub_time_us`: as sent, modulo
+    2^32.
     """
 
     address: int
@@ -30,16 +30,16 @@ class TaxelFrame(NamedTuple):
 
 
 class HubMessage(NamedTuple):
-    """Any other frame: `fields` by flat name as in taxel_protocol.frames, and the bytes after them."""
+    """A frame of any other type: `fields` by flat name as in `taxel_protocol.frames`; `tail`: the bytes after them."""
 
     type: FrameType
     fields: dict[str, Any]
     tail: bytes
 
 
-def messages_of(batch: Batch) -> list[HubMessage]:
-    """The hub's messages in a batch, in order."""
-    rows = batch.others
+def decode_messages(batch: Batch) -> list[HubMessage]:
+    """Decode the hub messages of a batch, in stream order."""
+    rows = batch.message_rows
     messages: list[HubMessage] = []
     if not len(rows):
         return messages
@@ -50,8 +50,8 @@ def messages_of(batch: Batch) -> list[HubMessage]:
     return messages
 
 
-def taxel_frames_of(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
-    """Taxel frames of `rows` (rows of the batch's `taxels` that have counts), which began at `times_s` [k] seconds."""
+def build_taxel_frames(batch: Batch, rows: NDArray[np.void], times_s: NDArray[np.float64]) -> list[TaxelFrame]:
+    """Build the taxel frames of `rows` (rows of `batch.taxel_rows` with counts); `times_s`: scan starts, f64[k]."""
     counts = batch.counts
     starts = rows["offset"].tolist()
     ends = (rows["offset"] + rows["size"]).tolist()

@@ -1,4 +1,4 @@
-"""The C codec library inside the installed package, called through ctypes."""
+"""ctypes binding of the C codec library inside the installed package."""
 
 import ctypes
 from functools import cache
@@ -8,15 +8,15 @@ from taxel.native_library import load_library
 
 
 class NativeLibraryError(TaxelError):
-    """The compiled codec is missing or is not the one that this package was built with."""
+    """The compiled codec is missing or belongs to another version of the package."""
 
 
 ROW_SIZE = 40
-"""Bytes of `struct taxel_batch_row`: checked when the library is loaded."""
+"""Size of `struct taxel_batch_row`, bytes; checked when the library is loaded."""
 
 
 class BatchOutput(ctypes.Structure):
-    """`struct taxel_batch_output`: where a call puts what it decodes, and how much that was."""
+    """`struct taxel_batch_output`: output buffers of a decoder call, their capacities and their filled sizes."""
 
     _fields_ = [
         ("taxels", ctypes.c_void_p),
@@ -35,7 +35,7 @@ class BatchOutput(ctypes.Structure):
 
 @cache
 def codec_library() -> ctypes.CDLL:
-    """The loaded library. Raises `NativeLibraryError` if it was not built."""
+    """Load and return the codec library. Raises `NativeLibraryError` if it is missing or does not match."""
     library = load_library("taxel_codec", "the compiled codec", NativeLibraryError)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     library.taxel_batch_struct_size.restype = size
@@ -48,8 +48,8 @@ def codec_library() -> ctypes.CDLL:
     library.taxel_batch_finish.restype = ctypes.c_bool
     library.taxel_batch_forget_cycles.argtypes = [pointer]
     library.taxel_batch_forget_cycles.restype = None
-    library.taxel_batch_answers.argtypes = [pointer, pointer, size]
-    library.taxel_batch_answers.restype = size
+    library.taxel_batch_take_acknowledgements.argtypes = [pointer, pointer, size]
+    library.taxel_batch_take_acknowledgements.restype = size
     library.taxel_batch_totals.argtypes = [pointer]
     library.taxel_batch_totals.restype = pointer
     library.taxel_batch_discarded_bytes.argtypes = [pointer]

@@ -1,4 +1,4 @@
-"""A thread that moves bytes from a link into a ring buffer, so that a slow reader does not lose what a port brings."""
+"""Reader thread that moves bytes from a link into a ring buffer, so that a slow consumer loses no bytes."""
 
 import threading
 
@@ -9,7 +9,10 @@ _READ_TIMEOUT_S = 0.1
 
 
 class Pump:
-    """Reads `link` until it ends or `stop()` is called. A failure of the link reaches the reader through the ring."""
+    """Reader thread of `link`; runs until the link ends or `stop()` is called.
+
+    A failure of the link is passed to the reader of the ring buffer.
+    """
 
     def __init__(self, link: Link, ring: RingBuffer) -> None:
         self._link = link
@@ -28,7 +31,7 @@ class Pump:
             self._ring.fail(failure)
 
     def stop(self) -> None:
-        """End the thread and wait for it."""
+        """Stop the thread and wait for its end."""
         self._stopping.set()
         self._ring.close()
         self._thread.join()

@@ -1,4 +1,4 @@
-"""A ring buffer of fixed size between the thread that reads a port and the code that parses it."""
+"""Ring buffer of fixed size between the thread that reads a port and the decoder."""
 
 import threading
 from collections import deque
@@ -7,15 +7,15 @@ from taxel.link import Chunk
 
 
 class RingBuffer:
-    """First in, first out, at most `capacity` bytes; safe between one writer and one reader thread.
+    """Byte queue of at most `capacity` bytes for one writer thread and one reader thread.
 
-    With `drop_oldest` a writer never waits: the oldest bytes make room, and are counted in `overrun_bytes` (a port
-    does not wait either). Without it the writer waits for the reader.
+    With `drop_oldest` the writer never waits: the oldest bytes are overwritten and counted in `overrun_bytes`.
+    Without it the writer waits for the reader. Raises ValueError for a capacity below 1.
     """
 
     def __init__(self, capacity: int = 1 << 22, drop_oldest: bool = True) -> None:
         if capacity < 1:
-            raise ValueError("a ring buffer needs a capacity of at least 1 byte")
+            raise ValueError(f"capacity: expected at least 1 byte, found {capacity}")
         self._buffer = bytearray(capacity)
         self._capacity = capacity
         self._drop_oldest = drop_oldest
@@ -24,26 +24,24 @@ class RingBuffer:
         self._arrivals: deque[tuple[int, int]] = deque()
         self._condition = threading.Condition()
         self._failure: BaseException | None = None
-        self._closed = False
+        self._is_closed = False
         self.overrun_bytes = 0
 
     def __len__(self) -> int:
         return self._written - self._read
 
     def write(self, chunk: Chunk) -> None:
-        """Append a chunk; a chunk longer than the capacity goes through in parts. Returns at once if the reader has
-        closed.
-        """
+        """Append a chunk, in parts if it is longer than the capacity; return at once if the reader has closed."""
         data = chunk.data
         with self._condition:
             while data:
                 step = data[: self._capacity]
                 if self._drop_oldest:
-                    self._make_room(len(step))
+                    self._overwrite_oldest(len(step))
                 else:
-                    while self._capacity == len(self) and not self._closed:
+                    while self._capacity == len(self) and not self._is_closed:
                         self._condition.wait()
-                    if self._closed:
+                    if self._is_closed:
                         return
                     step = step[: self._capacity - len(self)]
                 self._store(step)
@@ -51,12 +49,12 @@ class RingBuffer:
                 data = data[len(step) :]
                 self._condition.notify_all()
 
-    def _make_room(self, size: int) -> None:
+    def _overwrite_oldest(self, size: int) -> None:
         excess = len(self) + size - self._capacity
         if excess > 0:
             self._read += excess
             self.overrun_bytes += excess
-            self._forget_arrivals()
+            self._remove_read_arrivals()
 
     def _store(self, data: bytes) -> None:
         start = self._written % self._capacity
@@ -65,14 +63,14 @@ class RingBuffer:
         self._buffer[: len(data) - first] = data[first:]
         self._written += len(data)
 
-    def _forget_arrivals(self) -> None:
+    def _remove_read_arrivals(self) -> None:
         while self._arrivals and self._arrivals[0][0] <= self._read:
             self._arrivals.popleft()
 
     def read(self, timeout_s: float | None = None) -> list[Chunk]:
-        """Everything that is there, waiting at most `timeout_s` for something.
+        """Remove and return all chunks, waiting at most `timeout_s` seconds for the first (None: no limit).
 
-        Raises what the writer failed with, but only after everything written before was read.
+        Raises the failure of the writer after all bytes written before it have been read.
         """
         with self._condition:
             self._condition.wait_for(lambda: len(self) > 0 or self._failure is not None, timeout_s)
@@ -90,13 +88,13 @@ class RingBuffer:
         return bytes(self._buffer[start : start + first]) + bytes(self._buffer[: size - first])
 
     def fail(self, failure: BaseException) -> None:
-        """Nothing more will be written, and why."""
+        """End the writing; the reader gets `failure` after the last byte."""
         with self._condition:
             self._failure = failure
             self._condition.notify_all()
 
     def close(self) -> None:
-        """The reader is gone: a waiting writer returns."""
+        """End the reading; a waiting writer returns."""
         with self._condition:
-            self._closed = True
+            self._is_closed = True
             self._condition.notify_all()

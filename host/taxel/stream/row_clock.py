@@ -1,4 +1,4 @@
-"""Which taxel frames of a batch can be used, and when their scans began on the host's clock."""
+"""Selection of the usable taxel frames of a batch, and the host times of their scans."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.stream.clock import ClockMap
-from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, NO_REFERENCE, Batch
-from taxel.stream.frames import HubMessage, messages_of
+from taxel.stream.decoder import BOARD_CRC_BAD, HUB_RESTARTED, NO_KEY_FRAME, Batch
+from taxel.stream.frames import HubMessage, decode_messages
 from taxel_protocol import FrameType
 
 
 class RowClock:
-    """Feeds a `ClockMap` from batches, in order, and asks it for the times. Messages go to `on_message`."""
+    """Updates a `ClockMap` with consecutive batches and maps the scan times; messages go to `on_message`."""
 
     def __init__(self, clock: ClockMap, on_message: Callable[[HubMessage], None]) -> None:
         self.clock = clock
@@ -21,49 +21,50 @@ class RowClock:
     def take(
         self, batch: Batch, ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
     ) -> Iterator[tuple[NDArray[np.void], NDArray[np.float64]]]:
-        """(rows, seconds) of usable taxel frames, in parts that end where the hub was restarted: its clock begins anew.
+        """Yield (rows, host times in seconds) of the usable taxel frames, split at hub restarts.
 
-        `ends`, `times_ns` [r]: up to which byte of the stream what arrived together went, and when it arrived.
+        A restart resets the hub's clock. `ends`, `times_ns` [r]: end position in the stream and arrival time of each
+        received chunk.
         """
-        messages = messages_of(batch)
-        others, first_taxel, first_other = batch.others, 0, 0
-        restarts = others["stream_position"][(others["flags"] & HUB_RESTARTED) != 0] if len(others) else ()
-        for cut in [*restarts, None]:
-            last_taxel, last_other = (_rows_before(rows, cut) for rows in (batch.taxels, others))
-            taxels = batch.taxels[first_taxel:last_taxel]
-            arrivals_s = _arrivals_s(taxels, ends, times_ns)
-            own = slice(first_other, last_other)
-            usable = self._take_part(taxels, arrivals_s, others[own], messages[own])
+        messages = decode_messages(batch)
+        message_rows, first_taxel, first_message = batch.message_rows, 0, 0
+        is_restart = (message_rows["flags"] & HUB_RESTARTED) != 0
+        for end in [*message_rows["stream_position"][is_restart], None]:
+            last_taxel, last_message = (_count_rows_before(rows, end) for rows in (batch.taxel_rows, message_rows))
+            taxel_rows = batch.taxel_rows[first_taxel:last_taxel]
+            arrivals_s = _find_arrivals_s(taxel_rows, ends, times_ns)
+            part = slice(first_message, last_message)
+            usable = self._take_part(taxel_rows, arrivals_s, message_rows[part], messages[part])
             if len(usable):
                 yield usable, self.clock.host_times_s(self.clock.hub_times_us(usable))
-            first_taxel, first_other = last_taxel, last_other
+            first_taxel, first_message = last_taxel, last_message
 
     def _take_part(
         self,
-        taxels: NDArray[np.void],
+        taxel_rows: NDArray[np.void],
         arrivals_s: NDArray[np.float64],
-        others: NDArray[np.void],
+        message_rows: NDArray[np.void],
         messages: list[HubMessage],
     ) -> NDArray[np.void]:
         for message in messages:
             self.clock.take_message(message)
             self._on_message(message)
-        which = [place for place, message in enumerate(messages) if message.type is FrameType.TIME_SYNC]
-        sync_us = [messages[place].fields["hub_time_us"] for place in which]
-        self.clock.take_arrivals(taxels, arrivals_s, others[which] if which else others[:0], sync_us)
-        useless = taxels["flags"] & (BOARD_CRC_BAD | NO_REFERENCE)
-        return taxels[useless == 0] if useless.any() else taxels
+        syncs = [index for index, message in enumerate(messages) if message.type is FrameType.TIME_SYNC]
+        sync_us = [messages[index].fields["hub_time_us"] for index in syncs]
+        self.clock.take_arrivals(taxel_rows, arrivals_s, message_rows[syncs] if syncs else message_rows[:0], sync_us)
+        unusable = taxel_rows["flags"] & (BOARD_CRC_BAD | NO_KEY_FRAME)
+        return taxel_rows[unusable == 0] if unusable.any() else taxel_rows
 
 
-def _rows_before(rows: NDArray[np.void], cut: np.uint64 | None) -> int:
-    """How many of `rows` ended before byte `cut` of the stream; None: all."""
-    return len(rows) if cut is None else int(np.searchsorted(rows["stream_position"], cut))
+def _count_rows_before(rows: NDArray[np.void], position: np.uint64 | None) -> int:
+    """Count the rows that end before byte `position` of the stream; None: all rows."""
+    return len(rows) if position is None else int(np.searchsorted(rows["stream_position"], position))
 
 
-def _arrivals_s(
-    taxels: NDArray[np.void], ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
+def _find_arrivals_s(
+    taxel_rows: NDArray[np.void], ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
 ) -> NDArray[np.float64]:
     if not len(ends):
-        return np.zeros(len(taxels))
-    index = np.searchsorted(ends, taxels["stream_position"], side="left")
+        return np.zeros(len(taxel_rows))
+    index = np.searchsorted(ends, taxel_rows["stream_position"], side="left")
     return np.asarray(times_ns)[np.minimum(index, len(ends) - 1)] * 1e-9

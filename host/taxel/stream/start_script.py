@@ -1,4 +1,4 @@
-"""What a host sends to start a stream, as a script for an emulator that runs without one."""
+"""Script of the host bytes that start a stream, for an emulator that runs without a host."""
 
 import os
 
@@ -9,7 +9,7 @@ from taxel_protocol.layout import pack
 
 HANDSHAKE_S = 0.2
 START_S = 0.25
-"""Virtual seconds at which the handshake and START are sent: every board has booted and the hub has found it."""
+"""Virtual seconds at which the handshake and START are sent; by then the hub has found every board."""
 
 
 def write_start_script(path: str | os.PathLike[str]) -> None:

@@ -1,4 +1,4 @@
-"""A recording's bytes, each piece with the time at which it is due."""
+"""Bytes of a recording in pieces with their times, for replay in real time."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ _WRAP_US = 1 << 32
 
 
 class TimedBytes(NamedTuple):
-    """Bytes, and when they came: seconds on the recording's clock."""
+    """Bytes and their arrival time, seconds on the clock of the recording."""
 
     data: bytes
     time_s: float
 
 
-class Beginning(NamedTuple):
-    """Where a recording's taxel frames begin. `skip`: bytes before that; `sequence`: of the hub's first frame there."""
+class StreamStart(NamedTuple):
+    """Start of the taxel frames in a recording. `skip`: bytes before it; `sequence`: of the first taxel frame."""
 
     skip: int
     sequence: int
 
 
-def timed_bytes(link: Link) -> Iterator[TimedBytes]:
-    """All bytes of a recording.
+def read_timed_bytes(link: Link) -> Iterator[TimedBytes]:
+    """Yield all bytes of a recording with their times.
 
-    Where arrival times mean nothing, pieces end with taxel frames and have the hub's time of reading. Raises what the
-    link raises but for its end.
+    If the recording has no real arrival times, the pieces end with taxel frames and carry the time at which the hub
+    read the board. Raises the errors of the link except EOFError.
     """
     if has_arrivals(link) or isinstance(link, FramesLink):
-        yield from _by_arrival(link)
+        yield from _read_chunks(link)
     else:
-        yield from _by_hub(link)
+        yield from _read_by_hub_time(link)
 
 
-def _chunks(link: Link) -> Iterator[TimedBytes]:
+def _read_chunks(link: Link) -> Iterator[TimedBytes]:
     while True:
         try:
             chunk = link.read(0.0)
@@ -51,44 +51,40 @@ def _chunks(link: Link) -> Iterator[TimedBytes]:
             yield TimedBytes(chunk.data, chunk.arrival_ns * 1e-9)
 
 
-def _by_arrival(link: Link) -> Iterator[TimedBytes]:
-    yield from _chunks(link)
-
-
-def _by_hub(link: Link) -> Iterator[TimedBytes]:
+def _read_by_hub_time(link: Link) -> Iterator[TimedBytes]:
     decoder = StreamDecoder()
-    begun = hub_us = 0
+    chunk_start = hub_us = 0
     time_s = 0.0
-    for data, _ in _chunks(link):
-        at = begun
+    for data, _ in _read_chunks(link):
+        position = chunk_start
         for batch in decoder.push(data):
-            rows = batch.taxels
+            rows = batch.taxel_rows
             for end, now_us in zip(rows["stream_position"].tolist(), rows["hub_time_us"].tolist(), strict=True):
                 step = (now_us - hub_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
                 hub_us += step
                 time_s = hub_us * 1e-6
-                if begun <= end and at < end <= begun + len(data):
-                    yield TimedBytes(data[at - begun : end - begun], time_s)
-                    at = end
-        if at < begun + len(data):
-            yield TimedBytes(data[at - begun :], time_s)
-        begun += len(data)
+                if chunk_start <= end and position < end <= chunk_start + len(data):
+                    yield TimedBytes(data[position - chunk_start : end - chunk_start], time_s)
+                    position = end
+        if position < chunk_start + len(data):
+            yield TimedBytes(data[position - chunk_start :], time_s)
+        chunk_start += len(data)
 
 
-def beginning_of(link: Link, at_most: int = 1 << 22) -> Beginning | None:
-    """Where the first taxel frame of a recording begins; None if none is in its first `at_most` bytes."""
+def find_stream_start(link: Link, search_bytes: int = 1 << 22) -> StreamStart | None:
+    """Find the first taxel frame of a recording; None if its first `search_bytes` bytes contain none."""
     decoder = StreamDecoder()
-    before = size = 0
-    for data, _ in _chunks(link):
+    skip = size = 0
+    for data, _ in _read_chunks(link):
         size += len(data)
         for batch in decoder.push(data):
-            others = batch.others["stream_position"].astype(np.int64)
-            if len(batch.taxels):
-                first = int(batch.taxels["stream_position"][0])
-                earlier = others[others < first]
-                before = int(earlier[-1]) if len(earlier) else before
-                return Beginning(before, int(batch.taxels["sequence"][0]))
-            before = int(others[-1]) if len(others) else before
-        if size > at_most:
+            message_ends = batch.message_rows["stream_position"].astype(np.int64)
+            if len(batch.taxel_rows):
+                first = int(batch.taxel_rows["stream_position"][0])
+                earlier = message_ends[message_ends < first]
+                skip = int(earlier[-1]) if len(earlier) else skip
+                return StreamStart(skip, int(batch.taxel_rows["sequence"][0]))
+            skip = int(message_ends[-1]) if len(message_ends) else skip
+        if size > search_bytes:
             return None
     return None

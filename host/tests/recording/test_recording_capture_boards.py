@@ -9,7 +9,7 @@ from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, world_text
 from taxel.link import run_emulator, write_stimulus
 from taxel.recording import activity_of, read_boards
-from taxel.signal import Activation, baseline_of
+from taxel.signal import Activation, compute_baseline
 from taxel.skin import open_skin
 from taxel.stream.start_script import START_S, write_start_script
 
@@ -62,7 +62,7 @@ def test_after_its_baseline_a_board_says_what_is_active(capture):
     raw = whole(capture)[board.address].raw_counts
     pieces = [piece[board.address] for piece in activity_of(capture, SAMPLES)]
     active = np.concatenate([piece.activation.active for piece in pieces])
-    baseline = baseline_of(raw[:SAMPLES], samples=SAMPLES)
+    baseline = compute_baseline(raw[:SAMPLES], samples=SAMPLES)
     assert np.array_equal(pieces[0].baseline.mean, baseline.mean)
     assert np.array_equal(active, Activation(baseline.mean)(raw[SAMPLES:]).active)
     assert np.flatnonzero(active.any(axis=0)).tolist() == [PRESSED]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, Activation, baseline_of
+from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, Activation, compute_baseline
 
 
 def test_a_signal_of_exactly_150_counts_is_not_active():
@@ -69,7 +69,7 @@ def test_a_rise_of_more_than_the_threshold_makes_the_baseline_suspect():
 def test_a_touch_through_the_whole_baseline_shows_on_release():
     touched = np.full((100, 2), 30_000, np.uint16)
     touched[:, 1] -= 400
-    baseline = baseline_of(touched)
+    baseline = compute_baseline(touched)
     assert not baseline.disturbed.any()
     released = Activation(baseline.mean)(np.full(2, 30_000, np.uint16))
     assert released.suspect_baseline.tolist() == [False, True]
@@ -97,7 +97,7 @@ def test_a_mask_of_whole_frames_serves_a_block():
 def test_over_a_hold_the_mean_of_the_valid_frames_decides():
     raw = np.array([[849, 849, 0], [851, 850, 0], [0, 0, 0]], np.uint16)
     valid = np.array([[True, True, False], [True, True, False], [False, False, False]])
-    hold = Activation([1000.0] * 3).over_hold(raw, valid)
+    hold = Activation([1000.0] * 3).evaluate_hold(raw, valid)
     assert hold.signal_counts[:2].tolist() == [150.0, 150.5]
     assert hold.active.tolist() == [False, True, False]
     assert hold.missing.tolist() == [False, False, True]
@@ -106,7 +106,7 @@ def test_over_a_hold_the_mean_of_the_valid_frames_decides():
 def test_over_a_hold_one_saturated_frame_is_enough():
     raw = np.array([[900, 900], [0, 0], [900, 900]], np.uint16)
     valid = np.array([[True, True], [True, False], [True, True]])
-    assert Activation([1000.0] * 2).over_hold(raw, valid).saturated.tolist() == [True, False]
+    assert Activation([1000.0] * 2).evaluate_hold(raw, valid).saturated.tolist() == [True, False]
 
 
 def test_the_callers_baseline_is_copied():
@@ -134,7 +134,7 @@ def test_the_callers_baseline_is_copied():
         (lambda: Activation([1.0])([65_535.5]), "raw_counts"),
         (lambda: Activation([1.0])([True]), "raw_counts"),
         (lambda: Activation([1.0])([1], valid=[1]), "valid"),
-        (lambda: Activation([1.0]).over_hold([1]), "raw_counts"),
+        (lambda: Activation([1.0]).evaluate_hold([1]), "raw_counts"),
     ],
 )
 def test_a_wrong_input_is_one_clear_line(call, message):

@@ -13,7 +13,7 @@ from taxel.signal import (
     Baseline,
     DisturbedBaselineError,
     TooFewSamplesError,
-    baseline_of,
+    compute_baseline,
 )
 
 
@@ -38,10 +38,10 @@ def test_streamed_equals_vectorised_to_the_last_bit(recording):
     baseline = streamed(raw, valid, samples)
     if not baseline.ready:
         with pytest.raises(TooFewSamplesError) as caught:
-            baseline_of(raw, valid, samples)
+            compute_baseline(raw, valid, samples)
         assert (caught.value.needed, caught.value.found) == (samples, valid.sum(axis=0).min())
         return
-    result = baseline_of(raw, valid, samples)
+    result = compute_baseline(raw, valid, samples)
     assert baseline.mean.tobytes() == result.mean.tobytes()
     assert baseline.noise.tobytes() == result.noise.tobytes()
     assert baseline.disturbed.tolist() == result.disturbed.tolist()
@@ -79,7 +79,7 @@ def test_the_default_is_100_samples():
 def test_sums_stay_exact_at_the_top_of_the_range_and_the_longest_baseline():
     raw = np.full((46_340, 1), 65_535, np.uint16)
     raw[0] = 65_534
-    result = baseline_of(raw, samples=46_340)
+    result = compute_baseline(raw, samples=46_340)
     assert result.mean[0] == float(65_535 - Fraction(1, 46_340))
     assert result.noise[0] == pytest.approx(46_340**-0.5, rel=1e-12)
 
@@ -107,8 +107,8 @@ def test_each_taxel_counts_its_own_samples():
 def test_a_whole_frame_mask_is_the_same_as_one_per_taxel():
     raw = np.arange(12, dtype=np.uint16).reshape(6, 2)
     frames = np.array([True, False, True, True, False, True])
-    by_frame = baseline_of(raw, frames, samples=3)
-    by_taxel = baseline_of(raw, np.repeat(frames[:, None], 2, axis=1), samples=3)
+    by_frame = compute_baseline(raw, frames, samples=3)
+    by_taxel = compute_baseline(raw, np.repeat(frames[:, None], 2, axis=1), samples=3)
     assert by_frame.mean.tolist() == by_taxel.mean.tolist() == [10 / 3, 13 / 3]
 
 
@@ -139,10 +139,10 @@ def touched_recording():
 
 def test_a_disturbed_baseline_keeps_the_plain_mean_and_is_refused_on_demand():
     raw = touched_recording()
-    result = baseline_of(raw)
+    result = compute_baseline(raw)
     assert result.mean.tolist() == [29_868.0] * 7 + [30_000.0]
     with pytest.raises(DisturbedBaselineError) as caught:
-        result.require_clean()
+        result.require_undisturbed()
     assert str(caught.value) == (
         "baseline disturbed on 7 of 8 taxels (0, 1, 2, 3, 4, ...): "
         "lift everything off the skin and take the baseline again"
@@ -154,14 +154,14 @@ def test_the_streamed_baseline_refuses_a_disturbed_taxel_too():
     raw = touched_recording()
     baseline = streamed(raw, np.ones(raw.shape, np.bool_), 100)
     with pytest.raises(DisturbedBaselineError):
-        baseline.require_clean()
+        baseline.require_undisturbed()
 
 
 def test_an_incomplete_baseline_is_not_called_clean():
     baseline = Baseline(3)
     baseline.update([1, 2, 3], valid=[True, False, True])
     with pytest.raises(TooFewSamplesError, match=r"taxel 1 has 0 valid samples, needs 100") as caught:
-        baseline.require_clean()
+        baseline.require_undisturbed()
     assert (caught.value.taxel, caught.value.needed, caught.value.found) == (1, 100, 0)
 
 
@@ -189,9 +189,9 @@ def test_a_result_does_not_change_with_the_baseline_it_came_from():
         (lambda: Baseline(3).update([1, 2, -1]), "raw_counts"),
         (lambda: Baseline(3).update([1, 2, 3], valid=[True]), "valid"),
         (lambda: Baseline(3).update([1, 2, 3], valid=[1, 1, 0]), "valid"),
-        (lambda: baseline_of(np.zeros((5, 0), np.uint16)), "at least 1 taxel"),
-        (lambda: baseline_of(np.zeros(5, np.uint16)), "raw_counts"),
-        (lambda: baseline_of(np.zeros((5, 2), np.uint16), np.ones(2, np.bool_)), "valid"),
+        (lambda: compute_baseline(np.zeros((5, 0), np.uint16)), "at least 1 taxel"),
+        (lambda: compute_baseline(np.zeros(5, np.uint16)), "raw_counts"),
+        (lambda: compute_baseline(np.zeros((5, 2), np.uint16), np.ones(2, np.bool_)), "valid"),
     ],
 )
 def test_a_wrong_input_is_one_clear_line(call, message):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.signal import Baseline, baseline_of, disturbed_taxels
+from taxel.signal import Baseline, compute_baseline, find_disturbed_taxels
 
 SKIN_TAXELS = 1073
 SAMPLES = 100
@@ -33,57 +33,57 @@ def press(values, first, length, counts):
 
 
 def test_white_noise_of_28_counts_is_not_a_touch(rng):
-    assert not disturbed_taxels(as_counts(at_rest(rng, taxels=10 * SKIN_TAXELS))).any()
+    assert not find_disturbed_taxels(as_counts(at_rest(rng, taxels=10 * SKIN_TAXELS))).any()
 
 
 def test_a_drift_of_a_few_counts_is_not_a_touch(rng):
     drift = np.linspace(0, 5, SAMPLES)[:, None]
     for sign in (-1, 1):
-        assert not disturbed_taxels(as_counts(at_rest(rng) + sign * drift)).any()
+        assert not find_disturbed_taxels(as_counts(at_rest(rng) + sign * drift)).any()
 
 
 def test_single_sample_impulses_of_256_counts_are_not_a_touch(rng):
     values = at_rest(rng, sigma=10.0)
     sign = rng.choice([-256, 256], values.shape)
-    assert not disturbed_taxels(as_counts(values + sign * (rng.random(values.shape) < 0.05))).any()
+    assert not find_disturbed_taxels(as_counts(values + sign * (rng.random(values.shape) < 0.05))).any()
 
 
 def test_impulses_on_top_of_the_worst_noise_are_not_a_touch(rng):
     values = at_rest(rng)
     values[rng.integers(0, SAMPLES, 3)] -= 256
-    assert not disturbed_taxels(as_counts(values)).any()
+    assert not find_disturbed_taxels(as_counts(values)).any()
 
 
 @pytest.mark.parametrize("length", [10, 11, 20, 33, 50, 67, 80, 90])
 def test_a_touch_of_150_counts_is_found_under_the_worst_noise(rng, length):
     first = rng.integers(0, SAMPLES - length + 1, SKIN_TAXELS)
-    assert disturbed_taxels(as_counts(press(at_rest(rng), first, length, 150))).all()
+    assert find_disturbed_taxels(as_counts(press(at_rest(rng), first, length, 150))).all()
 
 
 @pytest.mark.parametrize("length", range(10, 91))
 def test_a_touch_of_150_counts_is_found_without_noise_wherever_it_lies(length):
     first = np.arange(SAMPLES - length + 1)
     values = np.full((SAMPLES, first.size), float(REST_COUNTS))
-    assert disturbed_taxels(as_counts(press(values, first, length, 150))).all()
+    assert find_disturbed_taxels(as_counts(press(values, first, length, 150))).all()
 
 
 def test_only_the_touched_taxels_are_named(rng):
     raw = at_rest(rng)
     touched = rng.random(SKIN_TAXELS) < 0.1
     raw[40:73, touched] -= 400
-    assert disturbed_taxels(as_counts(raw)).tolist() == touched.tolist()
+    assert find_disturbed_taxels(as_counts(raw)).tolist() == touched.tolist()
 
 
 def test_short_taps_in_a_third_of_the_samples_are_found(rng):
     values = at_rest(rng)
     values[::3] -= 400
-    assert disturbed_taxels(as_counts(values)).all()
+    assert find_disturbed_taxels(as_counts(values)).all()
 
 
 def test_a_touch_in_progress_and_lifted_midway_is_found():
     values = np.full((SAMPLES, 1), REST_COUNTS)
     values[:33] -= 400
-    assert disturbed_taxels(as_counts(values)).tolist() == [True]
+    assert find_disturbed_taxels(as_counts(values)).tolist() == [True]
 
 
 def test_missing_frames_do_not_hide_a_touch(rng):
@@ -95,27 +95,27 @@ def test_missing_frames_do_not_hide_a_touch(rng):
     for frame, mask in zip(raw, valid, strict=True):
         baseline.update(frame, mask)
     assert baseline.disturbed.all()
-    assert baseline_of(raw, valid).disturbed.all()
+    assert compute_baseline(raw, valid).disturbed.all()
 
 
 def test_missing_frames_are_not_a_touch(rng):
     raw = as_counts(np.concatenate([at_rest(rng), at_rest(rng)]))
     valid = rng.random(raw.shape) > 0.3
     raw[~valid] = 0
-    assert not baseline_of(raw, valid).disturbed.any()
+    assert not compute_baseline(raw, valid).disturbed.any()
 
 
 def test_a_touch_through_all_samples_cannot_be_seen_here(rng):
-    assert not disturbed_taxels(as_counts(at_rest(rng) - 400)).any()
+    assert not find_disturbed_taxels(as_counts(at_rest(rng) - 400)).any()
 
 
 def test_the_limit_is_a_parameter():
     values = np.full((SAMPLES, 1), REST_COUNTS)
     values[:40] -= 60
     raw = as_counts(values)
-    assert not disturbed_taxels(raw).any()
-    assert disturbed_taxels(raw, max_disturbance_counts=50).all()
-    assert baseline_of(raw, max_disturbance_counts=50).disturbed.all()
+    assert not find_disturbed_taxels(raw).any()
+    assert find_disturbed_taxels(raw, max_disturbance_counts=50).all()
+    assert compute_baseline(raw, max_disturbance_counts=50).disturbed.all()
 
 
 @pytest.mark.parametrize(
@@ -128,5 +128,5 @@ def test_the_limit_is_a_parameter():
 )
 def test_a_wrong_input_is_one_clear_line(samples, limit, message):
     with pytest.raises(ValueError, match=message) as caught:
-        disturbed_taxels(samples, limit)
+        find_disturbed_taxels(samples, limit)
     assert "\n" not in str(caught.value)

@@ -51,7 +51,7 @@ def test_a_touch_through_the_whole_baseline_is_known_after_its_release():
     baseline = Baseline(2)
     for _ in range(100):
         baseline.update([30_000, 29_600])
-    baseline.require_clean()
+    baseline.require_undisturbed()
     tracker = ActivationTracker(Activation(baseline.mean))
     for frame in ([30_000, 29_600], [30_000, 30_000], [30_000, 29_600]):
         assert tracker.update(frame) == ()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.signal import noise_report, snr, snr_db
+from taxel.signal import measure_noise, snr, snr_db
 
 FRAMES, TAXELS, REST_COUNTS = 4000, 24, 30_000
 LINES = np.repeat([7, 3, 5], 8)
@@ -25,7 +25,7 @@ def as_counts(values):
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5, 7.0, 28.0])
 def test_white_sigma_is_found_also_near_one_count(rng, sigma):
-    report = noise_report(as_counts(white(rng, sigma)))
+    report = measure_noise(as_counts(white(rng, sigma)))
     rounding = (sigma**2 + 1 / 12) ** 0.5
     assert report.white_sigma == pytest.approx(rounding, rel=0.1)
     assert report.white_sigma.mean() == pytest.approx(rounding, rel=0.05 if sigma < 2 else 0.02)
@@ -34,7 +34,7 @@ def test_white_sigma_is_found_also_near_one_count(rng, sigma):
 
 def test_white_sigma_is_blind_to_drift_and_total_is_not(rng):
     drift = np.linspace(0, 400, FRAMES)[:, None]
-    report = noise_report(as_counts(white(rng, 10.0) + drift))
+    report = measure_noise(as_counts(white(rng, 10.0) + drift))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
     assert report.total_std == pytest.approx((10.0**2 + 400**2 / 12) ** 0.5, rel=0.05)
     assert report.drift_slope == pytest.approx(400 / (FRAMES - 1), rel=0.02)
@@ -43,20 +43,20 @@ def test_white_sigma_is_blind_to_drift_and_total_is_not(rng):
 def test_white_sigma_is_blind_to_rare_impulses(rng):
     values = white(rng, 10.0)
     values[rng.random(values.shape) < 0.01] -= 256
-    report = noise_report(as_counts(values))
+    report = measure_noise(as_counts(values))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
     assert (report.total_std > 20).all()
 
 
 def test_the_slope_is_exact_without_noise():
     raw = (np.arange(50)[:, None] * [3, 0] + 1000).astype(np.uint16)
-    report = noise_report(raw)
+    report = measure_noise(raw)
     assert report.drift_slope == pytest.approx([3.0, 0.0], abs=1e-12)
     assert report.count.tolist() == [50, 50]
 
 
 def test_a_constant_signal_has_no_noise():
-    report = noise_report(np.full((10, 2), 1234, np.uint16), line_of=[0, 0])
+    report = measure_noise(np.full((10, 2), 1234, np.uint16), line_of=[0, 0])
     assert report.white_sigma.tolist() == report.total_std.tolist() == [0.0, 0.0]
     assert report.common_mode_sigma.tolist() == [0.0]
 
@@ -64,7 +64,7 @@ def test_a_constant_signal_has_no_noise():
 def test_the_common_mode_is_found_on_its_own_line(rng):
     values = white(rng, 6.0)
     values[:, LINES == 3] += 12.0 * rng.standard_normal((FRAMES, 1))
-    report = noise_report(as_counts(values), line_of=LINES)
+    report = measure_noise(as_counts(values), line_of=LINES)
     assert report.lines.tolist() == [3, 5, 7]
     assert report.common_mode_sigma[0] == pytest.approx(12.0, rel=0.08)
     assert (report.common_mode_sigma[1:] < 1.0).all()
@@ -74,12 +74,12 @@ def test_the_common_mode_is_found_on_its_own_line(rng):
 def test_the_common_mode_of_two_equal_taxels_is_their_scatter_about_a_line():
     raw = np.repeat([[101], [100], [100], [101]], 2, axis=1).astype(np.uint16)
     # Scatter about the (level) line: 4 * 0.5**2 = 1, over 4 - 2 degrees of freedom.
-    assert noise_report(raw, line_of=[0, 0]).common_mode_sigma == pytest.approx([0.5**0.5])
+    assert measure_noise(raw, line_of=[0, 0]).common_mode_sigma == pytest.approx([0.5**0.5])
 
 
 def test_a_common_drift_is_not_common_mode_noise(rng):
     drift = np.linspace(0, 500, FRAMES)[:, None]
-    report = noise_report(as_counts(white(rng, 6.0) + drift), line_of=LINES)
+    report = measure_noise(as_counts(white(rng, 6.0) + drift), line_of=LINES)
     assert (report.common_mode_sigma < 1.0).all()
 
 
@@ -89,7 +89,7 @@ def test_missing_samples_change_no_figure_much(rng):
     raw = as_counts(values)
     valid = rng.random(raw.shape) > 0.05
     broken = np.where(valid, raw, 0)
-    whole, holed = noise_report(raw, LINES), noise_report(broken, LINES, valid)
+    whole, holed = measure_noise(raw, LINES), measure_noise(broken, LINES, valid)
     assert holed.white_sigma == pytest.approx(whole.white_sigma, rel=0.06)
     assert holed.total_std == pytest.approx(whole.total_std, rel=0.03)
     assert holed.drift_slope == pytest.approx(whole.drift_slope, rel=0.06)
@@ -101,7 +101,7 @@ def test_a_taxel_with_too_few_samples_is_not_a_number():
     raw = np.array([[5, 5], [6, 9], [5, 5], [6, 9]], np.uint16)
     valid = np.ones((4, 2), np.bool_)
     valid[1:3, 0] = False
-    report = noise_report(raw, line_of=[0, 1], valid=valid)
+    report = measure_noise(raw, line_of=[0, 1], valid=valid)
     for figure in (report.white_sigma, report.total_std, report.drift_slope):
         assert np.isnan(figure).tolist() == [True, False]
     assert np.isnan(report.common_mode_sigma).all()
@@ -121,11 +121,11 @@ def test_snr_of_a_signal_of_zero_or_below_is_minus_infinity_decibels():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: noise_report(np.zeros((2, 3), np.uint16)), "at least 3 frames"),
-        (lambda: noise_report(np.zeros(9, np.uint16)), "raw_counts"),
-        (lambda: noise_report(np.zeros((9, 3), np.uint16), line_of=[0, 1]), "line_of"),
-        (lambda: noise_report(np.zeros((9, 3), np.uint16), line_of=[0.0, 1.0, 2.0]), "line_of"),
-        (lambda: noise_report(np.zeros((9, 3), np.uint16), valid=[1] * 9), "valid"),
+        (lambda: measure_noise(np.zeros((2, 3), np.uint16)), "at least 3 frames"),
+        (lambda: measure_noise(np.zeros(9, np.uint16)), "raw_counts"),
+        (lambda: measure_noise(np.zeros((9, 3), np.uint16), line_of=[0, 1]), "line_of"),
+        (lambda: measure_noise(np.zeros((9, 3), np.uint16), line_of=[0.0, 1.0, 2.0]), "line_of"),
+        (lambda: measure_noise(np.zeros((9, 3), np.uint16), valid=[1] * 9), "valid"),
         (lambda: snr(300.0, 0.0), "noise_sigma"),
         (lambda: snr_db(300.0, [-1.0, 2.0]), "noise_sigma"),
         (lambda: snr(300.0, np.inf), "noise_sigma"),

@@ -35,7 +35,7 @@ def test_the_hand_comes_three_times_as_often(allegro):
         counts, valid = (np.array([scan[i] for scan in scans]) for i in (2, 3))
         mean.append((counts * valid).sum(axis=0) / valid.sum(axis=0))
     assert np.abs(mean[0] - mean[1]).max() < 3.0
-    assert losses.undecoded == {}
+    assert losses.undecoded_frames == {}
     assert losses.lost_on_wire == 0
 
 
@@ -46,5 +46,5 @@ def test_an_unknown_form_is_one_line():
 
 def test_a_hub_of_version_1_is_told_apart(fake_hub):
     hub = fake_hub()
-    with pytest.raises(TaxelError, match="compact frames need a hub with protocol 2, this one agreed on 1"):
+    with pytest.raises(TaxelError, match="compact frames need protocol version 2, the agreed version is 1"):
         taxel.open(hub.url, "flat8", frames="compact")

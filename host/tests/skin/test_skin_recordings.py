@@ -43,7 +43,7 @@ def record(hand, path, duration_s=1.5, stimulus=None):
     """Frames of a live skin that is recorded."""
     link = EmulatorLink(world_text(hand), stimulus, fast=True, duration_s=duration_s)
     with Skin(Recording(link, CaptureWriter(path, {"baud": 1e6})), hand) as skin:
-        return list(skin), skin.losses.received, skin.bytes_received
+        return list(skin), skin.losses.frames_received, skin.bytes_received
 
 
 def chunks_of(path):
@@ -80,7 +80,7 @@ def test_a_recording_gives_the_frames_that_were_live(tmp_path, name):
     live, received, size = record(hand, tmp_path / "a.bin")
     with taxel.open(f"file:{tmp_path / 'a.bin'}", name) as skin:
         again = list(skin)
-        assert (skin.losses.received, skin.bytes_received) == (received, size)
+        assert (skin.losses.frames_received, skin.bytes_received) == (received, size)
         assert skin.missing_boards == []
     assert len(live) > 50
     assert len(again) == len(live)
@@ -116,7 +116,7 @@ def test_a_flipped_bit_costs_the_frame_it_hits(tmp_path, recorded):
             writer.write(chunk.data, chunk.arrival_ns)
     with taxel.open(f"file:{tmp_path / 'flipped.bin'}") as skin:
         got = list(skin)
-        assert skin.losses.received + skin.losses.lost_on_wire == received
+        assert skin.losses.frames_received + skin.losses.lost_on_wire == received
         assert skin.losses.lost_on_wire <= 2  # two, if the bit made a delimiter's neighbour
     assert len(frames) - len(got) <= 2
 

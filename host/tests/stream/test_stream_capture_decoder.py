@@ -68,7 +68,7 @@ def by_block(path):
 
 
 def content(batches):
-    rows = [row for batch in batches for row in batch.taxels[["stream_position", "address", "cycle"]].tolist()]
+    rows = [row for batch in batches for row in batch.taxel_rows[["stream_position", "address", "cycle"]].tolist()]
     counts = np.concatenate([batch.counts for batch in batches]) if batches else np.zeros(0)
     return rows, counts.tolist(), b"".join(batch.payloads for batch in batches)
 
@@ -110,7 +110,7 @@ def test_records_and_their_times_come_with_the_batches(tmp_path, hub):
 def test_losses_are_counted_and_the_header_is_known(tmp_path, hub):
     data = hub.taxels(0x20, 0) + hub.taxels(0x20, 1)[:-3] + hub.taxels(0x20, 2)
     decoder = CaptureDecoder(written(tmp_path / "a.bin", data, random.Random(4), 62))
-    assert sum(len(batch.taxels) for batch, _ in decoder) == 2
+    assert sum(len(batch.taxel_rows) for batch, _ in decoder) == 2
     assert LossAccount(decoder.decoder).lost_on_wire == 1
     assert (decoder.baud, decoder.header) == (500000.0, {"baud": 500000})
 

@@ -45,7 +45,7 @@ class Polled:
     def __init__(self, world: VirtualWorld) -> None:
         self.world = world
         self.link = PreparedLink()
-        self.stream = FrameStream(self.link, lambda message: None, on_answers=self._take_answers)
+        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._take_answers)
         self.answers: dict[int, bytes] = {}
         self.sizes: dict[int, int] = {}
         self.sequence = self.cycle = 0
@@ -124,7 +124,7 @@ def test_quiet_boards_come_to_a_third_of_their_plain_bytes(polled):
     for address in ADDRESSES:
         assert polled.sizes[address] < 12 + 0.45 * TAXELS[address], hex(address)
         assert stop(polled, address) == polled.stopped_snapshot(address)
-    assert polled.stream.losses.undecoded == {}
+    assert polled.stream.losses.undecoded_frames == {}
 
 
 def test_counts_are_right_and_recover_whatever_is_lost(polled):
@@ -137,7 +137,7 @@ def test_counts_are_right_and_recover_whatever_is_lost(polled):
         if rng.random() < 0.3:
             polled.answers.clear()
         if rng.random() < 0.02:  # another host takes over
-            polled.stream = FrameStream(polled.link, lambda message: None, on_answers=polled._take_answers)
+            polled.stream = FrameStream(polled.link, lambda message: None, on_acknowledgements=polled._take_answers)
         if rng.random() < 0.05:
             forces = np.zeros(HAND.n_taxels)
             forces[rng.randrange(TAXELS[address])] = rng.choice([0.0, 1.0, 8.0])

@@ -92,11 +92,11 @@ def decode(pieces):
     batches = [batch for piece in pieces for batch in decoder.push(piece)] + decoder.finish()
     taxels, others = [], []
     for batch in batches:
-        for row in batch.taxels:
+        for row in batch.taxel_rows:
             counts = batch.counts[row["offset"] : row["offset"] + row["size"]].tolist()
             names = ("sequence", "address", "cycle", "hub_time_us", "board_sequence", "board_time_us")
             taxels.append((*(int(row[name]) for name in names), counts, bool(row["flags"] & 1)))
-        for row in batch.others:
+        for row in batch.message_rows:
             payload = batch.payloads[row["offset"] : row["offset"] + row["size"]]
             others.append((int(row["type"]), int(row["sequence"]), payload))
     return taxels, others, decoder.discarded_bytes
@@ -184,7 +184,7 @@ def test_a_long_stream_without_a_delimiter_does_not_stop_the_decoder(hub):
 def test_positions_say_where_a_frame_ended(hub):
     parts = [hub.log(b"a"), hub.taxels(0x20, 1), hub.taxels(0x21, 1)]
     batches = StreamDecoder().push(b"".join(parts))
-    ends = [int(p) for batch in batches for p in batch.taxels["stream_position"]]
+    ends = [int(p) for batch in batches for p in batch.taxel_rows["stream_position"]]
     # The last byte of a frame, or its delimiter.
     assert ends[0] in (len(parts[0] + parts[1]) - 1, len(parts[0] + parts[1]))
     assert ends[1] in (len(b"".join(parts)) - 1, len(b"".join(parts)))

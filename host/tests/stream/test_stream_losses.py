@@ -53,7 +53,7 @@ def cycles(hub, count, first=0, boards=BOARDS):
 
 def test_a_whole_stream_has_no_losses(account_of, hub):
     account = account_of(b"".join(wire for _, wire in cycles(hub, 20)))
-    assert (account.received, account.lost_on_wire, account.restarts) == (63, 0, 0)
+    assert (account.frames_received, account.lost_on_wire, account.restarts) == (63, 0, 0)
     assert account.frames_sent == 63
     counts = {address: tuple(count) for address, count in account.boards.items()}
     assert counts == dict.fromkeys(BOARDS, (20, 0, 0))
@@ -74,8 +74,8 @@ def test_dropped_frames_are_counted_exactly(account_of, make_hub, seed, first, r
     sizes = [rng.randrange(1, 300) for _ in range(5)]
     account = account_of(b"".join(sent[i][1] for i in kept), sizes)
     span = kept[-1] + 1  # what was dropped after the last one that arrived, nobody can know
-    assert account.received == len(kept)
-    assert account.frames_sent == account.received + account.lost_on_wire == span
+    assert account.frames_received == len(kept)
+    assert account.frames_sent == account.frames_received + account.lost_on_wire == span
     for board in BOARDS:
         all_of_it = [i for i, (address, _) in enumerate(sent) if address == board]
         arrived = [i for i in all_of_it if i in set(kept)]
@@ -99,7 +99,7 @@ def test_bytes_damaged_on_the_wire_are_a_lost_frame(account_of, hub):
     parts = [hub.taxels(0x20, cycle) for cycle in range(5)]
     parts[2] = parts[2][:10] + bytes([parts[2][10] ^ 4 or 1]) + parts[2][11:]
     account = account_of(b"".join(parts))
-    assert (account.received, account.lost_on_wire) == (4, 1)
+    assert (account.frames_received, account.lost_on_wire) == (4, 1)
     assert account.boards[0x20].missing == 1
 
 
@@ -110,7 +110,7 @@ def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, prepared
     assert [frame.cycle for frame in stream.frames] == [0, 1, 3, 4]
     count = stream.losses.boards[0x20]
     assert (count.received, count.missing, count.damaged) == (4, 0, 1)
-    assert (stream.losses.received, stream.losses.lost_on_wire) == (5, 0)
+    assert (stream.losses.frames_received, stream.losses.lost_on_wire) == (5, 0)
 
 
 def test_a_wrong_board_crc_is_seen_on_boards_of_every_size(account_of, hub):

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from taxel.stream import StreamDecoder
-from taxel.stream.frames import messages_of
+from taxel.stream.frames import decode_messages
 from taxel_protocol import FrameType, encode_frame
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.layout import flatten
@@ -63,7 +63,7 @@ def plain(value):
 @given(sent=st.lists(messages(), max_size=8))
 def test_messages_have_the_fields_that_construct_reads(sent):
     batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
-    found = [message for batch in batches for message in messages_of(batch)]
+    found = [message for batch in batches for message in decode_messages(batch)]
     assert [int(message.type) for message in found] == [frame[0] for frame in sent]
     for message, (kind, _, payload) in zip(found, sent, strict=True):
         parsed = flatten(plain(FRAMES[FrameType(kind)].payload.parse(payload)))
