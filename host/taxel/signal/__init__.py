@@ -1,4 +1,4 @@
-"""From raw counts to baseline, activation and noise. See README.md for what this room may import."""
+"""Baseline, signal, activation and noise of raw counts."""
 
 from taxel.signal.activation import ACTIVATION_THRESHOLD_COUNTS, Activation, ActivationFrame
 from taxel.signal.baseline import (

@@ -1,4 +1,4 @@
-"""Checks on what comes in: raw counts, validity masks and positive parameters."""
+"""Checks of inputs: raw counts, validity masks and positive parameters."""
 
 import math
 
@@ -10,8 +10,8 @@ from taxel.types import BoolArray, CountArray
 RAW_COUNT_MAX = 65_535  # a raw count is an unsigned 16-bit number
 
 
-def raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None = None) -> CountArray:
-    """raw_counts as uint16 with `ndim` axes and, when given, `n_taxels` columns; else ValueError."""
+def to_raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None = None) -> CountArray:
+    """Return raw_counts as u16 with `ndim` axes and `n_taxels` columns (None: any number); else raise ValueError."""
     raw = np.asarray(raw_counts)
     check_shape("raw_counts", raw, (ndim,), n_taxels)
     if raw.dtype == np.uint16:
@@ -24,20 +24,20 @@ def raw_count_array(raw_counts: npt.ArrayLike, ndim: int, n_taxels: int | None =
 
 
 def check_shape(name: str, array: npt.NDArray[np.generic], ndims: tuple[int, ...], n_taxels: int | None) -> None:
-    """ValueError unless `array` has one of `ndims` axes and `n_taxels` columns (None: at least one)."""
+    """Raise ValueError unless `array` has one of `ndims` axes and `n_taxels` columns (None: at least one)."""
     if array.ndim not in ndims:
         shapes = " or ".join("[n]" if ndim == 1 else "[T, n]" for ndim in ndims)
         raise ValueError(f"{name}: expected shape {shapes}, found {array.shape}")
     if array.shape[-1] == 0 or (n_taxels is not None and array.shape[-1] != n_taxels):
-        wanted = "at least 1 taxel" if n_taxels is None else f"{n_taxels} taxels"
-        raise ValueError(f"{name}: expected {wanted} in the last axis, found shape {array.shape}")
+        expected = "at least 1 taxel" if n_taxels is None else f"{n_taxels} taxels"
+        raise ValueError(f"{name}: expected {expected} in the last axis, found shape {array.shape}")
 
 
-def validity_mask(valid: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
-    """Validity as bool[shape].
+def to_validity_mask(valid: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
+    """Return `valid` broadcast to bool[shape]; None is all valid.
 
     For shape [n]: None, a bool or bool[n]. For shape [T, n]: None, a bool, bool[T] (whole frames) or
-    bool[T, n].
+    bool[T, n]. Raises ValueError for another dtype or shape.
     """
     if valid is None:
         return np.ones(shape, dtype=np.bool_)
@@ -52,8 +52,8 @@ def validity_mask(valid: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolAr
     return np.broadcast_to(mask, shape)
 
 
-def positive(name: str, value: float) -> float:
-    """`value` as a float; ValueError unless it is finite and above zero."""
+def check_positive(name: str, value: float) -> float:
+    """Return `value` as a float; raise ValueError unless it is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name}: expected a finite number above 0, found {value}")
     return float(value)

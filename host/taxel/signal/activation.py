@@ -1,28 +1,33 @@
-"""Which taxels are active: the signal (baseline minus raw count) is larger than a threshold."""
+"""Signal and activation of taxels.
+
+Contact lowers a raw count. The signal of a taxel is its baseline minus its raw count, in counts; a taxel is active when
+its signal exceeds a threshold.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import RAW_COUNT_MAX, check_shape, positive, raw_count_array, validity_mask
+from taxel.signal._arrays import RAW_COUNT_MAX, check_positive, check_shape, to_raw_count_array, to_validity_mask
 from taxel.types import BoolArray, FloatArray
 
-# Counts. Source: thesis section 3.4, a taxel whose raw count varies by more than 150 counts is active.
 ACTIVATION_THRESHOLD_COUNTS = 150.0
+"""Signal, counts, above which a taxel is active. Source: thesis section 3.4. A lower value detects
+lighter contacts and more noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class ActivationFrame:
-    """What each taxel says; every field has the shape of what was measured, [n] or [T, n].
+    """Signal and state of each taxel; every field has the shape of the raw counts, [n] or [T, n].
 
-    signal_counts: f64, counts below the baseline (contact is positive); NaN where missing.
+    signal_counts: f64, baseline minus raw count, so contact is positive; NaN where missing.
     active: bool, signal > threshold, strictly; False where missing.
-    missing: bool, nothing was measured, which is not the same as inactive.
-    saturated: bool, a raw count at or under the floor or at 65,535. The true signal may be larger than
-        `signal`, or the line is broken or shorted; an active saturated taxel stays active.
-    suspect_baseline: bool, the raw count lies above the baseline by more than the threshold. Contact cannot
-        raise a raw count, so the baseline was taken while something touched the taxel, or has drifted away.
+    missing: bool, no valid measurement; such a taxel is neither active nor inactive.
+    saturated: bool, the raw count is at most the floor, or 65,535. The true signal may exceed `signal_counts`, or the
+        line is broken or shorted. A saturated taxel can be active.
+    suspect_baseline: bool, the raw count exceeds the baseline by more than the threshold. Contact cannot raise a raw
+        count, so the taxel was touched during the baseline, or the baseline has drifted.
     """
 
     signal_counts: FloatArray
@@ -33,16 +38,15 @@ class ActivationFrame:
 
 
 class Activation:
-    """Compares raw counts with a baseline: signal = baseline - raw count, active if signal > threshold, strictly.
+    """Comparison of raw counts with a baseline: signal = baseline - raw count; active if signal > threshold, strictly.
 
     baseline_mean: f64[n], counts, all finite.
     threshold: counts, above 0. Default and definition: thesis section 3.4.
-    saturation_floor_counts: f64[n] or one number, counts; a raw count at or under it is saturated. None: 0,
-        the end of the u16 range.
+    saturation_floor_counts: f64[n] or one number, counts; a raw count at or below it is saturated. None: 0, the end of
+        the u16 range.
 
-    There is no hysteresis: the definition has one threshold.
-    Raises ValueError for a wrong shape, a baseline or floor that is not finite, or a threshold that is not
-    positive.
+    The definition has a single threshold, so there is no hysteresis.
+    Raises ValueError for a wrong shape, a baseline or floor that is not finite, or a threshold that is not positive.
     """
 
     def __init__(
@@ -55,55 +59,55 @@ class Activation:
         check_shape("baseline_mean", mean, (1,), None)
         if not np.isfinite(mean).all():
             first = int(np.flatnonzero(~np.isfinite(mean))[0])
-            found = f"taxel {first} is {mean[first]}"
-            raise ValueError(f"baseline_mean: expected finite counts, {found}: complete the baseline first")
+            raise ValueError(
+                f"baseline_mean: expected finite counts, found {mean[first]} at taxel {first}; complete the baseline"
+            )
         self.baseline_mean: FloatArray = mean
-        self.threshold = positive("threshold", threshold)
-        self.saturation_floor_counts = _floor(saturation_floor_counts, mean.size)
+        self.threshold = check_positive("threshold", threshold)
+        self.saturation_floor_counts = _expand_floor(saturation_floor_counts, mean.size)
 
     @property
     def n_taxels(self) -> int:
-        """Taxels in every frame."""
+        """Number of taxels of a frame."""
         return int(self.baseline_mean.size)
 
     def __call__(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
-        """Judge each sample on its own.
+        """Evaluate each sample separately.
 
         raw_counts: u16 or float counts (a mean of frames), [n] or [T, n]; NaN is missing.
         valid: for [n] a bool or bool[n]; for [T, n] a bool, bool[T] (whole frames) or bool[T, n].
-        Returns an ActivationFrame of the same shape. Raises ValueError for a wrong shape, dtype, or a valid
-        count outside 0..65,535.
+        Returns an ActivationFrame of the same shape. Raises ValueError for a wrong shape or dtype, or a valid count
+        outside 0..65,535.
         """
         raw = np.asarray(raw_counts)
         check_shape("raw_counts", raw, (1, 2), self.n_taxels)
         if raw.dtype.kind not in "iuf":
             raise ValueError(f"raw_counts: expected integers or floats, found dtype {raw.dtype}")
         counts = raw.astype(np.float64)
-        counts[~validity_mask(valid, raw.shape)] = np.nan
+        counts[~to_validity_mask(valid, raw.shape)] = np.nan
         if ((counts < 0) | (counts > RAW_COUNT_MAX)).any():
             found = f"{np.nanmin(counts):g}..{np.nanmax(counts):g}"
             raise ValueError(f"raw_counts: expected 0..{RAW_COUNT_MAX}, found {found}")
-        return self._judge(counts, self._at_a_rail(counts))
+        return self._evaluate(counts, self._is_saturated(counts))
 
     def evaluate_hold(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
-        """Judge the mean of the valid frames of a hold, per taxel.
+        """Evaluate the mean of the valid frames of a hold phase, per taxel.
 
-        raw_counts: u16[T, n]. valid: a bool, bool[T] or bool[T, n]. Returns an ActivationFrame of shape
-        [n]: missing where no frame is valid, saturated where any valid frame was. Raises ValueError for a
-        wrong shape or dtype.
+        raw_counts: u16[T, n]. valid: a bool, bool[T] or bool[T, n]. Returns an ActivationFrame of shape [n]: missing
+        where no frame is valid, saturated where any valid frame is. Raises ValueError for a wrong shape or dtype.
         """
-        raw = raw_count_array(raw_counts, 2, self.n_taxels)
-        mask = validity_mask(valid, raw.shape)
+        raw = to_raw_count_array(raw_counts, 2, self.n_taxels)
+        mask = to_validity_mask(valid, raw.shape)
         count = mask.sum(axis=0, dtype=np.int64)
         total = np.where(mask, raw, 0).sum(axis=0, dtype=np.int64)
         mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-        return self._judge(mean, np.asarray((self._at_a_rail(raw) & mask).any(axis=0)))
+        return self._evaluate(mean, np.asarray((self._is_saturated(raw) & mask).any(axis=0)))
 
-    def _at_a_rail(self, counts: npt.NDArray[np.uint16] | FloatArray) -> BoolArray:
-        at_rail: BoolArray = (counts <= self.saturation_floor_counts) | (counts >= RAW_COUNT_MAX)
-        return at_rail
+    def _is_saturated(self, counts: npt.NDArray[np.uint16] | FloatArray) -> BoolArray:
+        is_saturated: BoolArray = (counts <= self.saturation_floor_counts) | (counts >= RAW_COUNT_MAX)
+        return is_saturated
 
-    def _judge(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
+    def _evaluate(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
         signal = self.baseline_mean - counts
         # A comparison with NaN is False, so a missing taxel is neither active nor suspect.
         return ActivationFrame(
@@ -115,7 +119,7 @@ class Activation:
         )
 
 
-def _floor(floor: npt.ArrayLike | None, n_taxels: int) -> FloatArray:
+def _expand_floor(floor: npt.ArrayLike | None, n_taxels: int) -> FloatArray:
     if floor is None:
         return np.zeros(n_taxels)
     values = np.asarray(floor, dtype=np.float64)

@@ -1,29 +1,29 @@
-"""What can be wrong with a baseline."""
+"""Errors of the baseline."""
 
 from taxel.errors import TaxelError
 
-TAXELS_NAMED = 5  # in an error message
+LISTED_TAXELS = 5  # in an error message
 
 
 class TooFewSamplesError(TaxelError, ValueError):
-    """A taxel has fewer valid samples than its baseline needs; carries `taxel`, `needed` and `found`."""
+    """A taxel has fewer valid samples than its baseline requires. Attributes: taxel, needed, found."""
 
     def __init__(self, taxel: int, needed: int, found: int) -> None:
         super().__init__(
-            f"baseline: taxel {taxel} has {found} valid samples, needs {needed}: "
-            "record for longer, or look for missing frames"
+            f"baseline: taxel {taxel}: expected {needed} valid samples, found {found}; "
+            "record for longer, or check for missing frames"
         )
         self.taxel, self.needed, self.found = taxel, needed, found
 
 
 class DisturbedBaselineError(TaxelError, ValueError):
-    """Taxels were touched while the baseline was taken; carries `taxels`, their indices."""
+    """Taxels were touched while the baseline was taken. Attributes: taxels (their indices)."""
 
     def __init__(self, taxels: list[int], n_taxels: int) -> None:
-        named = ", ".join(str(taxel) for taxel in taxels[:TAXELS_NAMED])
-        more = ", ..." if len(taxels) > TAXELS_NAMED else ""
+        listed = ", ".join(str(taxel) for taxel in taxels[:LISTED_TAXELS])
+        more = ", ..." if len(taxels) > LISTED_TAXELS else ""
         super().__init__(
-            f"baseline disturbed on {len(taxels)} of {n_taxels} taxels ({named}{more}): "
-            "lift everything off the skin and take the baseline again"
+            f"baseline disturbed on {len(taxels)} of {n_taxels} taxels ({listed}{more}); "
+            "remove all objects from the skin and repeat the baseline"
         )
         self.taxels = taxels

@@ -1,4 +1,4 @@
-"""Pressed and released events from a stream of frames."""
+"""Pressed and released events of a stream of frames."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,9 +12,9 @@ from taxel.types import BoolArray
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """One taxel changed.
+    """Change of the state of one taxel.
 
-    sample: index of the frame, counted from 0 at the first `update`, missing frames included.
+    sample: index of the frame; the first `update` has index 0, and missing frames count.
     taxel: index of the taxel.
     kind: "pressed" or "released".
     """
@@ -25,16 +25,16 @@ class ContactEvent:
 
 
 class ActivationTracker:
-    """Follows every taxel from frame to frame and reports its changes.
+    """Tracker of the state of every taxel that reports changes as events.
 
-    A taxel starts inactive, so the first valid sample that is active is an event. While samples are missing
-    the state is held: a change during a gap is reported at the first valid sample after it.
+    Every taxel starts inactive, so a first valid sample that is active is an event. Missing samples do not change the
+    state: a change during a gap is reported at the first valid sample after the gap.
 
-    active: bool[n], the state held.
-    known: bool[n], whether a valid sample has come at all.
-    suspect_baseline: bool[n], whether the raw count ever rose above the baseline by more than the
-        threshold; this is how a touch that lasted through the whole baseline shows, once it is released.
-    samples: frames so far.
+    active: bool[n], the current state.
+    has_valid_sample: bool[n], whether at least one valid sample was received.
+    suspect_baseline: bool[n], whether the raw count ever exceeded the baseline by more than the threshold, for example
+        after the release of a touch that lasted through the whole baseline.
+    samples: number of frames so far.
     """
 
     def __init__(self, activation: Activation) -> None:
@@ -42,18 +42,18 @@ class ActivationTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Back to sample 0 with every taxel inactive, unknown and not suspect."""
+        """Return to sample 0 with all masks False."""
         n_taxels = self.activation.n_taxels
         self.samples = 0
         self.active: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
-        self.known: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
+        self.has_valid_sample: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
         self.suspect_baseline: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
 
     def update(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> tuple[ContactEvent, ...]:
-        """Take one frame and return its events, in the order of the taxels.
+        """Add one frame and return its events, in the order of the taxels.
 
-        raw_counts: u16[n]. valid: bool for the whole frame or bool[n]. Raises ValueError for a wrong shape
-        or dtype; a frame that raises is not counted.
+        raw_counts: u16[n]. valid: bool for the whole frame or bool[n]. Raises ValueError for a wrong shape or dtype; a
+        rejected frame is not counted.
         """
         if np.ndim(raw_counts) != 1:
             raise ValueError(f"raw_counts: expected one frame of shape [n], found {np.ndim(raw_counts)} dimensions")
@@ -64,7 +64,7 @@ class ActivationTracker:
             for taxel in np.flatnonzero(changed).tolist()
         )
         self.active = self.active ^ changed
-        self.known = self.known | ~frame.missing
+        self.has_valid_sample = self.has_valid_sample | ~frame.missing
         self.suspect_baseline = self.suspect_baseline | frame.suspect_baseline
         self.samples += 1
         return events

@@ -1,4 +1,4 @@
-"""Active means a signal of strictly more than the threshold; missing and saturated are said apart."""
+"""Activation: a signal strictly above the threshold; missing and saturated taxels are separate states."""
 
 import numpy as np
 import pytest
@@ -26,25 +26,25 @@ def test_the_threshold_is_a_parameter():
     assert frame.active.tolist() == [False, True]
 
 
-def test_missing_is_not_inactive():
+def test_a_missing_taxel_is_neither_active_nor_inactive():
     frame = Activation([1000.0] * 3)([500, 500, 1000], valid=[True, False, True])
     assert frame.active.tolist() == [True, False, False]
     assert frame.missing.tolist() == [False, True, False]
     assert np.isnan(frame.signal_counts).tolist() == [False, True, False]
 
 
-def test_a_missing_frame_raises_no_flag():
+def test_a_missing_frame_sets_no_flag_but_missing():
     frame = Activation([1000.0] * 2)([0, 65_535], valid=False)
     assert frame.missing.all()
     assert not (frame.active | frame.saturated | frame.suspect_baseline).any()
 
 
-def test_not_a_number_is_missing():
+def test_nan_is_reported_as_missing():
     frame = Activation([1000.0] * 2)(np.array([np.nan, 1000.0]))
     assert frame.missing.tolist() == [True, False]
 
 
-def test_a_saturated_taxel_stays_active_and_is_flagged():
+def test_a_saturated_taxel_can_be_active():
     frame = Activation([1000.0, 1000.0, 65_500.0])([0, 1, 65_535])
     assert frame.saturated.tolist() == [True, False, True]
     assert frame.active.tolist() == [True, True, False]
@@ -57,16 +57,16 @@ def test_the_saturation_floor_is_per_taxel():
     assert frame.active.all()
 
 
-def test_one_saturation_floor_serves_all_taxels():
+def test_a_scalar_saturation_floor_applies_to_all_taxels():
     assert Activation([1000.0] * 2, saturation_floor_counts=50)([50, 51]).saturated.tolist() == [True, False]
 
 
-def test_a_rise_of_more_than_the_threshold_makes_the_baseline_suspect():
+def test_a_count_above_the_baseline_by_more_than_the_threshold_makes_the_baseline_suspect():
     frame = Activation([1000.0] * 3)([1150, 1151, 849])
     assert frame.suspect_baseline.tolist() == [False, True, False]
 
 
-def test_a_touch_through_the_whole_baseline_shows_on_release():
+def test_a_touch_through_the_whole_baseline_is_reported_after_its_release():
     touched = np.full((100, 2), 30_000, np.uint16)
     touched[:, 1] -= 400
     baseline = compute_baseline(touched)
@@ -80,7 +80,7 @@ def test_a_touch_through_the_whole_baseline_shows_on_release():
     hnp.arrays(np.bool_, (7, 3)),
     hnp.arrays(np.float64, 3, elements=st.floats(0, 65_535)),
 )
-def test_a_block_of_frames_equals_its_frames_one_by_one(raw, valid, mean):
+def test_a_block_of_frames_gives_the_same_result_as_its_single_frames(raw, valid, mean):
     activation = Activation(mean)
     block = activation(raw, valid)
     for index in range(7):
@@ -89,12 +89,12 @@ def test_a_block_of_frames_equals_its_frames_one_by_one(raw, valid, mean):
             assert getattr(block, field)[index].tobytes() == getattr(frame, field).tobytes()
 
 
-def test_a_mask_of_whole_frames_serves_a_block():
+def test_a_validity_mask_per_frame_applies_to_all_taxels_of_the_frame():
     block = Activation([1000.0] * 2)(np.full((3, 2), 800), valid=np.array([True, False, True]))
     assert block.missing.tolist() == [[False] * 2, [True] * 2, [False] * 2]
 
 
-def test_over_a_hold_the_mean_of_the_valid_frames_decides():
+def test_a_hold_is_evaluated_by_the_mean_of_its_valid_frames():
     raw = np.array([[849, 849, 0], [851, 850, 0], [0, 0, 0]], np.uint16)
     valid = np.array([[True, True, False], [True, True, False], [False, False, False]])
     hold = Activation([1000.0] * 3).evaluate_hold(raw, valid)
@@ -103,13 +103,13 @@ def test_over_a_hold_the_mean_of_the_valid_frames_decides():
     assert hold.missing.tolist() == [False, False, True]
 
 
-def test_over_a_hold_one_saturated_frame_is_enough():
+def test_a_hold_with_one_saturated_frame_is_saturated():
     raw = np.array([[900, 900], [0, 0], [900, 900]], np.uint16)
     valid = np.array([[True, True], [True, False], [True, True]])
     assert Activation([1000.0] * 2).evaluate_hold(raw, valid).saturated.tolist() == [True, False]
 
 
-def test_the_callers_baseline_is_copied():
+def test_the_baseline_array_of_the_caller_is_copied():
     mean = np.array([1000.0])
     activation = Activation(mean)
     mean[:] = 0.0
@@ -119,7 +119,7 @@ def test_the_callers_baseline_is_copied():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: Activation([1.0, np.nan]), "taxel 1 is nan"),
+        (lambda: Activation([1.0, np.nan]), "found nan at taxel 1"),
         (lambda: Activation([np.inf]), "baseline_mean"),
         (lambda: Activation([]), "baseline_mean"),
         (lambda: Activation([[1.0]]), "baseline_mean"),
@@ -137,7 +137,7 @@ def test_the_callers_baseline_is_copied():
         (lambda: Activation([1.0]).evaluate_hold([1]), "raw_counts"),
     ],
 )
-def test_a_wrong_input_is_one_clear_line(call, message):
+def test_an_invalid_input_raises_a_one_line_error(call, message):
     with pytest.raises(ValueError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""The baseline is the plain mean of the first valid samples of each taxel, streamed or not."""
+"""The baseline is the mean of the first valid samples of each taxel, from a stream or from a recording."""
 
 from fractions import Fraction
 
@@ -25,7 +25,7 @@ def recordings(draw):
     return raw, valid, draw(st.integers(2, 30))
 
 
-def streamed(raw, valid, samples):
+def stream_baseline(raw, valid, samples):
     baseline = Baseline(raw.shape[1], samples)
     for frame, mask in zip(raw, valid, strict=True):
         baseline.update(frame, mask)
@@ -33,10 +33,10 @@ def streamed(raw, valid, samples):
 
 
 @given(recordings())
-def test_streamed_equals_vectorised_to_the_last_bit(recording):
+def test_streamed_and_vectorised_baselines_are_identical(recording):
     raw, valid, samples = recording
-    baseline = streamed(raw, valid, samples)
-    if not baseline.ready:
+    baseline = stream_baseline(raw, valid, samples)
+    if not baseline.is_ready:
         with pytest.raises(TooFewSamplesError) as caught:
             compute_baseline(raw, valid, samples)
         assert (caught.value.needed, caught.value.found) == (samples, valid.sum(axis=0).min())
@@ -49,9 +49,9 @@ def test_streamed_equals_vectorised_to_the_last_bit(recording):
 
 
 @given(recordings())
-def test_every_complete_taxel_has_the_mean_of_exact_arithmetic(recording):
+def test_mean_and_noise_equal_exact_rational_arithmetic(recording):
     raw, valid, samples = recording
-    baseline = streamed(raw, valid, samples)
+    baseline = stream_baseline(raw, valid, samples)
     for taxel in range(raw.shape[1]):
         counts = raw[valid[:, taxel], taxel].tolist()[:samples]
         if len(counts) < samples:
@@ -67,7 +67,7 @@ def test_every_complete_taxel_has_the_mean_of_exact_arithmetic(recording):
         assert baseline.noise[taxel] == pytest.approx(float(variance) ** 0.5, rel=1e-14)
 
 
-def test_the_default_is_100_samples():
+def test_the_default_baseline_has_100_samples():
     baseline = Baseline(2)
     ready = [baseline.update(np.array([1000, 2000], np.uint16)) for _ in range(BASELINE_SAMPLES)]
     assert BASELINE_SAMPLES == 100
@@ -76,7 +76,7 @@ def test_the_default_is_100_samples():
     assert baseline.noise.tolist() == [0.0, 0.0]
 
 
-def test_sums_stay_exact_at_the_top_of_the_range_and_the_longest_baseline():
+def test_sums_are_exact_for_the_largest_counts_and_the_longest_baseline():
     raw = np.full((46_340, 1), 65_535, np.uint16)
     raw[0] = 65_534
     result = compute_baseline(raw, samples=46_340)
@@ -84,7 +84,7 @@ def test_sums_stay_exact_at_the_top_of_the_range_and_the_longest_baseline():
     assert result.noise[0] == pytest.approx(46_340**-0.5, rel=1e-12)
 
 
-def test_a_missing_frame_contributes_nothing():
+def test_a_missing_frame_is_ignored():
     baseline = Baseline(1, samples=2)
     baseline.update([100])
     baseline.update([60_000], valid=False)
@@ -93,7 +93,7 @@ def test_a_missing_frame_contributes_nothing():
     assert baseline.mean.tolist() == [102.0]
 
 
-def test_each_taxel_counts_its_own_samples():
+def test_samples_are_counted_per_taxel():
     baseline = Baseline(2, samples=2)
     baseline.update([10, 20], valid=[True, False])
     baseline.update([12, 22])
@@ -104,7 +104,7 @@ def test_each_taxel_counts_its_own_samples():
     assert baseline.mean.tolist() == [11.0, 23.0]
 
 
-def test_a_whole_frame_mask_is_the_same_as_one_per_taxel():
+def test_a_mask_per_frame_equals_the_same_mask_per_taxel():
     raw = np.arange(12, dtype=np.uint16).reshape(6, 2)
     frames = np.array([True, False, True, True, False, True])
     by_frame = compute_baseline(raw, frames, samples=3)
@@ -112,60 +112,60 @@ def test_a_whole_frame_mask_is_the_same_as_one_per_taxel():
     assert by_frame.mean.tolist() == by_taxel.mean.tolist() == [10 / 3, 13 / 3]
 
 
-def test_frames_after_completion_change_nothing():
+def test_frames_after_completion_are_ignored():
     baseline = Baseline(1, samples=2)
     for count in (10, 12, 5_000, 5_000):
         baseline.update([count])
     assert baseline.mean.tolist() == [11.0]
-    assert baseline.ready
+    assert baseline.is_ready
 
 
-def test_reset_starts_again():
+def test_reset_discards_all_samples():
     baseline = Baseline(1, samples=2)
     baseline.update([10])
     baseline.update([12])
     baseline.reset()
-    assert (baseline.ready, baseline.progress) == (False, 0.0)
+    assert (baseline.is_ready, baseline.progress) == (False, 0.0)
     baseline.update([20])
     baseline.update([22])
     assert baseline.mean.tolist() == [21.0]
 
 
-def touched_recording():
+def make_touched_recording():
     raw = np.full((100, 8), 30_000, np.uint16)
     raw[30:63, :7] -= 400
     return raw
 
 
-def test_a_disturbed_baseline_keeps_the_plain_mean_and_is_refused_on_demand():
-    raw = touched_recording()
+def test_a_disturbed_baseline_keeps_its_mean_and_raises_on_request():
+    raw = make_touched_recording()
     result = compute_baseline(raw)
     assert result.mean.tolist() == [29_868.0] * 7 + [30_000.0]
     with pytest.raises(DisturbedBaselineError) as caught:
         result.require_undisturbed()
     assert str(caught.value) == (
-        "baseline disturbed on 7 of 8 taxels (0, 1, 2, 3, 4, ...): "
-        "lift everything off the skin and take the baseline again"
+        "baseline disturbed on 7 of 8 taxels (0, 1, 2, 3, 4, ...); "
+        "remove all objects from the skin and repeat the baseline"
     )
     assert caught.value.taxels == [0, 1, 2, 3, 4, 5, 6]
 
 
-def test_the_streamed_baseline_refuses_a_disturbed_taxel_too():
-    raw = touched_recording()
-    baseline = streamed(raw, np.ones(raw.shape, np.bool_), 100)
+def test_a_streamed_disturbed_baseline_raises_on_request():
+    raw = make_touched_recording()
+    baseline = stream_baseline(raw, np.ones(raw.shape, np.bool_), 100)
     with pytest.raises(DisturbedBaselineError):
         baseline.require_undisturbed()
 
 
-def test_an_incomplete_baseline_is_not_called_clean():
+def test_an_incomplete_baseline_raises_too_few_samples():
     baseline = Baseline(3)
     baseline.update([1, 2, 3], valid=[True, False, True])
-    with pytest.raises(TooFewSamplesError, match=r"taxel 1 has 0 valid samples, needs 100") as caught:
+    with pytest.raises(TooFewSamplesError, match=r"taxel 1: expected 100 valid samples, found 0") as caught:
         baseline.require_undisturbed()
     assert (caught.value.taxel, caught.value.needed, caught.value.found) == (1, 100, 0)
 
 
-def test_a_result_does_not_change_with_the_baseline_it_came_from():
+def test_a_result_does_not_change_when_its_baseline_is_reset():
     baseline = Baseline(1, samples=2)
     baseline.update([10])
     baseline.update([12])
@@ -194,7 +194,7 @@ def test_a_result_does_not_change_with_the_baseline_it_came_from():
         (lambda: compute_baseline(np.zeros((5, 2), np.uint16), np.ones(2, np.bool_)), "valid"),
     ],
 )
-def test_a_wrong_input_is_one_clear_line(call, message):
+def test_an_invalid_input_raises_a_one_line_error(call, message):
     with pytest.raises(ValueError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)

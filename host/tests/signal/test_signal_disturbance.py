@@ -1,4 +1,4 @@
-"""A touch during the baseline is found; noise, impulses and drift are not taken for one."""
+"""A touch during the baseline is detected; noise, impulses and drift are not reported as a touch."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from taxel.signal import Baseline, compute_baseline, find_disturbed_taxels
 SKIN_TAXELS = 1073
 SAMPLES = 100
 REST_COUNTS = 30_000
-WORST_SIGMA = 28.0  # counts
+MAX_SIGMA = 28.0  # counts
 SEEDS = [1, 20_260, 3_141_592]
 
 
@@ -18,77 +18,77 @@ def rng(request):
     return np.random.default_rng(request.param)
 
 
-def at_rest(rng, sigma=WORST_SIGMA, taxels=SKIN_TAXELS):
+def make_untouched(rng, sigma=MAX_SIGMA, taxels=SKIN_TAXELS):
     return REST_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
 
 
-def as_counts(values):
+def to_counts(values):
     return np.rint(values).astype(np.uint16)
 
 
-def press(values, first, length, counts):
-    """A touch of one taxel each, starting at first[taxel]."""
+def add_touch(values, first, length, counts):
+    """Add a touch of every taxel, from frame first[taxel] on."""
     frame = np.arange(SAMPLES)[:, None]
     return values - counts * ((frame >= first) & (frame < first + length))
 
 
-def test_white_noise_of_28_counts_is_not_a_touch(rng):
-    assert not find_disturbed_taxels(as_counts(at_rest(rng, taxels=10 * SKIN_TAXELS))).any()
+def test_white_noise_of_28_counts_is_not_reported_as_a_touch(rng):
+    assert not find_disturbed_taxels(to_counts(make_untouched(rng, taxels=10 * SKIN_TAXELS))).any()
 
 
-def test_a_drift_of_a_few_counts_is_not_a_touch(rng):
+def test_a_drift_of_a_few_counts_is_not_reported_as_a_touch(rng):
     drift = np.linspace(0, 5, SAMPLES)[:, None]
     for sign in (-1, 1):
-        assert not find_disturbed_taxels(as_counts(at_rest(rng) + sign * drift)).any()
+        assert not find_disturbed_taxels(to_counts(make_untouched(rng) + sign * drift)).any()
 
 
-def test_single_sample_impulses_of_256_counts_are_not_a_touch(rng):
-    values = at_rest(rng, sigma=10.0)
+def test_single_sample_impulses_of_256_counts_are_not_reported_as_a_touch(rng):
+    values = make_untouched(rng, sigma=10.0)
     sign = rng.choice([-256, 256], values.shape)
-    assert not find_disturbed_taxels(as_counts(values + sign * (rng.random(values.shape) < 0.05))).any()
+    assert not find_disturbed_taxels(to_counts(values + sign * (rng.random(values.shape) < 0.05))).any()
 
 
-def test_impulses_on_top_of_the_worst_noise_are_not_a_touch(rng):
-    values = at_rest(rng)
+def test_impulses_with_the_largest_noise_are_not_reported_as_a_touch(rng):
+    values = make_untouched(rng)
     values[rng.integers(0, SAMPLES, 3)] -= 256
-    assert not find_disturbed_taxels(as_counts(values)).any()
+    assert not find_disturbed_taxels(to_counts(values)).any()
 
 
 @pytest.mark.parametrize("length", [10, 11, 20, 33, 50, 67, 80, 90])
-def test_a_touch_of_150_counts_is_found_under_the_worst_noise(rng, length):
+def test_a_touch_of_150_counts_is_detected_with_the_largest_noise(rng, length):
     first = rng.integers(0, SAMPLES - length + 1, SKIN_TAXELS)
-    assert find_disturbed_taxels(as_counts(press(at_rest(rng), first, length, 150))).all()
+    assert find_disturbed_taxels(to_counts(add_touch(make_untouched(rng), first, length, 150))).all()
 
 
 @pytest.mark.parametrize("length", range(10, 91))
-def test_a_touch_of_150_counts_is_found_without_noise_wherever_it_lies(length):
+def test_a_touch_of_150_counts_without_noise_is_detected_at_any_position(length):
     first = np.arange(SAMPLES - length + 1)
     values = np.full((SAMPLES, first.size), float(REST_COUNTS))
-    assert find_disturbed_taxels(as_counts(press(values, first, length, 150))).all()
+    assert find_disturbed_taxels(to_counts(add_touch(values, first, length, 150))).all()
 
 
-def test_only_the_touched_taxels_are_named(rng):
-    raw = at_rest(rng)
+def test_only_the_touched_taxels_are_reported(rng):
+    raw = make_untouched(rng)
     touched = rng.random(SKIN_TAXELS) < 0.1
     raw[40:73, touched] -= 400
-    assert find_disturbed_taxels(as_counts(raw)).tolist() == touched.tolist()
+    assert find_disturbed_taxels(to_counts(raw)).tolist() == touched.tolist()
 
 
-def test_short_taps_in_a_third_of_the_samples_are_found(rng):
-    values = at_rest(rng)
+def test_short_taps_in_a_third_of_the_samples_are_detected(rng):
+    values = make_untouched(rng)
     values[::3] -= 400
-    assert find_disturbed_taxels(as_counts(values)).all()
+    assert find_disturbed_taxels(to_counts(values)).all()
 
 
-def test_a_touch_in_progress_and_lifted_midway_is_found():
+def test_a_touch_that_ends_during_the_baseline_is_detected():
     values = np.full((SAMPLES, 1), REST_COUNTS)
     values[:33] -= 400
-    assert find_disturbed_taxels(as_counts(values)).tolist() == [True]
+    assert find_disturbed_taxels(to_counts(values)).tolist() == [True]
 
 
 def test_missing_frames_do_not_hide_a_touch(rng):
-    raw = as_counts(press(at_rest(rng), np.full(SKIN_TAXELS, 20), 40, 300))
-    raw = np.concatenate([raw, as_counts(at_rest(rng))])
+    raw = to_counts(add_touch(make_untouched(rng), np.full(SKIN_TAXELS, 20), 40, 300))
+    raw = np.concatenate([raw, to_counts(make_untouched(rng))])
     valid = rng.random(raw.shape) > 0.3
     raw[~valid] = 0
     baseline = Baseline(SKIN_TAXELS)
@@ -98,21 +98,21 @@ def test_missing_frames_do_not_hide_a_touch(rng):
     assert compute_baseline(raw, valid).disturbed.all()
 
 
-def test_missing_frames_are_not_a_touch(rng):
-    raw = as_counts(np.concatenate([at_rest(rng), at_rest(rng)]))
+def test_missing_frames_are_not_reported_as_a_touch(rng):
+    raw = to_counts(np.concatenate([make_untouched(rng), make_untouched(rng)]))
     valid = rng.random(raw.shape) > 0.3
     raw[~valid] = 0
     assert not compute_baseline(raw, valid).disturbed.any()
 
 
-def test_a_touch_through_all_samples_cannot_be_seen_here(rng):
-    assert not find_disturbed_taxels(as_counts(at_rest(rng) - 400)).any()
+def test_a_touch_through_all_samples_is_not_detectable(rng):
+    assert not find_disturbed_taxels(to_counts(make_untouched(rng) - 400)).any()
 
 
 def test_the_limit_is_a_parameter():
     values = np.full((SAMPLES, 1), REST_COUNTS)
     values[:40] -= 60
-    raw = as_counts(values)
+    raw = to_counts(values)
     assert not find_disturbed_taxels(raw).any()
     assert find_disturbed_taxels(raw, max_disturbance_counts=50).all()
     assert compute_baseline(raw, max_disturbance_counts=50).disturbed.all()
@@ -126,7 +126,7 @@ def test_the_limit_is_a_parameter():
         (np.zeros((4, 2), np.uint16), -1.0, "max_disturbance_counts"),
     ],
 )
-def test_a_wrong_input_is_one_clear_line(samples, limit, message):
+def test_an_invalid_input_raises_a_one_line_error(samples, limit, message):
     with pytest.raises(ValueError, match=message) as caught:
         find_disturbed_taxels(samples, limit)
     assert "\n" not in str(caught.value)

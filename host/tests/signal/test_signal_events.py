@@ -1,4 +1,4 @@
-"""Pressed and released are reported once, and never from a missing frame."""
+"""Pressed and released events are reported once each, and never for a missing frame."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis.extra import numpy as hnp
 
 from taxel.signal import Activation, ActivationTracker, Baseline, ContactEvent
 
-UP, DOWN = 1000, 800
+RELEASED, PRESSED = 1000, 800
 
 
 @pytest.fixture
@@ -15,8 +15,8 @@ def tracker():
     return ActivationTracker(Activation([1000.0, 1000.0]))
 
 
-def test_a_press_and_a_release_are_one_event_each(tracker):
-    frames = [[UP, UP], [DOWN, UP], [DOWN, UP], [UP, DOWN]]
+def test_a_contact_gives_one_pressed_and_one_released_event(tracker):
+    frames = [[RELEASED, RELEASED], [PRESSED, RELEASED], [PRESSED, RELEASED], [RELEASED, PRESSED]]
     assert [tracker.update(frame) for frame in frames] == [
         (),
         (ContactEvent(1, 0, "pressed"),),
@@ -25,29 +25,29 @@ def test_a_press_and_a_release_are_one_event_each(tracker):
     ]
 
 
-def test_the_first_sample_can_be_a_press(tracker):
-    assert tracker.update([UP, DOWN]) == (ContactEvent(0, 1, "pressed"),)
+def test_the_first_sample_can_give_a_pressed_event(tracker):
+    assert tracker.update([RELEASED, PRESSED]) == (ContactEvent(0, 1, "pressed"),)
 
 
-def test_a_missing_frame_holds_the_state(tracker):
-    tracker.update([DOWN, UP])
-    assert tracker.update([UP, DOWN], valid=False) == ()
+def test_a_missing_frame_keeps_the_state(tracker):
+    tracker.update([PRESSED, RELEASED])
+    assert tracker.update([RELEASED, PRESSED], valid=False) == ()
     assert tracker.active.tolist() == [True, False]
-    assert tracker.update([DOWN, UP]) == ()
+    assert tracker.update([PRESSED, RELEASED]) == ()
 
 
-def test_a_change_during_a_gap_is_reported_after_it_with_its_own_index(tracker):
-    tracker.update([DOWN, UP])
+def test_a_change_during_a_gap_is_reported_at_the_first_valid_sample_after_it(tracker):
+    tracker.update([PRESSED, RELEASED])
     tracker.update([0, 0], valid=False)
-    assert tracker.update([UP, UP]) == (ContactEvent(2, 0, "released"),)
+    assert tracker.update([RELEASED, RELEASED]) == (ContactEvent(2, 0, "released"),)
 
 
-def test_a_taxel_can_be_missing_alone(tracker):
-    assert tracker.update([DOWN, DOWN], valid=[False, True]) == (ContactEvent(0, 1, "pressed"),)
-    assert tracker.known.tolist() == [False, True]
+def test_a_single_taxel_can_be_missing(tracker):
+    assert tracker.update([PRESSED, PRESSED], valid=[False, True]) == (ContactEvent(0, 1, "pressed"),)
+    assert tracker.has_valid_sample.tolist() == [False, True]
 
 
-def test_a_touch_through_the_whole_baseline_is_known_after_its_release():
+def test_a_touch_through_the_whole_baseline_is_reported_after_its_release():
     baseline = Baseline(2)
     for _ in range(100):
         baseline.update([30_000, 29_600])
@@ -58,31 +58,31 @@ def test_a_touch_through_the_whole_baseline_is_known_after_its_release():
     assert tracker.suspect_baseline.tolist() == [False, True]
 
 
-def test_reset_starts_again_at_sample_0(tracker):
-    tracker.update([DOWN, 1500])
+def test_reset_returns_to_sample_0(tracker):
+    tracker.update([PRESSED, 1500])
     tracker.reset()
     assert tracker.samples == 0
-    assert not (tracker.active | tracker.known | tracker.suspect_baseline).any()
-    assert tracker.update([DOWN, UP]) == (ContactEvent(0, 0, "pressed"),)
+    assert not (tracker.active | tracker.has_valid_sample | tracker.suspect_baseline).any()
+    assert tracker.update([PRESSED, RELEASED]) == (ContactEvent(0, 0, "pressed"),)
 
 
-def test_a_frame_that_is_refused_is_not_counted(tracker):
+def test_a_rejected_frame_is_not_counted(tracker):
     with pytest.raises(ValueError, match="one frame"):
-        tracker.update([[UP, UP]])
+        tracker.update([[RELEASED, RELEASED]])
     with pytest.raises(ValueError, match="2 taxels"):
-        tracker.update([UP])
+        tracker.update([RELEASED])
     assert tracker.samples == 0
 
 
 @given(hnp.arrays(np.bool_, (30, 3)), hnp.arrays(np.bool_, (30, 3)))
-def test_replaying_the_events_gives_the_state_and_each_comes_from_a_valid_sample(down, valid):
+def test_the_events_reproduce_the_state_and_occur_only_at_valid_samples(is_pressed, valid):
     tracker = ActivationTracker(Activation([1000.0] * 3))
     state = np.zeros(3, np.bool_)
     for index in range(30):
-        for event in tracker.update(np.where(down[index], DOWN, UP), valid[index]):
+        for event in tracker.update(np.where(is_pressed[index], PRESSED, RELEASED), valid[index]):
             assert event.sample == index
             assert valid[index, event.taxel]
             assert state[event.taxel] != (event.kind == "pressed")
             state[event.taxel] = event.kind == "pressed"
         assert tracker.active.tolist() == state.tolist()
-        assert (state == down[index])[valid[index]].all()
+        assert (state == is_pressed[index])[valid[index]].all()

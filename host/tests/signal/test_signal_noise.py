@@ -1,4 +1,4 @@
-"""Each noise figure finds its own kind of noise and is blind to the others."""
+"""Each noise figure measures its kind of noise and is insensitive to the others."""
 
 import numpy as np
 import pytest
@@ -15,89 +15,89 @@ def rng(request):
     return np.random.default_rng(request.param)
 
 
-def white(rng, sigma):
+def make_white_noise(rng, sigma):
     return REST_COUNTS + sigma * rng.standard_normal((FRAMES, TAXELS))
 
 
-def as_counts(values):
+def to_counts(values):
     return np.rint(values).astype(np.uint16)
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5, 7.0, 28.0])
-def test_white_sigma_is_found_also_near_one_count(rng, sigma):
-    report = measure_noise(as_counts(white(rng, sigma)))
+def test_white_sigma_is_correct_down_to_one_count(rng, sigma):
+    report = measure_noise(to_counts(make_white_noise(rng, sigma)))
     rounding = (sigma**2 + 1 / 12) ** 0.5
     assert report.white_sigma == pytest.approx(rounding, rel=0.1)
     assert report.white_sigma.mean() == pytest.approx(rounding, rel=0.05 if sigma < 2 else 0.02)
     assert report.total_std == pytest.approx(rounding, rel=0.05)
 
 
-def test_white_sigma_is_blind_to_drift_and_total_is_not(rng):
+def test_drift_increases_the_total_noise_but_not_the_white_noise(rng):
     drift = np.linspace(0, 400, FRAMES)[:, None]
-    report = measure_noise(as_counts(white(rng, 10.0) + drift))
+    report = measure_noise(to_counts(make_white_noise(rng, 10.0) + drift))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
     assert report.total_std == pytest.approx((10.0**2 + 400**2 / 12) ** 0.5, rel=0.05)
     assert report.drift_slope == pytest.approx(400 / (FRAMES - 1), rel=0.02)
 
 
-def test_white_sigma_is_blind_to_rare_impulses(rng):
-    values = white(rng, 10.0)
+def test_rare_impulses_do_not_increase_the_white_noise(rng):
+    values = make_white_noise(rng, 10.0)
     values[rng.random(values.shape) < 0.01] -= 256
-    report = measure_noise(as_counts(values))
+    report = measure_noise(to_counts(values))
     assert report.white_sigma == pytest.approx(10.0, rel=0.1)
     assert (report.total_std > 20).all()
 
 
-def test_the_slope_is_exact_without_noise():
+def test_the_drift_slope_is_exact_without_noise():
     raw = (np.arange(50)[:, None] * [3, 0] + 1000).astype(np.uint16)
     report = measure_noise(raw)
     assert report.drift_slope == pytest.approx([3.0, 0.0], abs=1e-12)
     assert report.count.tolist() == [50, 50]
 
 
-def test_a_constant_signal_has_no_noise():
+def test_constant_counts_have_no_noise():
     report = measure_noise(np.full((10, 2), 1234, np.uint16), line_of=[0, 0])
     assert report.white_sigma.tolist() == report.total_std.tolist() == [0.0, 0.0]
     assert report.common_mode_sigma.tolist() == [0.0]
 
 
-def test_the_common_mode_is_found_on_its_own_line(rng):
-    values = white(rng, 6.0)
+def test_common_mode_noise_is_attributed_to_its_line(rng):
+    values = make_white_noise(rng, 6.0)
     values[:, LINES == 3] += 12.0 * rng.standard_normal((FRAMES, 1))
-    report = measure_noise(as_counts(values), line_of=LINES)
+    report = measure_noise(to_counts(values), line_of=LINES)
     assert report.lines.tolist() == [3, 5, 7]
     assert report.common_mode_sigma[0] == pytest.approx(12.0, rel=0.08)
     assert (report.common_mode_sigma[1:] < 1.0).all()
     assert report.white_sigma[LINES == 3] == pytest.approx((6.0**2 + 12.0**2) ** 0.5, rel=0.1)
 
 
-def test_the_common_mode_of_two_equal_taxels_is_their_scatter_about_a_line():
+def test_the_common_mode_of_two_equal_taxels_is_their_standard_deviation_about_a_line():
     raw = np.repeat([[101], [100], [100], [101]], 2, axis=1).astype(np.uint16)
-    # Scatter about the (level) line: 4 * 0.5**2 = 1, over 4 - 2 degrees of freedom.
+    # Squared residuals about the level line: 4 * 0.5**2 = 1, over 4 - 2 degrees of freedom.
     assert measure_noise(raw, line_of=[0, 0]).common_mode_sigma == pytest.approx([0.5**0.5])
 
 
 def test_a_common_drift_is_not_common_mode_noise(rng):
     drift = np.linspace(0, 500, FRAMES)[:, None]
-    report = measure_noise(as_counts(white(rng, 6.0) + drift), line_of=LINES)
+    report = measure_noise(to_counts(make_white_noise(rng, 6.0) + drift), line_of=LINES)
     assert (report.common_mode_sigma < 1.0).all()
 
 
-def test_missing_samples_change_no_figure_much(rng):
-    values = white(rng, 10.0) + np.linspace(0, 100, FRAMES)[:, None]
+def test_missing_samples_hardly_change_the_noise_figures(rng):
+    values = make_white_noise(rng, 10.0) + np.linspace(0, 100, FRAMES)[:, None]
     values[:, LINES == 5] += 8.0 * rng.standard_normal((FRAMES, 1))
-    raw = as_counts(values)
+    raw = to_counts(values)
     valid = rng.random(raw.shape) > 0.05
-    broken = np.where(valid, raw, 0)
-    whole, holed = measure_noise(raw, LINES), measure_noise(broken, LINES, valid)
-    assert holed.white_sigma == pytest.approx(whole.white_sigma, rel=0.06)
-    assert holed.total_std == pytest.approx(whole.total_std, rel=0.03)
-    assert holed.drift_slope == pytest.approx(whole.drift_slope, rel=0.06)
-    assert holed.common_mode_sigma[1] == pytest.approx(whole.common_mode_sigma[1], rel=0.05)
-    assert holed.count.tolist() == valid.sum(axis=0).tolist()
+    complete = measure_noise(raw, LINES)
+    incomplete = measure_noise(np.where(valid, raw, 0), LINES, valid)
+    assert incomplete.white_sigma == pytest.approx(complete.white_sigma, rel=0.06)
+    assert incomplete.total_std == pytest.approx(complete.total_std, rel=0.03)
+    assert incomplete.drift_slope == pytest.approx(complete.drift_slope, rel=0.06)
+    assert incomplete.common_mode_sigma[1] == pytest.approx(complete.common_mode_sigma[1], rel=0.05)
+    assert incomplete.count.tolist() == valid.sum(axis=0).tolist()
 
 
-def test_a_taxel_with_too_few_samples_is_not_a_number():
+def test_the_noise_of_a_taxel_with_too_few_samples_is_nan():
     raw = np.array([[5, 5], [6, 9], [5, 5], [6, 9]], np.uint16)
     valid = np.ones((4, 2), np.bool_)
     valid[1:3, 0] = False
@@ -107,7 +107,7 @@ def test_a_taxel_with_too_few_samples_is_not_a_number():
     assert np.isnan(report.common_mode_sigma).all()
 
 
-def test_signal_to_noise_is_the_signal_over_the_noise():
+def test_snr_is_the_signal_divided_by_the_noise():
     assert float(snr(300.0, 15.0)) == 20.0
     assert float(snr_db(300.0, 30.0)) == pytest.approx(20.0)
     assert snr([300.0, np.nan], [15.0, 15.0])[0] == 20.0
@@ -131,7 +131,7 @@ def test_snr_of_a_signal_of_zero_or_below_is_minus_infinity_decibels():
         (lambda: snr(300.0, np.inf), "noise_sigma"),
     ],
 )
-def test_a_wrong_input_is_one_clear_line(call, message):
+def test_an_invalid_input_raises_a_one_line_error(call, message):
     with pytest.raises(ValueError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)
