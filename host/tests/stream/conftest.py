@@ -1,4 +1,4 @@
-"""Frames as a hub would send them, and links that give prepared chunks."""
+"""Test hub that encodes frames, and a link that returns prepared chunks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taxel_protocol.registers import SnapshotHeader
 
 
 class Hub:
-    """Encodes frames with sequence numbers that go on, as a hub does."""
+    """Encoder of hub frames with consecutive sequence numbers."""
 
     def __init__(self, sequence: int = 0) -> None:
         self.sequence = sequence
@@ -65,25 +65,29 @@ class Hub:
 
 
 class PreparedLink:
-    """Gives prepared chunks; with `one_at_a_time` each is all that there is when the reader looks, as with a port."""
+    """Link that returns prepared chunks; with `reads_single_chunks`, None follows every chunk."""
 
     name = "prepared"
     is_recorded = True
 
     def __init__(
-        self, chunks: Iterable[Chunk], end: Exception | None = None, one_at_a_time: bool = False, paced: bool = True
+        self,
+        chunks: Iterable[Chunk],
+        end: Exception | None = None,
+        reads_single_chunks: bool = False,
+        has_pacing: bool = True,
     ) -> None:
         self._chunks = iter(chunks)
         self._end = end or EOFError()
-        self._one_at_a_time = one_at_a_time
+        self._reads_single_chunks = reads_single_chunks
         self._pause = False
         self.is_real_time = False
-        self.is_recorded = paced
+        self.is_recorded = has_pacing
         self.baud = 1e6
-        self.closed = False
+        self.is_closed = False
 
     def read(self, timeout_s: float) -> Chunk | None:
-        if self._one_at_a_time:
+        if self._reads_single_chunks:
             self._pause = not self._pause
             if not self._pause:
                 return None
@@ -93,10 +97,10 @@ class PreparedLink:
         return chunk
 
     def write(self, data: bytes) -> None:
-        raise AssertionError("nobody writes to prepared chunks")
+        raise AssertionError("no test writes to prepared chunks")
 
     def close(self) -> None:
-        self.closed = True
+        self.is_closed = True
 
 
 @pytest.fixture
@@ -110,15 +114,15 @@ def make_hub() -> type[Hub]:
 
 
 @pytest.fixture(scope="session")
-def prepared() -> type[PreparedLink]:
+def make_prepared_link() -> type[PreparedLink]:
     return PreparedLink
 
 
 @pytest.fixture(scope="session")
-def cut() -> Callable[..., list[Chunk]]:
+def divide() -> Callable[..., list[Chunk]]:
     """Divide bytes into chunks of the given sizes, which repeat."""
 
-    def divide(data: bytes, sizes: Iterable[int] = (1000,), arrival_ns: int = 0) -> list[Chunk]:
+    def divide_bytes(data: bytes, sizes: Iterable[int] = (1000,), arrival_ns: int = 0) -> list[Chunk]:
         chunks = []
         sizes = list(sizes)
         position = 0
@@ -128,4 +132,4 @@ def cut() -> Callable[..., list[Chunk]]:
             position += size
         return chunks
 
-    return divide
+    return divide_bytes

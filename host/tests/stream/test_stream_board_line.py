@@ -1,4 +1,4 @@
-"""The line that is kept up reading by reading is least squares over the last readings, and Theil-Sen if one is off."""
+"""The incremental line equals least squares over the latest readings, and Theil-Sen if a reading is an outlier."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from scipy.stats import theilslopes
 from taxel.stream.board_line import SYNC_WINDOW, BoardLine
 
 BEGIN_US = 2**50
-"""A stream of 36 years: float sums would have lost the microseconds."""
+"""Start of the readings after 36 years; sums of floats would lose the microseconds."""
 
 
-def readings(count, jitter_us, seed=1):
+def make_readings(count, jitter_us, seed=1):
     rng = random.Random(seed)
     hub = [BEGIN_US + 60_000 * k + rng.randrange(1000) for k in range(count)]
     return [(round(0.98 * us) + rng.randrange(-jitter_us, jitter_us + 1), us) for us in hub]
 
 
 @pytest.mark.parametrize("count", [2, SYNC_WINDOW, 5 * SYNC_WINDOW])
-def test_it_is_least_squares_over_the_last_readings(count):
-    line, taken = BoardLine(), readings(count, 100)
-    for board_us, hub_us in taken:
+def test_the_line_is_the_least_squares_fit_of_the_latest_readings(count):
+    line, readings = BoardLine(), make_readings(count, 100)
+    for board_us, hub_us in readings:
         line.add(board_us, hub_us)
     assert len(line) == min(count, SYNC_WINDOW)
-    since = np.array(taken[-SYNC_WINDOW:]) - taken[-1]
-    slope, offset = np.polyfit(since[:, 0], since[:, 1], 1)
+    relative = np.array(readings[-SYNC_WINDOW:]) - readings[-1]
+    slope, offset = np.polyfit(relative[:, 0], relative[:, 1], 1)
     assert line.fit() == pytest.approx((offset, slope), rel=1e-9, abs=1e-6)
 
 
-def test_a_damaged_reading_is_outvoted_as_long_as_it_is_in_the_window():
-    line, taken = BoardLine(), readings(2 * SYNC_WINDOW, 2)
-    taken[20] = taken[20][0] ^ 512, taken[20][1]
-    for place, (board_us, hub_us) in enumerate(taken):
+def test_a_damaged_reading_does_not_change_the_line():
+    line, readings = BoardLine(), make_readings(2 * SYNC_WINDOW, 2)
+    readings[20] = readings[20][0] ^ 512, readings[20][1]
+    for index, (board_us, hub_us) in enumerate(readings):
         line.add(board_us, hub_us)
-        if place == 30:
-            since = np.array(taken[:31]) - taken[30]
-            slope, offset, _, _ = theilslopes(since[:, 1], since[:, 0])
+        if index == 30:
+            relative = np.array(readings[:31]) - readings[30]
+            slope, offset, _, _ = theilslopes(relative[:, 1], relative[:, 0])
             assert line.fit() == pytest.approx((offset, slope), rel=1e-12)
     offset, slope = line.fit()
     assert abs(offset) < 5.0
     assert slope == pytest.approx(1.0 / 0.98, rel=1e-5)
 
 
-def test_readings_of_one_microsecond_make_no_line():
+def test_readings_with_the_same_board_time_give_no_line():
     line = BoardLine()
     line.add(5, 7)
     assert line.fit() is None

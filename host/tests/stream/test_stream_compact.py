@@ -1,4 +1,4 @@
-"""Compact snapshots from emulated boards to taxel frames: the counts are those of plain ones, whatever is lost."""
+"""Compact frames of emulated boards decode to the counts of uncompressed frames, for any losses."""
 
 import random
 from collections import deque
@@ -22,70 +22,70 @@ READ_SIZE = 256
 
 
 class PreparedLink:
-    """What a hub sends, taken out by the stream when it asks."""
+    """Link that returns queued hub bytes."""
 
     name, baud, is_recorded, is_real_time, holds_back = "prepared", 1e6, True, False, False
 
     def __init__(self) -> None:
-        self.waiting: deque[bytes] = deque()
+        self.queue: deque[bytes] = deque()
 
     def read(self, timeout_s: float) -> Chunk | None:
-        return Chunk(self.waiting.popleft(), 0) if self.waiting else None
+        return Chunk(self.queue.popleft(), 0) if self.queue else None
 
     def write(self, data: bytes) -> None:
-        raise AssertionError("a prepared link takes nothing")
+        raise AssertionError("no test writes to a prepared link")
 
     def close(self) -> None:
         pass
 
 
-class Polled:
-    """A world whose boards are polled at register A0 by the bench's own adapter, and a stream of what they say."""
+class PolledSkin:
+    """Emulated world whose boards are polled at register A0, and the frame stream of their compact frames."""
 
     def __init__(self, world: VirtualWorld) -> None:
         self.world = world
         self.link = PreparedLink()
-        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._take_answers)
-        self.answers: dict[int, bytes] = {}
+        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._store_acknowledgements)
+        self.acknowledgements: dict[int, bytes] = {}
         self.sizes: dict[int, int] = {}
         self.sequence = self.cycle = 0
 
-    def _take_answers(self, payload: bytes) -> None:
+    def _store_acknowledgements(self, payload: bytes) -> None:
         for i in range(0, len(payload), 3):
             address, forget = payload[i] & 0x7F, payload[i] & ACKNOWLEDGE_FORGET
-            self.answers[address] = b"\0" if forget else payload[i + 1 : i + 3]
+            self.acknowledgements[address] = b"\0" if forget else payload[i + 1 : i + 3]
 
     def read(self, address: int, write: bytes = b"") -> bytes:
         result, data = self.world.transfer(address, write, READ_SIZE)
         return b"" if result else data[1 : 1 + compact_size(data[0])]
 
-    def answer(self, address: int) -> None:
-        if address in self.answers:
-            self.world.transfer(address, bytes([REGISTER_COMPACT]) + self.answers.pop(address), 0)
+    def acknowledge(self, address: int) -> None:
+        if address in self.acknowledgements:
+            self.world.transfer(address, bytes([REGISTER_COMPACT]) + self.acknowledgements.pop(address), 0)
 
-    def poll(self, address: int, lose: bool = False) -> list[tuple[int, list[int]]]:
-        """(sequence, counts) of the frame that came out, if one did."""
-        self.answer(address)
+    def poll(self, address: int, is_lost: bool = False) -> list[tuple[int, list[int]]]:
+        """Read one board; return (sequence, counts) of the decoded frame, if any."""
+        self.acknowledge(address)
         data = self.read(address)
         self.sizes[address] = len(data)
         if data:
             header = bytes([address, TAXELS[address]]) + (self.cycle % 65536).to_bytes(2, "little") + bytes(4)
             wire = encode_frame(FrameType.COMPACT_TAXELS, self.sequence % 65536, header + data)
             self.sequence += 1
-            if not lose:
-                self.link.waiting.append(wire)
+            if not is_lost:
+                self.link.queue.append(wire)
                 self.stream.poll(0.0)
-        came = [(frame.sequence, frame.raw_counts.tolist()) for frame in self.stream.frames]
+        received = [(frame.sequence, frame.raw_counts.tolist()) for frame in self.stream.frames]
         self.stream.frames.clear()
-        return came
+        return received
 
-    def begin(self) -> None:
+    def start_compact(self) -> None:
         for address in ADDRESSES:
             self.read(address, bytes([REGISTER_COMPACT]))
         self.world.run(0.05)
 
-    def stopped_snapshot(self, address: int) -> tuple[int, list[int]]:
-        """Sequence and counts of the plain snapshot that the board stopped after."""
+    def read_stopped_snapshot(self, address: int) -> tuple[int, list[int]]:
+        """Read sequence and counts of the uncompressed snapshot after the last scan."""
         size = 10 + 2 * TAXELS[address]
         _, data = self.world.transfer(address, bytes([REGISTER_SNAPSHOT]), size)
         self.world.transfer(address, bytes([REGISTER_COMPACT]), 1)
@@ -93,96 +93,96 @@ class Polled:
 
 
 @pytest.fixture
-def polled():
+def skin():
     with VirtualWorld(world_text(HAND, WorldSettings(seed=3, noise_counts=1.5)), "none") as world:
         world.run(0.4)
-        hub = Polled(world)
-        hub.begin()
+        hub = PolledSkin(world)
+        hub.start_compact()
         yield hub
 
 
-def stop(hub: Polled, address: int) -> tuple[int, list[int]]:
-    """Stop the board's scan; the last whole one has been coded meanwhile. Back at A0 afterwards."""
+def stop_scan(hub: PolledSkin, address: int) -> tuple[int, list[int]]:
+    """Stop the scan of a board; return sequence and counts of its last compact frame."""
     hub.world.transfer(address, bytes([0x70, 0x02, 0xFD]), 0)
     hub.world.run(0.02)
     _, data = hub.world.transfer(address, bytes([REGISTER_COMPACT]), READ_SIZE)
-    frame = data[1 : 1 + compact_size(data[0])]
+    payload = data[1 : 1 + compact_size(data[0])]
     header = bytes([address, TAXELS[address], 0, 0]) + bytes(4)
-    hub.link.waiting.append(encode_frame(FrameType.COMPACT_TAXELS, hub.sequence % 65536, header + frame))
+    hub.link.queue.append(encode_frame(FrameType.COMPACT_TAXELS, hub.sequence % 65536, header + payload))
     hub.sequence += 1
     hub.stream.poll(0.0)
-    came = hub.stream.frames.pop()
+    frame = hub.stream.frames.pop()
     hub.stream.frames.clear()
-    return came.sequence, came.raw_counts.tolist()
+    return frame.sequence, frame.raw_counts.tolist()
 
 
-def test_quiet_boards_come_to_a_third_of_their_plain_bytes(polled):
+def test_frames_of_quiet_boards_shrink_to_a_third_of_the_uncompressed_size(skin):
     for _ in range(60):
         for address in ADDRESSES:
-            polled.poll(address)
-        polled.world.run(0.016)
+            skin.poll(address)
+        skin.world.run(0.016)
     for address in ADDRESSES:
-        assert polled.sizes[address] < 12 + 0.45 * TAXELS[address], hex(address)
-        assert stop(polled, address) == polled.stopped_snapshot(address)
-    assert polled.stream.losses.undecoded_frames == {}
+        assert skin.sizes[address] < 12 + 0.45 * TAXELS[address], hex(address)
+        assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
+    assert skin.stream.losses.undecoded_frames == {}
 
 
-def test_counts_are_right_and_recover_whatever_is_lost(polled):
-    """Frames, answers and the host's whole memory are lost at random; a frame that comes out is right."""
+def test_decoded_counts_are_correct_after_any_losses(skin):
+    """Frames, acknowledgements and the state of the host are lost at random; every decoded frame is correct."""
     rng = random.Random(20)
     address = ADDRESSES[0]
-    came = 0
+    received = 0
     for _ in range(250):
-        came += len(polled.poll(address, lose=rng.random() < 0.2))
+        received += len(skin.poll(address, is_lost=rng.random() < 0.2))
         if rng.random() < 0.3:
-            polled.answers.clear()
+            skin.acknowledgements.clear()
         if rng.random() < 0.02:  # another host takes over
-            polled.stream = FrameStream(polled.link, lambda message: None, on_acknowledgements=polled._take_answers)
+            skin.stream = FrameStream(skin.link, lambda message: None, on_acknowledgements=skin._store_acknowledgements)
         if rng.random() < 0.05:
             forces = np.zeros(HAND.n_taxels)
             forces[rng.randrange(TAXELS[address])] = rng.choice([0.0, 1.0, 8.0])
-            polled.world.press(forces)
-        polled.world.run(0.012)
-    assert came > 100
+            skin.world.press(forces)
+        skin.world.run(0.012)
+    assert received > 100
     for _ in range(12):
-        polled.poll(address)
-        polled.world.run(0.012)
-    assert stop(polled, address) == polled.stopped_snapshot(address)
+        skin.poll(address)
+        skin.world.run(0.012)
+    assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
 
 
-def test_a_board_that_restarts_begins_anew(polled):
+def test_a_restarted_board_starts_with_a_new_key_frame(skin):
     address = ADDRESSES[0]
     for _ in range(20):
-        polled.poll(address)
-        polled.world.run(0.016)
-    before = polled.sizes[address]
-    polled.world.transfer(address, bytes([0x70, 0x04, 0xFB]), 0)
-    polled.world.run(0.4)
-    polled.read(address, bytes([REGISTER_COMPACT]))
-    polled.world.run(0.05)
-    came = []
+        skin.poll(address)
+        skin.world.run(0.016)
+    before = skin.sizes[address]
+    skin.world.transfer(address, bytes([0x70, 0x04, 0xFB]), 0)
+    skin.world.run(0.4)
+    skin.read(address, bytes([REGISTER_COMPACT]))
+    skin.world.run(0.05)
+    received = []
     for _ in range(40):
-        came += polled.poll(address)
-        polled.world.run(0.016)
-    assert len(came) > 30
-    assert polled.sizes[address] < before + 6
-    assert stop(polled, address) == polled.stopped_snapshot(address)
+        received += skin.poll(address)
+        skin.world.run(0.016)
+    assert len(received) > 30
+    assert skin.sizes[address] < before + 6
+    assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
 
 
-def test_a_damaged_read_is_repeated_by_writing_the_pointer(polled):
+def test_a_damaged_read_is_repeated_by_writing_the_pointer(skin):
     address = ADDRESSES[0]
-    polled.world.transfer(address, bytes([0x70, 0x02, 0xFD]), 0)
-    polled.world.run(0.02)
-    first = polled.read(address, bytes([REGISTER_COMPACT]))
+    skin.world.transfer(address, bytes([0x70, 0x02, 0xFD]), 0)
+    skin.world.run(0.02)
+    first = skin.read(address, bytes([REGISTER_COMPACT]))
     assert first
-    assert polled.read(address, bytes([REGISTER_COMPACT])) == first
-    assert polled.read(address) == b""
+    assert skin.read(address, bytes([REGISTER_COMPACT])) == first
+    assert skin.read(address) == b""
 
 
-def test_nothing_is_coded_for_those_who_do_not_ask(polled):
+def test_boards_stop_encoding_compact_frames_that_no_host_reads(skin):
     address = ADDRESSES[0]
-    assert polled.read(address)
-    polled.world.run(11.0)
-    assert polled.read(address) == b""
-    polled.world.run(0.05)
-    assert polled.read(address)
+    assert skin.read(address)
+    skin.world.run(11.0)
+    assert skin.read(address) == b""
+    skin.world.run(0.05)
+    assert skin.read(address)

@@ -1,4 +1,4 @@
-"""The batch decoder against the reference decoder: the same frames from any bytes, however they are cut."""
+"""The batch decoder gives the same frames as the reference decoder, for any bytes in pieces of any size."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ TO_HOST = [kind for kind in FRAMES if kind < 0x80]
 TO_HUB = [kind for kind in FRAMES if kind >= 0x80]
 
 
-def taxel_payload(address, counts, rest, damage=0):
-    """`rest`: 6 bytes of cycle and hub time, 6 of sequence and time stamp."""
-    snapshot = rest[6:] + np.asarray(counts, "<u2").tobytes()
+def make_taxel_payload(address, counts, headers, damage=0):
+    """Make a TAXELS payload. `headers`: 6 bytes of cycle and hub time, 6 bytes of sequence and timestamp."""
+    snapshot = headers[6:] + np.asarray(counts, "<u2").tobytes()
     crc = crc32(bytes([address]) + snapshot) ^ damage
-    return bytes([address, len(counts)]) + rest[:6] + snapshot + crc.to_bytes(4, "little")
+    return bytes([address, len(counts)]) + headers[:6] + snapshot + crc.to_bytes(4, "little")
 
 
 @st.composite
 def frames(draw, kinds=tuple(TO_HOST)):
-    """(type, sequence, payload) of a frame that may be sent."""
+    """Strategy for (type, sequence, payload) of a valid frame."""
     kind = draw(st.sampled_from(kinds))
     sequence = draw(st.integers(0, 65535))
     spec = FRAMES[kind]
@@ -38,7 +38,7 @@ def frames(draw, kinds=tuple(TO_HOST)):
         rng = random.Random(draw(st.integers(0, 2**32)))
         counts = [rng.randrange(65536) if fill is None else fill for _ in range(size)]
         damage = draw(st.sampled_from([0, 0, 0, 1]))
-        return kind, sequence, taxel_payload(address, counts, draw(st.binary(min_size=12, max_size=12)), damage)
+        return kind, sequence, make_taxel_payload(address, counts, draw(st.binary(min_size=12, max_size=12)), damage)
     payload = draw(st.binary(min_size=spec.minimum, max_size=spec.maximum))
     if spec.has_address:
         payload = bytes([ADDRESS_MIN + payload[0] % (ADDRESS_MAX - ADDRESS_MIN + 1)]) + payload[1:]
@@ -49,7 +49,7 @@ damages = st.sampled_from(["none", "none", "none", "flip", "lose", "add", "zero"
 
 
 def damage(wire, how, rng):
-    """Wire bytes of a frame, damaged in one way."""
+    """Damage the wire bytes of a frame in one way."""
     i = rng.randrange(len(wire))
     return {
         "none": wire,
@@ -66,7 +66,7 @@ def damage(wire, how, rng):
 
 @st.composite
 def streams(draw):
-    """Bytes of a wire on which frames were sent, some of them damaged, with rubbish between them."""
+    """Strategy for wire bytes of frames, some of them damaged, with random bytes between them."""
     rng = random.Random(draw(st.integers(0, 2**32)))
     parts = []
     for frame in draw(st.lists(frames() | frames(tuple(TO_HUB)), max_size=12)):
@@ -76,8 +76,8 @@ def streams(draw):
     return b"".join(parts)
 
 
-def cut(data, rng):
-    """Cut bytes at random."""
+def divide(data, rng):
+    """Divide bytes into pieces of random sizes."""
     pieces = []
     while data:
         size = rng.choice([1, 2, 7, 62, 500, 4096])
@@ -87,10 +87,10 @@ def cut(data, rng):
 
 
 def decode(pieces):
-    """(taxel frames, other frames, discarded bytes) by the batch decoder."""
+    """Decode with the batch decoder; return (taxel frames, messages, discarded bytes)."""
     decoder = StreamDecoder()
     batches = [batch for piece in pieces for batch in decoder.push(piece)] + decoder.finish()
-    taxels, others = [], []
+    taxels, messages = [], []
     for batch in batches:
         for row in batch.taxel_rows:
             counts = batch.counts[row["offset"] : row["offset"] + row["size"]].tolist()
@@ -98,98 +98,97 @@ def decode(pieces):
             taxels.append((*(int(row[name]) for name in names), counts, bool(row["flags"] & 1)))
         for row in batch.message_rows:
             payload = batch.payloads[row["offset"] : row["offset"] + row["size"]]
-            others.append((int(row["type"]), int(row["sequence"]), payload))
-    return taxels, others, decoder.discarded_bytes
+            messages.append((int(row["type"]), int(row["sequence"]), payload))
+    return taxels, messages, decoder.discarded_bytes
 
 
 TAXEL_FRAMES = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
 
 
-def reference(data):
-    """(taxel frames, other frames) by the reference decoder."""
+def decode_with_reference(data):
+    """Decode with the reference decoder; return (taxel frames, messages)."""
     decoder = ReferenceDecoder()
-    taxels, others = [], []
+    taxels, messages = [], []
     for kind, sequence, payload in decoder.push(data) + decoder.finish():
-        if kind == FrameType.COMPACT_TAXELS:  # of random bytes: its CRC is wrong
+        if kind == FrameType.COMPACT_TAXELS:  # contains random bytes, so its CRC is wrong
             number = [int.from_bytes(payload[a:b], "little") for a, b in ((0, 1), (2, 4), (4, 8), (8, 10))]
             taxels.append((sequence, *number, 0, [], True))
             continue
         if kind != FrameType.TAXELS:
-            others.append((kind, sequence, payload))
+            messages.append((kind, sequence, payload))
             continue
         number = [int.from_bytes(payload[a:b], "little") for a, b in ((0, 1), (2, 4), (4, 8), (8, 10), (10, 14))]
         counts = np.frombuffer(payload[14:-4], "<u2").tolist()
-        bad = crc32(payload[:1] + payload[8:-4]) != int.from_bytes(payload[-4:], "little")
-        taxels.append((sequence, *number, counts, bad))
-    return taxels, others
+        is_damaged = crc32(payload[:1] + payload[8:-4]) != int.from_bytes(payload[-4:], "little")
+        taxels.append((sequence, *number, counts, is_damaged))
+    return taxels, messages
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(frames(), max_size=20), st.integers(0, 2**32))
 def test_an_undamaged_stream_gives_every_frame(sent, seed):
     data = b"".join(encode_frame(*frame) for frame in sent)
-    taxels, others, discarded = decode(cut(data, random.Random(seed)))
-    expected_taxels, expected_others = reference(data)
-    assert len(expected_taxels) + len(expected_others) == len(sent)
+    taxels, messages, discarded = decode(divide(data, random.Random(seed)))
+    expected_taxels, expected_messages = decode_with_reference(data)
+    assert len(expected_taxels) + len(expected_messages) == len(sent)
     assert taxels == expected_taxels
-    assert others == [frame for frame in sent if frame[0] not in TAXEL_FRAMES]
+    assert messages == [frame for frame in sent if frame[0] not in TAXEL_FRAMES]
     assert discarded == 0
 
 
 @settings(max_examples=150, deadline=None)
 @given(streams(), st.integers(0, 2**32))
-def test_a_damaged_stream_gives_the_frames_that_the_reference_finds(data, seed):
-    taxels, others, _ = decode(cut(data, random.Random(seed)))
-    expected_taxels, expected_others = reference(data)
+def test_a_damaged_stream_gives_the_frames_of_the_reference_decoder(data, seed):
+    taxels, messages, _ = decode(divide(data, random.Random(seed)))
+    expected_taxels, expected_messages = decode_with_reference(data)
     assert taxels == expected_taxels
-    # What is meant for a hub is no frame to a host: only here do the two part.
-    assert others == [frame for frame in expected_others if frame[0] < 0x80]
+    # The only difference: the batch decoder ignores frames addressed to the hub.
+    assert messages == [frame for frame in expected_messages if frame[0] < 0x80]
 
 
 @settings(max_examples=80, deadline=None)
 @given(st.binary(max_size=3000), st.integers(0, 2**32))
-def test_any_bytes_decode_alike_however_they_are_cut(data, seed):
-    whole = decode([data])
-    assert decode(cut(data, random.Random(seed))) == whole
-    assert decode([data[i : i + 1] for i in range(len(data))]) == whole
-    assert whole[2] == len(data) - data.count(0)  # no frame, unless a CRC-32 is met by chance
+def test_the_decoded_frames_do_not_depend_on_the_piece_sizes(data, seed):
+    expected = decode([data])
+    assert decode(divide(data, random.Random(seed))) == expected
+    assert decode([data[i : i + 1] for i in range(len(data))]) == expected
+    assert expected[2] == len(data) - data.count(0)  # random bytes contain no valid frame
 
 
-def test_discarded_bytes_are_those_of_no_frame(hub):
+def test_discarded_bytes_are_the_bytes_outside_frames(hub):
     good = [hub.log(b"a"), hub.taxels(0x20, 1), hub.log(b"b")]
-    rubbish = b"\x05\x06\x07\x08\x09"
-    assert decode([good[0] + rubbish + good[1][1:] + good[2]])[2] == len(rubbish)
+    noise = b"\x05\x06\x07\x08\x09"
+    assert decode([good[0] + noise + good[1][1:] + good[2]])[2] == len(noise)
 
 
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
-def test_a_push_of_many_frames_is_not_cut_short(hub, size):
-    """More than the tables hold at once."""
+def test_a_push_of_more_frames_than_a_table_holds_is_complete(hub, size):
     count = 9_000
     data = bytearray()
     for i in range(count):
         data += hub.taxels(0x20 + i % 2, i, [i % 65536] * size) if i % 3 else hub.log(bytes([65 + i % 20]) * 60)
-    taxels, others, discarded = decode([bytes(data)])
+    taxels, messages, discarded = decode([bytes(data)])
     assert [taxel[0] for taxel in taxels] == [i for i in range(count) if i % 3]
     assert all(taxel[6] == [taxel[0]] * size for taxel in taxels)
-    assert [other[1] for other in others] == list(range(0, count, 3))
+    assert [message[1] for message in messages] == list(range(0, count, 3))
     assert discarded == 0
 
 
-def test_a_long_stream_without_a_delimiter_does_not_stop_the_decoder(hub):
-    rubbish = bytes(random.Random(3).choices(range(1, 256), k=20 * ENCODED_MAX))
-    taxels, others, discarded = decode([rubbish + hub.log(b"after")])
-    assert (taxels, len(others), discarded) == ([], 1, len(rubbish))
+def test_the_decoder_recovers_after_a_long_stream_without_a_delimiter(hub):
+    noise = bytes(random.Random(3).choices(range(1, 256), k=20 * ENCODED_MAX))
+    taxels, messages, discarded = decode([noise + hub.log(b"after")])
+    assert (taxels, len(messages), discarded) == ([], 1, len(noise))
 
 
-def test_positions_say_where_a_frame_ended(hub):
+def test_the_stream_position_of_a_row_is_the_end_of_its_frame(hub):
     parts = [hub.log(b"a"), hub.taxels(0x20, 1), hub.taxels(0x21, 1)]
     batches = StreamDecoder().push(b"".join(parts))
     ends = [int(p) for batch in batches for p in batch.taxel_rows["stream_position"]]
-    # The last byte of a frame, or its delimiter.
+    # Either the last byte of the frame or its delimiter.
     assert ends[0] in (len(parts[0] + parts[1]) - 1, len(parts[0] + parts[1]))
     assert ends[1] in (len(b"".join(parts)) - 1, len(b"".join(parts)))
 
 
-def test_a_board_crc_that_is_wrong_is_flagged_and_the_frame_still_counted(hub):
+def test_a_frame_with_a_wrong_board_crc_is_flagged_and_counted(hub):
     taxels, _, _ = decode([hub.taxels(0x20, 1), hub.taxels(0x20, 2, damage=0x80), hub.taxels(0x20, 3)])
     assert [taxel[7] for taxel in taxels] == [False, True, False]

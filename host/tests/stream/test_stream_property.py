@@ -1,4 +1,4 @@
-"""The host's decoder against construct: the same frames, the same fields, the same losses, from any damaged stream."""
+"""The host decoder gives the same frames, fields and losses as construct, for any damaged stream."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "fuzz"
 NAMES = ("construct_oracle", "damage_campaign")
-WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
+EXAMPLES = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
 bounded = settings(
-    max_examples=int(WISHED or "150"), deadline=None, derandomize=WISHED is None, database=None,
+    max_examples=int(EXAMPLES or "150"), deadline=None, derandomize=EXAMPLES is None, database=None,
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
 
@@ -42,7 +42,7 @@ def tool():
 
 @st.composite
 def messages(draw):
-    """(type, sequence, payload) of any frame of a hub that is no taxel frame."""
+    """Strategy for (type, sequence, payload) of a hub frame that is not a taxel frame."""
     kind = draw(st.sampled_from([kind for kind in FRAMES if kind < 0x80 and kind not in TAXEL_KINDS]))
     spec = FRAMES[kind]
     payload = bytearray(draw(st.binary(min_size=spec.minimum, max_size=spec.maximum)))
@@ -53,20 +53,20 @@ def messages(draw):
     return int(kind), draw(st.integers(0, 65535)), bytes(payload)
 
 
-def plain(value):
+def to_dict(value):
     if isinstance(value, Container):
-        return {name: plain(inner) for name, inner in value.items() if name != "_io"}
+        return {name: to_dict(inner) for name, inner in value.items() if name != "_io"}
     return value
 
 
 @bounded
 @given(sent=st.lists(messages(), max_size=8))
-def test_messages_have_the_fields_that_construct_reads(sent):
+def test_messages_have_the_same_fields_as_with_construct(sent):
     batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
-    found = [message for batch in batches for message in decode_messages(batch)]
-    assert [int(message.type) for message in found] == [frame[0] for frame in sent]
-    for message, (kind, _, payload) in zip(found, sent, strict=True):
-        parsed = flatten(plain(FRAMES[FrameType(kind)].payload.parse(payload)))
+    decoded = [message for batch in batches for message in decode_messages(batch)]
+    assert [int(message.type) for message in decoded] == [frame[0] for frame in sent]
+    for message, (kind, _, payload) in zip(decoded, sent, strict=True):
+        parsed = flatten(to_dict(FRAMES[FrameType(kind)].payload.parse(payload)))
         assert {name: parsed[name] for name in message.fields} == message.fields
         tails = [value for name, value in parsed.items() if name not in message.fields]
         assert tails == ([message.tail] if tails else [])
@@ -74,8 +74,8 @@ def test_messages_have_the_fields_that_construct_reads(sent):
 
 @bounded
 @given(sent=st.lists(messages(), max_size=8), lost=st.sets(st.integers(0, 7)))
-def test_losses_of_any_sequences_are_those_of_the_definition(tool, sent, lost):
-    """Sequences in any order: doubled, backwards, wrapped; with handshakes of a restarted hub."""
+def test_losses_of_any_sequence_numbers_agree_with_the_definition(tool, sent, lost):
+    """Sequence numbers in any order (repeated, decreasing, wrapped), with handshakes of a restarted hub."""
     arrived = [frame for i, frame in enumerate(sent) if i not in lost]
     decoder = StreamDecoder()
     decoder.push(b"".join(encode_frame(*frame) for frame in arrived))
@@ -83,9 +83,9 @@ def test_losses_of_any_sequences_are_those_of_the_definition(tool, sent, lost):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_few_thousand_damaged_streams_lose_the_frames_that_were_hit_and_no_more(tool, seed):
-    """The short form of tools/fuzz/damage_campaign.py."""
-    count = int(WISHED or "1500")
+def test_damaged_streams_lose_only_the_damaged_frames(tool, seed):
+    """Short run of tools/fuzz/damage_campaign.py."""
+    count = int(EXAMPLES or "1500")
     print(f"seed {seed}")
     tally, _, wrong = tool.damage_campaign.check_range(seed, 0, count)
     assert wrong is None
@@ -93,7 +93,7 @@ def test_a_few_thousand_damaged_streams_lose_the_frames_that_were_hit_and_no_mor
     assert 0 < tally["out"] < tally["frames"]
 
 
-def test_a_decoder_that_loses_a_frame_too_many_is_found(tool, monkeypatch):
+def test_a_decoder_that_loses_an_undamaged_frame_is_detected(tool, monkeypatch):
     check = tool.damage_campaign
     monkeypatch.setattr(check.Decoders, "streaming", lambda self, pieces: check.reference(pieces)[1:])
     _, _, wrong = check.check_range(1, 0, 50)

@@ -1,4 +1,4 @@
-"""The ring buffer against a simple model: first in, first out, never over its capacity, every lost byte counted."""
+"""The ring buffer agrees with a simple model: FIFO order, bounded size, every lost byte counted."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from taxel.link import Chunk, PortVanishedError
 from taxel.stream import RingBuffer
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 class RingAgainstModel(RuleBasedStateMachine):
-    """The model is a list of (byte, arrival) pairs."""
+    """Comparison with a list of (byte, arrival) pairs."""
 
     @initialize(capacity=st.integers(1, 40), drop_oldest=st.booleans())
     def begin(self, capacity, drop_oldest):
@@ -34,7 +34,7 @@ class RingAgainstModel(RuleBasedStateMachine):
     @rule(data=st.binary(max_size=100), same_time=st.booleans())
     def write(self, data, same_time):
         if not self.drop_oldest:
-            data = data[: self.capacity - len(self.model)]  # more would wait for a reader
+            data = data[: self.capacity - len(self.model)]  # the writer would wait for a reader
         self.arrival += not same_time
         self.ring.write(Chunk(data, self.arrival))
         self.written += len(data)
@@ -69,7 +69,7 @@ class RingAgainstModel(RuleBasedStateMachine):
         self.ring.fail(self.failure)
 
     @invariant()
-    def every_byte_is_somewhere(self):
+    def every_byte_is_accounted_for(self):
         assert len(self.ring) == len(self.model) <= self.capacity
         assert self.ring.overrun_bytes == self.lost
         assert self.written == self.read_bytes + self.lost + len(self.ring)
@@ -80,7 +80,7 @@ TestRingAgainstModel = RingAgainstModel.TestCase
 
 
 def run_writer(ring, data, sizes, end=None):
-    """A thread that writes `data` in pieces, then ends the ring."""
+    """Start a thread that writes `data` in pieces and then ends the writing."""
 
     def write():
         position = 0
@@ -101,10 +101,10 @@ def read_to_the_end(ring):
     data, arrivals = bytearray(), []
     while True:
         try:
-            chunks = ring.read(PATIENCE_S)
+            chunks = ring.read(TIMEOUT_S)
         except Exception as end:
             return bytes(data), arrivals, end
-        assert chunks, "the writer has stopped without a word"
+        assert chunks, "the writer stopped without an end"
         assert sum(len(chunk.data) for chunk in chunks) <= 4096
         for chunk in chunks:
             data += chunk.data
@@ -117,24 +117,24 @@ def test_a_waiting_writer_loses_nothing(capacity):
     ring = RingBuffer(capacity, drop_oldest=False)
     thread = run_writer(ring, random_bytes, [3, 1, 500, 64])
     data, arrivals, end = read_to_the_end(ring)
-    thread.join(PATIENCE_S)
+    thread.join(TIMEOUT_S)
     assert data == random_bytes
     assert arrivals == sorted(arrivals)
     assert isinstance(end, EOFError)
     assert ring.overrun_bytes == 0
 
 
-def test_a_writer_that_never_waits_loses_only_what_is_counted():
+def test_every_byte_lost_by_an_overrun_is_counted():
     size = 200_000
     ring = RingBuffer(512)
     thread = run_writer(ring, random.Random(5).randbytes(size), [40, 700, 3])
     data, arrivals, _ = read_to_the_end(ring)
-    thread.join(PATIENCE_S)
+    thread.join(TIMEOUT_S)
     assert len(data) + ring.overrun_bytes == size
     assert arrivals == sorted(arrivals)
 
 
-def test_the_newest_bytes_are_the_ones_kept():
+def test_an_overrun_keeps_the_newest_bytes():
     ring = RingBuffer(10)
     ring.write(Chunk(b"0123456789abc", 1))
     ring.write(Chunk(b"de", 2))
@@ -144,34 +144,34 @@ def test_the_newest_bytes_are_the_ones_kept():
     assert ring.overrun_bytes == 5
 
 
-def test_a_reader_is_woken_by_a_failure():
+def test_a_failure_wakes_a_waiting_reader():
     ring = RingBuffer(10)
     failure = PortVanishedError("port", "is gone")
     timer = threading.Timer(0.05, ring.fail, [failure])
     timer.start()
     with pytest.raises(PortVanishedError):
-        ring.read(PATIENCE_S)
+        ring.read(TIMEOUT_S)
     timer.join()
 
 
-def test_a_waiting_writer_goes_home_when_the_reader_has_closed():
+def test_a_waiting_writer_returns_when_the_reader_closes():
     ring = RingBuffer(4, drop_oldest=False)
     thread = run_writer(ring, bytes(100), [100])
-    ring.read(PATIENCE_S)
+    ring.read(TIMEOUT_S)
     ring.close()
-    thread.join(PATIENCE_S)
+    thread.join(TIMEOUT_S)
     assert not thread.is_alive()
 
 
 @pytest.mark.parametrize("capacity", [0, -1])
-def test_a_ring_holds_at_least_a_byte(capacity):
+def test_a_capacity_below_one_byte_is_rejected(capacity):
     with pytest.raises(ValueError, match="at least 1 byte"):
         RingBuffer(capacity)
 
 
-@pytest.mark.parametrize("left", [1, 2, 3])
-def test_what_an_overrun_leaves_of_a_chunk_keeps_its_arrival(left):
+@pytest.mark.parametrize("remaining", [1, 2, 3])
+def test_the_rest_of_a_chunk_after_an_overrun_keeps_its_arrival_time(remaining):
     ring = RingBuffer(4, drop_oldest=True)
     ring.write(Chunk(b"abc", 1))
-    ring.write(Chunk(b"defg"[: 4 - left], 2))
-    assert ring.read(0.0) == [Chunk(b"abc"[3 - left :], 1), Chunk(b"defg"[: 4 - left], 2)]
+    ring.write(Chunk(b"defg"[: 4 - remaining], 2))
+    assert ring.read(0.0) == [Chunk(b"abc"[3 - remaining :], 1), Chunk(b"defg"[: 4 - remaining], 2)]
