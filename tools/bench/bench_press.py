@@ -9,12 +9,12 @@ from pathlib import Path
 
 from figures import Figure
 
-from taxel.campaign.press import (
-    SimPressSettings,
-    press_settings,
-    random_press_plan,
-    run_pressed,
-    simulate_pressed,
+from taxel.campaign.indentation import (
+    SimIndentationSettings,
+    indentation_settings,
+    run_emulated_indentations,
+    run_simulated_indentations,
+    sample_indentation_plan,
 )
 from taxel.hand import load_hand
 
@@ -38,14 +38,14 @@ def _core_seconds(action: Callable[[], object]) -> float:
 def measure() -> list[Figure]:
     """Seconds allowed over seconds taken, default effects off."""
     hand = load_hand(HAND)
-    drawn = _core_seconds(lambda: random_press_plan(hand, SEED))
-    plan = random_press_plan(hand, SEED)
+    drawn = _core_seconds(lambda: sample_indentation_plan(hand, SEED))
+    plan = sample_indentation_plan(hand, SEED)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         real, sim = Path(folder) / "real.h5", Path(folder) / "sim.h5"
-        emulated = _core_seconds(lambda: run_pressed(real, plan, press_settings(hand)))
-        simulated = _core_seconds(lambda: simulate_pressed(sim, plan, SimPressSettings()))
+        emulated = _core_seconds(lambda: run_emulated_indentations(real, plan, indentation_settings(hand)))
+        simulated = _core_seconds(lambda: run_simulated_indentations(sim, plan, SimIndentationSettings()))
         size = (real.stat().st_size + sim.stat().st_size) / 1e6
-    presses = len(plan.presses)
+    presses = len(plan.indentations)
     return [
         Figure("press plan", PLAN_S / drawn, 1.0, f"{PLAN_S:g} s of one core", f"{drawn:.2f} s, {HAND}, 8 approaches"),
         Figure(

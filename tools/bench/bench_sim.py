@@ -8,7 +8,7 @@ import time
 from figures import Figure, seconds
 
 from taxel.campaign.setup import WRIST_LINK, Setup
-from taxel.campaign.simulated import SimSettings, simulate_planned
+from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
 from taxel.grasp.plan import PlannedGrasp, thesis_plan
 from taxel.grasp.timeline import Timeline
 from taxel.sim.closing import simulate_grasp
@@ -35,7 +35,7 @@ def _grasp_s(setup: Setup) -> float:
         times = []
         for _ in range(REPEATS + 1):  # the first finds the scene and the arm's joints
             begun = time.process_time()
-            simulate_planned(setup, planned, settings)
+            simulate_planned_grasp(setup, planned, settings)
             times.append(time.process_time() - begun)
         medians.append(statistics.median(times[1:]))
     return statistics.mean(medians)

@@ -13,24 +13,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.scatter import Scatter, hand_draw
 from taxel.campaign.setup import Setup
-from taxel.campaign.simulated import SimSettings, simulate_planned
-from taxel.campaign.store import begin_or_extend
+from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
+from taxel.campaign.store import open_campaign_writer
+from taxel.campaign.variation import Variation, sample_grasp_variation
 from taxel.grasp.plan import thesis_plan
 from taxel.sim.closing import RATE_HZ
 from taxel.thesis.settings import SCATTER, TOUCHED
 
 
 @dataclass(frozen=True)
-class AsOnTheHand(Scatter):
+class AsOnTheHand(Variation):
     """draw: of the hand, in place of the simulator's own."""
 
     draw: tuple[float, ...] = ()
 
-    def moved(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """See `Scatter`."""
-        return super().moved(np.array(self.draw))
+    def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """See `Variation`."""
+        return super().apply(np.array(self.draw))
 
 
 def main() -> None:
@@ -43,13 +43,13 @@ def main() -> None:
     move, turn = (chosen.share * one for one in (SCATTER.object_m, SCATTER.object_rad))
     setup, settings = Setup(placings=TOUCHED), SimSettings(seed=chosen.seed + 1)
     model = settings.sensor.told(settings.sensing.stiffness_n_per_m, "uncoupled")
-    with begin_or_extend(
+    with open_campaign_writer(
         chosen.out, "sim", setup, RATE_HZ, settings.describe(), overwrite=True, sensor_model=model
     ) as out:
         for planned in thesis_plan(chosen.seed):
-            draw = tuple(hand_draw(chosen.seed, planned.id).tolist())
-            scatter = AsOnTheHand(object_m=move, object_rad=turn, draw=draw)
-            out.add(simulate_planned(setup, planned, replace(settings, scatter=scatter)), planned.id)
+            draw = tuple(sample_grasp_variation(chosen.seed, planned.id).tolist())
+            variation = AsOnTheHand(object_m=move, object_rad=turn, draw=draw)
+            out.add(simulate_planned_grasp(setup, planned, replace(settings, variation=variation)), planned.id)
 
 
 if __name__ == "__main__":

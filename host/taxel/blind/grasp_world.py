@@ -12,7 +12,7 @@ import numpy as np
 
 from taxel.blind.hidden import Cause, Hidden
 from taxel.blind.kinds import INSIDE, nuisances
-from taxel.blind.making import SilentSettings
+from taxel.blind.making import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.plan import PlannedGrasp, thesis_plan
@@ -86,6 +86,6 @@ def small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp
 def make_grasps(world: GraspWorld, real: Path, sim: Path, show: tuple[Show, Show], jobs: int | None = None) -> None:
     """Write both datasets. Raises TaxelError of one line."""
     grasps, simulated = small_plans(world.seed)
-    settings = SilentSettings(seed=world.seed, effects=world.hidden.lines)
+    settings = UndescribedSettings(seed=world.seed, effects=world.hidden.lines)
     run_emulated(real, grasps, settings, jobs=jobs, progress=show[0])
     run_simulated(sim, simulated, SimSettings(seed=world.seed + 1), jobs=jobs, progress=show[1])

@@ -9,10 +9,17 @@ from typing import Any
 import numpy as np
 
 from taxel.blind.drawing import Shape, World
-from taxel.campaign.press import PressPlan, press_settings, random_press_plan, run_pressed, simulate_pressed
-from taxel.campaign.press.settings import SimPressSettings
-from taxel.campaign.scatter import STILL
+from taxel.campaign.indentation import (
+    IndentationDesign,
+    IndentationPlan,
+    indentation_settings,
+    run_emulated_indentations,
+    run_simulated_indentations,
+    sample_indentation_plan,
+)
+from taxel.campaign.indentation.settings import SimIndentationSettings
 from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.variation import NO_VARIATION
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
 
@@ -31,7 +38,7 @@ class WorldNotMadeError(TaxelError):
         return f"world {number}: {ATTEMPTS} plans could not be made, the last: {why}; draw it anew"
 
 
-class SilentSettings(EmulatedSettings):
+class UndescribedSettings(EmulatedSettings):
     """Settings that a dataset must not tell: a digest of them would let a guess at them be tried."""
 
     def describe(self) -> str:
@@ -50,8 +57,8 @@ def make_world(world: World, real: Path, sim: Path) -> int:
         try:
             plan = _plan(world, world.shape, rng)
             settings = _settings(plan, rng, effects=tuple(lines_of(world, plan)))
-            run_pressed(real, plan, settings, overwrite=True)
-            simulate_pressed(sim, plan, SimPressSettings(seed=_drawn_seed(rng)), overwrite=True)
+            run_emulated_indentations(real, plan, settings, overwrite=True)
+            run_simulated_indentations(sim, plan, SimIndentationSettings(seed=_drawn_seed(rng)), overwrite=True)
             return attempt
         except TaxelError as error:
             why = str(error)
@@ -68,29 +75,27 @@ def make_reference(world: World, real: Path, attempt: int = 0) -> None:
     drifts = "baseline_drift" in world.hidden.names
     plan = _plan(world, world.shape if drifts else replace(world.shape, sessions=1, repeats=1), rng)
     lines = lines_of(replace(world, hidden=replace(world.hidden, nuisances=())), plan)
-    settings = _settings(plan, rng, effects=tuple(lines), scatter=STILL, noise_counts=0.0)
-    run_pressed(real, plan, settings, overwrite=True)
+    settings = _settings(plan, rng, effects=tuple(lines), variation=NO_VARIATION, noise_counts=0.0)
+    run_emulated_indentations(real, plan, settings, overwrite=True)
 
 
-def lines_of(world: World, plan: PressPlan) -> list[str]:
+def lines_of(world: World, plan: IndentationPlan) -> list[str]:
     """The emulator's lines; an object that is displaced is one of the plan's."""
     names = sorted(plan.objects)
     chosen = names[world.seed % len(names)]
     return [line.replace(" OBJECT ", f" {chosen} ") for line in world.hidden.lines]
 
 
-def _plan(world: World, shape: Shape, rng: np.random.Generator) -> PressPlan:
-    return random_press_plan(
+def _plan(world: World, shape: Shape, rng: np.random.Generator) -> IndentationPlan:
+    return sample_indentation_plan(
         load_hand(world.hand),
         _drawn_seed(rng),
-        approaches=shape.approaches,
-        sessions=shape.sessions,
-        repeats=shape.repeats,
+        IndentationDesign(approaches=shape.approaches, sessions=shape.sessions, repeats=shape.repeats),
     )
 
 
-def _settings(plan: PressPlan, rng: np.random.Generator, **changes: Any) -> EmulatedSettings:
-    return SilentSettings(**vars(press_settings(plan.hand, seed=_drawn_seed(rng), **changes)))
+def _settings(plan: IndentationPlan, rng: np.random.Generator, **changes: Any) -> EmulatedSettings:
+    return UndescribedSettings(**vars(indentation_settings(plan.hand, seed=_drawn_seed(rng), **changes)))
 
 
 def _drawn_seed(rng: np.random.Generator) -> int:

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from taxel.blind.asked import form_of, is_clear
 from taxel.blind.hidden import Cause
 from taxel.gap.align import shift_beside
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import all_effects
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import is_delay
@@ -40,7 +40,7 @@ def reference_parameters(real: Path, sim: Path, name: str, forms: Collection[str
         pair = read_pair(real, sim)
         judge = prepared(pair).judge
         found: dict[str, dict[str, float]] = {}
-        for form in CATALOGUE[name]:
+        for form in all_effects()[name]:
             key = f"{form.variant} {form.scope}"
             if key not in forms or form.unavailable(judge.state):
                 continue

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import all_effects
 from taxel.gap.diagnosis import Diagnosis
 from taxel.recording.grasp_format import Phase
 
@@ -20,7 +20,7 @@ def simpler_answers(done: Diagnosis) -> dict[str, str]:
     """
     if done.verdict.status == NO_GAP:
         return {"rules": NO_GAP, "effect_blind": NO_GAP}
-    names = sorted(CATALOGUE)
+    names = sorted(all_effects())
     digest = hashlib.sha256(done.pair.digests[0].encode()).digest()
     return {"rules": _by_rules(done), "effect_blind": names[digest[0] % len(names)]}
 

@@ -1,1 +1,1 @@
-"""Grasp campaigns: the same intended grasps on the emulated hand, in the simulator, or on a physical hand."""
+"""Grasp campaigns: the same planned grasps on the emulated hand, in the simulator or on a physical hand."""

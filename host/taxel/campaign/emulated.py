@@ -1,4 +1,4 @@
-"""A campaign on the emulated hand: sessions in parallel, each through firmware, bus, hub, UART and host, to real.h5."""
+"""A grasp campaign on the emulated hand: sessions in parallel, each through firmware, bus, hub, UART and host."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import os
 from collections.abc import Sequence
 from itertools import groupby
 
-from taxel.campaign.processes import in_processes
-from taxel.campaign.progress import Progress, silent
+from taxel.campaign.processes import map_in_processes
+from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.session import check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
-from taxel.campaign.store import begin_or_extend
+from taxel.campaign.store import open_campaign_writer
 from taxel.grasp.plan import PlannedGrasp
 
 POLL_BITS = 20_500
-"""I2C bits of one poll of the default hand's 17 boards; gives the rate that the sensor table states."""
+"""I2C bits of one poll cycle of the default hand's 17 boards; determines the rate in the sensor table."""
 
 
 def run_emulated(
@@ -26,23 +26,23 @@ def run_emulated(
     jobs: int | None = None,
     overwrite: bool = False,
     resume: bool = False,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> None:
-    """Make the grasps of `plan` on the emulated hand and write them to `path`.
+    """Run the grasps of `plan` on the emulated hand and write them to `path`.
 
-    jobs: processes; None: one a core. resume: keep the sessions that a file from a cut campaign already has. The
-    same plan and settings give the same grasps, whatever `jobs`. Raises `TaxelError` of one line; effects that the
-    emulator refuses leave the file as it was.
+    jobs: number of processes; None: one per core. resume: keep the sessions that the file of an interrupted campaign
+    already contains. The same plan and settings give the same grasps for any `jobs`. Raises `TaxelError` with a
+    one-line message; effects that the emulator rejects leave an existing file unchanged.
     """
     setup = setup or Setup()
     check_world(setup, settings)
-    with begin_or_extend(path, "real", setup, _rate_hz(settings), settings.describe(), overwrite, resume) as out:
+    with open_campaign_writer(path, "real", setup, _rate_hz(settings), settings.describe(), overwrite, resume) as out:
         finished = set(out.ids)
         sessions = [list(part) for _, part in groupby(plan, key=lambda grasp: grasp.session)]
         missing = [part for part in sessions if not finished.issuperset(grasp.id for grasp in part)]
         done = sum(len(part) for part in sessions) - sum(len(part) for part in missing)
         progress(done, len(plan))
-        for part, records in zip(missing, in_processes(run_session, setup, missing, settings, jobs), strict=True):
+        for part, records in zip(missing, map_in_processes(run_session, setup, missing, settings, jobs), strict=True):
             for planned, record in zip(part, records, strict=True):
                 if planned.id not in finished:
                     out.add(record, planned.id)

@@ -1,8 +1,8 @@
-"""The emulated hand's joints while it grasps: motor torques against the emulated skin's contact and a yielding mount.
+"""Joint dynamics of the emulated hand during a grasp: motor torques, contact of the emulated skin, compliant mount.
 
-Joints and mount move together, M x'' + B x' = torque + contact(x), M and B diagonal. A step is linearly implicit
-(Rosenbrock-Euler): with the contact's stiffness K at its beginning, (M / dt + B + dt K) v' = M v / dt + torque +
-contact, so that the layer may be as stiff as it likes.
+Joints and mount are integrated together: M x'' + B x' = torque + contact(x), with diagonal M and B. Each step is
+linearly implicit (Rosenbrock-Euler): with the stiffness K of the contact at the start of the step,
+(M / dt + B + dt K) v' = M v / dt + torque + contact. The step is stable for any stiffness of the layer.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ JOINT_INERTIA_KG_M2 = 1.5e-3
 JOINT_DAMPING_NM_S = 0.03
 JOINT_FRICTION_NM = 0.02
 STICKING_RAD_S = 0.004
-"""Below this speed friction acts like a stiff damper: a joint that should stick creeps at less."""
+"""Below this speed friction is modelled as a stiff damper; a sticking joint creeps more slowly than this."""
 
 SUBSTEP_S = 1.5e-3
-"""Another time step than the simulator's."""
+"""Largest time step; different from the simulator's, so that the two solvers stay independent."""
 
 OBJECT_MASS_KG = 0.35
 OBJECT_INERTIA_KG_M2 = 6e-4
@@ -35,9 +35,9 @@ MOUNT_DOF = 6
 
 @dataclass(frozen=True)
 class Mount:
-    """What holds the object: springs at a point above its origin, critically damped.
+    """Mount of the object: critically damped springs at a point above the object's origin.
 
-    `n_per_m`, `nm_per_rad`: along and about each axis. `height_m`: of that point over the object's origin.
+    n_per_m, nm_per_rad: stiffness along and about each axis. height_m: height of the point above the object's origin.
     """
 
     n_per_m: float
@@ -46,10 +46,11 @@ class Mount:
 
 
 class HandInContact:
-    """Joint dynamics (see `taxel.hand.allegro.JointDynamics`) of a hand whose wrist is held and that touches an object.
+    """Joint dynamics (see `taxel.hand.allegro.JointDynamics`) of a hand with a fixed wrist in contact with an object.
 
-    robot: the part of the robot below its wrist. wrist_pose: f64[4, 4] in the world. contact, object_index,
-    object_pose: the emulated skin, and the object at rest. angles: f64[j], radians, at the start.
+    robot: the part of the robot below its wrist. contact: the contact solver of the emulated skin. object_index,
+    object_pose: number of the object in the world, and its pose f64[4, 4] at rest. wrist_pose: f64[4, 4], world.
+    angles: initial joint angles f64[j], radians.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class HandInContact:
         self._position = np.concatenate([angles, np.zeros(MOUNT_DOF)])
         self._velocity = np.zeros_like(self._position)
         self._diagonal = np.arange(len(self._position))
-        self.touched = 0
+        self.touched_count = 0
 
     def _inertias(self) -> tuple[FloatArray, FloatArray]:
         mount = np.repeat([self._mount.n_per_m, self._mount.nm_per_rad], 3)
@@ -94,28 +95,28 @@ class HandInContact:
 
     @property
     def velocities(self) -> FloatArray:
-        """Joint speeds, radians a second, f64[j]."""
+        """Joint speeds, radians per second, f64[j]."""
         return self._velocity[: self._joints].copy()
 
     def object_pose(self) -> FloatArray:
-        """Where the object is believed to be now (its rest pose and how far the mount has given way), f64[4, 4]."""
+        """Pose f64[4, 4] of the object: its rest pose, moved by the deflection of the mount."""
         return self._object_pose_at(self._position[self._joints :])
 
-    def _object_pose_at(self, yielding: FloatArray) -> FloatArray:
-        motion = _small_motion(yielding, self._centre)
+    def _object_pose_at(self, deflection: FloatArray) -> FloatArray:
+        motion = _motion_about(deflection, self._centre)
         return np.asarray(motion @ self._rest_pose)
 
     def bracket_poses(self) -> FloatArray:
-        """Where the brackets are believed to be, f64[s, 4, 4]."""
+        """Nominal poses of the brackets f64[s, 4, 4], without the offsets of their mounting."""
         return np.asarray(self._wrist @ self._kinematics.sensor_poses(self._position[: self._joints]))
 
     def hold_wrist(self, pose: FloatArray) -> None:
-        """The arm has taken the wrist to `pose`, f64[4, 4] in the world."""
+        """Set the pose of the wrist, f64[4, 4], world."""
         self._wrist = pose
 
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
-        """Move under motor torques f64[j] for `dt_s` seconds; returns the angles."""
-        count = max(1, int(np.ceil(dt_s / SUBSTEP_S - 1e-9))) if self.touched else 1
+        """Integrate over `dt_s` seconds with motor torques f64[j]; returns the joint angles."""
+        count = max(1, int(np.ceil(dt_s / SUBSTEP_S - 1e-9))) if self.touched_count else 1
         for _ in range(count):
             self._substep(torque_nm, dt_s / count)
         return self.angles
@@ -125,15 +126,15 @@ class HandInContact:
         links = self._wrist @ self._kinematics.link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
         load = self._contact.load(self._index, self.object_pose(), brackets)
-        self.touched = load.touched
+        self.touched_count = load.touched
         force = np.concatenate([torque_nm, -self._spring * self._position[joints:]])
         stiffness = np.diag(np.concatenate([np.zeros(joints), self._spring]))
         if load.touched:
-            own = np.flatnonzero(load.wrench.any(axis=1))
-            jacobian = self._jacobian(links, brackets[own] @ self._offsets[own], own)
+            loaded = np.flatnonzero(load.wrench.any(axis=1))
+            jacobian = self._jacobian(links, brackets[loaded] @ self._offsets[loaded], loaded)
             flat = jacobian.reshape(-1, joints + MOUNT_DOF)
-            force += load.wrench[own].ravel() @ flat
-            stiffness += flat.T @ (load.stiffness[own] @ jacobian).reshape(flat.shape)
+            force += load.wrench[loaded].ravel() @ flat
+            stiffness += flat.T @ (load.stiffness[loaded] @ jacobian).reshape(flat.shape)
         damping = self._damping.copy()
         damping[:joints] += JOINT_FRICTION_NM / (np.abs(self._velocity[:joints]) + STICKING_RAD_S)
         system = dt * stiffness
@@ -141,50 +142,53 @@ class HandInContact:
         self._move(np.linalg.solve(system, self._mass * self._velocity / dt + force), dt)
 
     def _move(self, velocity: FloatArray, dt: float) -> None:
-        wanted = self._position + dt * velocity
+        unlimited = self._position + dt * velocity
         joints = self._joints
-        self._position = wanted.copy()
-        self._position[:joints] = np.clip(wanted[:joints], self._lower, self._upper)
-        stopped = self._position != wanted
-        self._velocity = np.where(stopped, 0.0, velocity)
+        self._position = unlimited.copy()
+        self._position[:joints] = np.clip(unlimited[:joints], self._lower, self._upper)
+        is_at_limit = self._position != unlimited
+        self._velocity = np.where(is_at_limit, 0.0, velocity)
 
-    def _jacobian(self, links: FloatArray, brackets: FloatArray, own: NDArray[np.intp]) -> FloatArray:
-        """Motion of true brackets [k] against the object, in their frames, per joint and mount speed, [k, 6, j + 6]."""
+    def _jacobian(self, links: FloatArray, brackets: FloatArray, boards: NDArray[np.intp]) -> FloatArray:
+        """Jacobian f64[k, 6, j + 6] of the true brackets' motion relative to the object, in the brackets' frames.
+
+        brackets: true poses f64[k, 4, 4] of the boards `boards` [k].
+        """
         axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]
         arms = brackets[:, None, :3, 3] - links[self._axes.joint_links, :3, 3]
-        moves = self._axes.carried[own][..., None] * axes
-        yielding = self._position[self._joints : self._joints + 3]
+        rotations = self._axes.is_carried[boards][..., None] * axes
+        deflection = self._position[self._joints : self._joints + 3]
         jacobian = np.zeros((len(brackets), 6, self._joints + MOUNT_DOF))
-        jacobian[:, :3, : self._joints] = cross(moves, arms).transpose(0, 2, 1)
-        jacobian[:, 3:, : self._joints] = moves.transpose(0, 2, 1)
+        jacobian[:, :3, : self._joints] = cross(rotations, arms).transpose(0, 2, 1)
+        jacobian[:, 3:, : self._joints] = rotations.transpose(0, 2, 1)
         jacobian[:, :3, self._joints : self._joints + 3] = -np.eye(3)
-        jacobian[:, :3, self._joints + 3 :] = _cross_matrices(brackets[:, :3, 3] - self._centre - yielding)
+        jacobian[:, :3, self._joints + 3 :] = _cross_matrices(brackets[:, :3, 3] - self._centre - deflection)
         jacobian[:, 3:, self._joints + 3 :] = -np.eye(3)
-        turn = brackets[:, :3, :3].transpose(0, 2, 1)[:, None]
-        parts = turn @ jacobian.reshape(len(brackets), 2, 3, -1)
+        to_bracket = brackets[:, :3, :3].transpose(0, 2, 1)[:, None]
+        parts = to_bracket @ jacobian.reshape(len(brackets), 2, 3, -1)
         return np.asarray(parts.reshape(len(brackets), 6, -1))
 
 
 class _Axes:
-    """Which joint carries which board, and where its axis is."""
+    """Joint axes, and for each board the joints that carry the board."""
 
     def __init__(self, robot: Robot, hand: Hand) -> None:
         moving = [joint for joint in robot.joints if joint.axis is not None]
         self.axes = np.stack([joint.axis for joint in moving if joint.axis is not None])
         self.joint_links = np.array([robot.link_index(joint.child) for joint in moving])
-        places = [(board.link, board.pose) for board in hand.boards]
-        self.board_links = np.array([robot.link_index(link) for link, _ in places if link is not None])
-        self.bracket_poses = np.stack([pose for _, pose in places if pose is not None])
-        above = {joint.child: joint.parent for joint in robot.joints}
-        self.carried = np.zeros((len(places), len(moving)))
-        for row, (link, _) in enumerate(places):
-            while link is not None and link in above:
-                self.carried[row] += [joint.child == link for joint in moving]
-                link = above[link]
+        mountings = [(board.link, board.pose) for board in hand.boards]
+        self.board_links = np.array([robot.link_index(link) for link, _ in mountings if link is not None])
+        self.bracket_poses = np.stack([pose for _, pose in mountings if pose is not None])
+        parent_of = {joint.child: joint.parent for joint in robot.joints}
+        self.is_carried = np.zeros((len(mountings), len(moving)))  # 1 where the joint carries the board, else 0
+        for row, (link, _) in enumerate(mountings):
+            while link is not None and link in parent_of:
+                self.is_carried[row] += [joint.child == link for joint in moving]
+                link = parent_of[link]
 
 
 def _cross_matrices(vectors: FloatArray) -> FloatArray:
-    """[v]x of each vector [s, 3], f64[s, 3, 3]: v x w = [v]x w."""
+    """Cross-product matrices f64[s, 3, 3] of vectors f64[s, 3]: v x w = [v]x w."""
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
     matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
@@ -192,15 +196,15 @@ def _cross_matrices(vectors: FloatArray) -> FloatArray:
     return matrices
 
 
-def _small_motion(yielding: FloatArray, centre: FloatArray) -> FloatArray:
-    """Turn by the last three of `yielding` (rotation vector) about `centre`, then move by the first three, [4, 4]."""
-    rx, ry, rz = yielding[3:].tolist()
+def _motion_about(deflection: FloatArray, centre: FloatArray) -> FloatArray:
+    """Transform f64[4, 4]: rotation by deflection[3:] about `centre`, then translation by deflection[:3]."""
+    rx, ry, rz = deflection[3:].tolist()
     angle2 = rx * rx + ry * ry + rz * rz
     angle = angle2**0.5
-    # Rodrigues' formula; its two factors go to 1 and 1/2 with the angle.
+    # Rodrigues' formula; the limits of its two factors for a vanishing angle are 1 and 1/2.
     s, c = (np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2) if angle > 1e-8 else (1.0, 0.5)
     skew = np.array([[0.0, -rz, ry], [rz, 0.0, -rx], [-ry, rx, 0.0]])
     motion = np.eye(4)
     motion[:3, :3] += s * skew + c * (skew @ skew)
-    motion[:3, 3] = yielding[:3] + centre - motion[:3, :3] @ centre
+    motion[:3, 3] = deflection[:3] + centre - motion[:3, :3] @ centre
     return motion

@@ -1,4 +1,4 @@
-"""One grasp of the emulated hand: a virtual Allegro on CAN closes on an object that stands a little elsewhere."""
+"""Motion of one grasp of the emulated hand: a virtual Allegro hand on CAN closes on an object in contact."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.grasping import PERIOD_S, JointLog, perform
+from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
 from taxel.campaign.hand_in_contact import HandInContact
 from taxel.grasp.controller import GraspController
 from taxel.grasp.timeline import Phase, Timeline
@@ -18,18 +18,20 @@ from taxel.hand.allegro.driver import AllegroHand
 from taxel.hand.allegro.virtual import VirtualAllegro
 
 RECORD_PERIODS = 3
-"""Periods between two records of the scene: 9 ms."""
+"""Control periods between two records of the scene: 9 ms."""
 
 SETTLE_S = 0.12
-"""Control before the fingers close: the held joints take up their load."""
+"""Time under control before the fingers close, in which the position-controlled joints take up their load."""
 
 _channels = itertools.count()
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What truly happened. time_s: [k], since the grasp began; object_poses: [k, 4, 4]; bracket_poses: [k, s, 4, 4], in
-    the world, brackets as they are believed to be fixed. joints: what the encoders said.
+    """True motion of one grasp.
+
+    time_s: f64[k], since the start of the grasp. object_poses: f64[k, 4, 4], world. bracket_poses: f64[k, s, 4, 4],
+    world, nominal: without the offsets of their mounting. joints: the measured joint angles.
     """
 
     time_s: NDArray[np.float64]
@@ -38,16 +40,16 @@ class Motion:
     joints: JointLog
 
 
-def move(
+def simulate_grasp_motion(
     dynamics: HandInContact,
     controller: GraspController,
     timeline: Timeline,
     wrist_at: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> Motion:
-    """Approach, close, hold, open and withdraw: the virtual hand answers its driver in lock step, in virtual time.
+    """Approach, close, hold, open and withdraw; the virtual hand and its driver run in lock step in virtual time.
 
-    wrist_at: where the arm holds the wrist at times [k] of the grasp, f64[k, 4, 4]. Before and after nothing moves: the
-    first and last record stand for the baseline and the recovery.
+    wrist_at: wrist poses f64[k, 4, 4] at times f64[k] of the grasp. The scene is static before and after this motion:
+    its first and last record are valid for the baseline and the recovery.
     """
     begin = max(0.0, timeline.begin(Phase.CLOSING) - SETTLE_S)
     ticks = round((timeline.end(Phase.RELEASE) - begin) / PERIOD_S)
@@ -56,7 +58,7 @@ def move(
     objects: list[NDArray[np.float64]] = []
     brackets: list[NDArray[np.float64]] = []
 
-    def watch(time_s: float) -> None:
+    def on_period(time_s: float) -> None:
         tick = round((time_s - begin) / PERIOD_S)
         dynamics.hold_wrist(wrists[min(tick, ticks - 1)])
         if tick % RECORD_PERIODS == 0:
@@ -66,13 +68,16 @@ def move(
 
     periods = itertools.count()
 
-    def wait() -> int:
+    def wait_for_period() -> int:
         virtual.step(PERIOD_S)
         return next(periods)
 
     channel = f"taxel-campaign-{next(_channels)}"
-    with can.Bus(interface="virtual", channel=channel) as ours, can.Bus(interface="virtual", channel=channel) as theirs:
-        virtual = VirtualAllegro(theirs, dynamics)
-        with AllegroHand(ours, clock=lambda: virtual.time_s, advance=virtual.step) as hand:
-            joints = perform(hand, controller, begin, timeline.end(Phase.RELEASE), wait, watch)
+    with (
+        can.Bus(interface="virtual", channel=channel) as host_bus,
+        can.Bus(interface="virtual", channel=channel) as hand_bus,
+    ):
+        virtual = VirtualAllegro(hand_bus, dynamics)
+        with AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step) as hand:
+            joints = control_grasp(hand, controller, begin, timeline.end(Phase.RELEASE), wait_for_period, on_period)
     return Motion(np.array(times), np.stack(objects), np.stack(brackets), joints)

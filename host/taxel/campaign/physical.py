@@ -1,4 +1,4 @@
-"""A campaign on a physical workstation: arm, hand and skin through their interfaces, in real time, to real.h5."""
+"""A grasp campaign on a physical workstation: arm, hand and skin through their interfaces, in real time."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.grasping import PERIOD_S, JointLog, perform
-from taxel.campaign.progress import Progress, silent
-from taxel.campaign.rows import Rows, rows_of
+from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
+from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
+from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import Setup
-from taxel.campaign.store import begin_or_extend
+from taxel.campaign.store import open_campaign_writer
 from taxel.errors import TaxelError
 from taxel.grasp.controller import GraspController
 from taxel.grasp.plan import PlannedGrasp
@@ -29,29 +29,30 @@ from taxel.skin import Skin
 from taxel.stream import TaxelFrame
 
 RATE_HZ = 18.8
-"""What 17 boards give at 400 kHz; the frames themselves say when they were made."""
+"""Nominal frame rate of 17 boards at an I2C clock of 400 kHz; the frames carry their own times."""
 
 ARM_SPEED_RAD_S = 0.5
 WITHDRAW_SHARE = 0.5
-"""Of the release, after which the arm withdraws: the fingers have opened."""
+"""Share of the release phase after which the arm withdraws; the fingers are open by then."""
 
 ARM_TIMEOUT_S = 60.0
 LATE_FRAMES_S = 0.3
-"""How long frames of a grasp may still be on their way when it is over."""
+"""Time after the end of a grasp in which its last frames may still arrive."""
 
 
 JOIN_TIMEOUT_S = 2.0
-"""The thread that reads frames may wait for a frame that never comes."""
+"""Limit for the end of the reading thread, which may wait for a frame that never arrives."""
 
 
-class ArmStuckError(TaxelError):
-    """The arm did not arrive."""
+class ArmTimeoutError(TaxelError):
+    """The arm did not reach its target in time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Workstation:
-    """What a physical campaign drives. step_arm: what moves a simulated arm on by so many seconds; None: it moves by
-    itself.
+    """The devices of a physical campaign.
+
+    step_arm: advances a simulated arm by a number of seconds; None for an arm that moves on its own.
     """
 
     arm: Arm
@@ -60,97 +61,116 @@ class Workstation:
     step_arm: Callable[[float], object] | None = None
 
 
+@dataclass(frozen=True)
+class PhysicalSettings:
+    """Settings of a campaign on a physical workstation.
+
+    timeline: phases of a grasp. confirm_placement: called before the first grasp and before each grasp of another
+    object or session; returns when the operator has placed the object. None: no confirmation.
+    """
+
+    timeline: Timeline = field(default_factory=Timeline)
+    confirm_placement: Callable[[PlannedGrasp], object] | None = None
+
+
 def run_physical(
     path: str | os.PathLike[str],
     plan: Sequence[PlannedGrasp],
     station: Workstation,
-    timeline: Timeline | None = None,
+    settings: PhysicalSettings | None = None,
     setup: Setup | None = None,
-    ask: Callable[[PlannedGrasp], object] | None = None,
     overwrite: bool = False,
     resume: bool = False,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> None:
-    """Make the grasps of `plan` and write each one to `path` when it is over.
+    """Perform the grasps of `plan` and write each one to `path` as soon as it is finished.
 
-    ask: called before a grasp of another object or session than the one before: somebody puts it there. Raises the
-    errors of arm, hand and skin (one line); the grasps that were finished are in the file, the hand is without torque
-    and the arm stands.
+    Raises the errors of arm, hand and skin, with one-line messages. After an error the finished grasps are in the
+    file, the torques of the hand are zero and the arm is stopped.
     """
-    setup, timeline = setup or Setup(), timeline or Timeline()
-    with begin_or_extend(path, "real", setup, RATE_HZ, "physical hand", overwrite, resume) as out:
+    setup, settings = setup or Setup(), settings or PhysicalSettings()
+    with open_campaign_writer(path, "real", setup, RATE_HZ, "physical hand", overwrite, resume) as out:
         missing = [planned for planned in plan if planned.id not in out.ids]
         done = len(plan) - len(missing)
         progress(done, len(plan))
-        with _FrameTap(station.skin) as tap:
-            before: PlannedGrasp | None = None
+        with _FrameCollector(station.skin) as collector:
+            previous: PlannedGrasp | None = None
             for planned in missing:
-                if ask is not None and (before is None or _place(before) != _place(planned)):
-                    _ask(station, ask, planned)
-                out.add(_make(setup, planned, station, timeline, tap), planned.id)
-                before, done = planned, done + 1
+                if previous is None or _placement(previous) != _placement(planned):
+                    _confirm_placement(station, settings, planned)
+                out.add(_perform_grasp(setup, planned, station, settings.timeline, collector), planned.id)
+                previous, done = planned, done + 1
                 progress(done, len(plan))
 
 
-def _place(planned: PlannedGrasp) -> tuple[str, int]:
+def _placement(planned: PlannedGrasp) -> tuple[str, int]:
     return planned.object, planned.session
 
 
-def _make(setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, tap: _FrameTap) -> GraspRecord:
-    at, away = setup.arm_path(planned)
-    guide = _ArmGuide(station, timeline, at, away)
+def _perform_grasp(
+    setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, collector: _FrameCollector
+) -> GraspRecord:
+    grasping, withdrawn = setup.arm_path(planned)
+    schedule = _ArmSchedule(station, timeline, grasping, withdrawn)
     try:
-        _move_arm(station, away)
-        tap.forget()
+        _move_arm(station, withdrawn)
+        collector.discard()
         controller = GraspController(setup.approach(planned), timeline)
-        joints = perform(station.hand, controller, 0.0, timeline.duration_s, guide.wait, guide.watch)
+        joints = control_grasp(
+            station.hand, controller, 0.0, timeline.duration_s, schedule.wait_for_period, schedule.on_period
+        )
         time.sleep(LATE_FRAMES_S)
-        frames = tap.frames()
+        frames = collector.frames()
     except BaseException:
-        with contextlib.suppress(TaxelError):  # the error on its way out says more
+        with contextlib.suppress(TaxelError):  # the first error is the more informative one
             station.arm.stop()
         raise
-    rows = rows_of(setup.hand, frames).between(guide.began_s, guide.began_s + timeline.duration_s)
-    return _record(setup, planned, timeline, rows, guide.began_s, guide.log(), joints)
+    start_s = schedule.start_s
+    cycles = group_by_poll_cycle(setup.hand, frames).between(start_s, start_s + timeline.duration_s)
+    return _record(setup, planned, timeline, cycles, start_s, schedule.log(), joints)
 
 
-class _ArmGuide:
-    """Sends the arm to the object and back while the hand is controlled, and remembers where it was.
+class _ArmSchedule:
+    """Moves the arm to the object and back while the hand is controlled, and logs the joint angles of the arm.
 
-    began_s: when the grasp's time was 0, on the clock of the skin's frames.
+    start_s: start of the grasp's timeline on the clock of the skin's frames.
     """
 
     def __init__(
-        self, station: Workstation, timeline: Timeline, at: NDArray[np.float64], away: NDArray[np.float64]
+        self,
+        station: Workstation,
+        timeline: Timeline,
+        grasping: NDArray[np.float64],
+        withdrawn: NDArray[np.float64],
     ) -> None:
         self._station, self._timeline = station, timeline
-        self._ways = [(timeline.begin(Phase.CLOSING), at)]
-        self._ways += [(timeline.begin(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, away)]
+        self._moves = [(timeline.begin(Phase.CLOSING), grasping)]
+        self._moves += [(timeline.begin(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, withdrawn)]
         self._loop = ControlLoop(PERIOD_S, time.monotonic)
         self._period = 0
         self._times: list[float] = []
         self._angles: list[NDArray[np.float64]] = []
-        self.began_s = 0.0
+        self.start_s = 0.0
 
-    def wait(self) -> int:
+    def wait_for_period(self) -> int:
         """Wait for the next control period; returns its number."""
-        before, self._period = self._period, self._loop.wait()
+        previous, self._period = self._period, self._loop.wait()
         if self._station.step_arm is not None:
-            self._station.step_arm((self._period - before) * PERIOD_S)
+            self._station.step_arm((self._period - previous) * PERIOD_S)
         return self._period
 
-    def watch(self, time_s: float) -> None:
-        """Start the arm's next way when it is time and the arm stands."""
+    def on_period(self, time_s: float) -> None:
+        """Start the next scheduled move of the arm if it is due and the arm is at rest."""
         if not self._times:
-            self.began_s = time.monotonic() - time_s
+            self.start_s = time.monotonic() - time_s
         arm = self._station.arm
-        if self._ways and time_s >= self._ways[0][0] and not arm.is_moving:
-            arm.move_joints(self._ways.pop(0)[1], ARM_SPEED_RAD_S)
+        if self._moves and time_s >= self._moves[0][0] and not arm.is_moving:
+            arm.move_joints(self._moves.pop(0)[1], ARM_SPEED_RAD_S)
         self._times.append(time_s)
         self._angles.append(arm.joint_angles())
 
     def log(self) -> JointLog:
-        """What the arm's encoders said."""
+        """The measured joint angles of the arm."""
         return JointLog(np.array(self._times), np.stack(self._angles))
 
 
@@ -158,35 +178,37 @@ def _record(
     setup: Setup,
     planned: PlannedGrasp,
     timeline: Timeline,
-    rows: Rows,
-    began: float,
+    cycles: PollCycles,
+    start_s: float,
     arm: JointLog,
     joints: JointLog,
 ) -> GraspRecord:
-    since = rows.time_s - began
-    phase = timeline.phase_at(since)
-    angles = np.hstack([arm.at(since), joints.at(since)])
+    elapsed = cycles.time_s - start_s
+    phase = timeline.phase_at(elapsed)
+    angles = np.hstack([arm.interpolate(elapsed), joints.interpolate(elapsed)])
     hold = angles[phase == Phase.HOLD]
-    if not len(since):
-        raise TaxelError(f"grasp {planned.id}: no frame of the skin arrived; is the hub streaming?")
+    if not len(elapsed):
+        raise TaxelError(
+            f"grasp {planned.id}: expected frames of the skin, found none; check that the hub is streaming"
+        )
     return GraspRecord(
         object=planned.object,
         approach=planned.approach,
         iteration=planned.iteration,
         session=planned.session,
-        timestamp=rows.time_s,
+        timestamp=cycles.time_s,
         phase=phase,
-        raw_counts=rows.raw_counts,
-        valid=rows.valid,
+        raw_counts=cycles.raw_counts,
+        valid=cycles.valid,
         sensor_pose=setup.kinematics.sensor_poses(hold.mean(axis=0) if len(hold) else angles[-1]),
         object_pose=setup.object_pose(planned.object),
-        sensor_time=rows.sensor_time,
+        sensor_time=cycles.sensor_time,
         joint_position=angles,
     )
 
 
 def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
-    """Take the arm there, from wherever it still goes, and wait until it stands."""
+    """Move the arm to `target` after its current motion has ended, and wait until the arm is at rest."""
     _wait_for_arm(station)
     station.arm.move_joints(target, ARM_SPEED_RAD_S)
     _wait_for_arm(station)
@@ -195,24 +217,29 @@ def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
 def _wait_for_arm(station: Workstation) -> None:
     end = time.monotonic() + ARM_TIMEOUT_S
     while station.arm.is_moving:
-        station.hand.update()  # its reports are taken and its faults are seen meanwhile
+        station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
         if station.step_arm is not None:
             station.step_arm(PERIOD_S)
         else:
             time.sleep(PERIOD_S)
         if time.monotonic() > end:
-            raise ArmStuckError(f"arm: did not arrive within {ARM_TIMEOUT_S:g} s; clear its way and start again")
+            raise ArmTimeoutError(
+                f"arm: expected to reach its target within {ARM_TIMEOUT_S:g} s, found it still moving; clear its path "
+                "and start again"
+            )
 
 
-def _ask(station: Workstation, ask: Callable[[PlannedGrasp], object], planned: PlannedGrasp) -> None:
-    """Ask somebody; nobody reads the hand's reports meanwhile, so it sends none."""
+def _confirm_placement(station: Workstation, settings: PhysicalSettings, planned: PlannedGrasp) -> None:
+    """Wait for the operator. The hand's reports are off meanwhile, because nothing reads them."""
+    if settings.confirm_placement is None:
+        return
     station.hand.set_period(0)
-    ask(planned)
+    settings.confirm_placement(planned)
     station.hand.set_period(POSITION_PERIOD_MS)
 
 
-class _FrameTap:
-    """Reads the skin in a thread of its own, so that the control loop never waits for it."""
+class _FrameCollector:
+    """Reads the skin in a separate thread, so that the control loop never waits for frames."""
 
     def __init__(self, skin: Skin) -> None:
         self._skin = skin
@@ -229,17 +256,17 @@ class _FrameTap:
                     self._frames.append(frame)
                 if self._stop.is_set():
                     return
-        except Exception as error:  # kept for the thread that asks
+        except Exception as error:  # raised again by the thread that calls `discard` or `frames`
             self._error = error
 
-    def forget(self) -> None:
-        """Drop what has arrived so far; raises what ended the reading."""
+    def discard(self) -> None:
+        """Discard the frames collected so far. Raises the error that ended the reading."""
         self._check()
         with self._lock:
             self._frames = []
 
     def frames(self) -> list[TaxelFrame]:
-        """What has arrived since; raises what ended the reading."""
+        """The frames since the last `discard`. Raises the error that ended the reading."""
         self._check()
         with self._lock:
             return list(self._frames)
@@ -248,7 +275,7 @@ class _FrameTap:
         if self._error is not None:
             raise self._error
 
-    def __enter__(self) -> _FrameTap:
+    def __enter__(self) -> _FrameCollector:
         self._thread.start()
         return self
 

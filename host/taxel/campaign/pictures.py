@@ -20,11 +20,11 @@ VIEW = (18.0, -60.0)
 
 TICK_MM = 20.0
 
-MOST_OBJECTS = 8
-"""Columns that a picture has room for; a generated shard has an object a grasp."""
+MAX_OBJECTS = 8
+"""Largest number of columns in a picture; a generated shard has a different object in every grasp."""
 
 MANY_POINTS = 600.0
-"""Of a cloud, from about which on points are drawn smaller."""
+"""Number of points at which the marker size reaches its minimum."""
 
 _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
@@ -32,13 +32,13 @@ _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
     """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6.
 
-    Of more than `MOST_OBJECTS`, the first so many.
+    Of more than `MAX_OBJECTS` objects, only the first are drawn.
     """
     plt = _pyplot()
     datasets = [GraspDataset(path) for path in paths]
     try:
         names = list(dict.fromkeys(grasp.object for grasp in datasets[0]))
-        names = [name for name in datasets[0].objects if name in names][:MOST_OBJECTS]
+        names = [name for name in datasets[0].objects if name in names][:MAX_OBJECTS]
         figure = plt.figure(figsize=(4.2 * len(names), 4.3 * len(datasets) + 0.4), layout="constrained")
         for row, data in enumerate(datasets):
             for column, name in enumerate(names):
@@ -46,12 +46,12 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
                 points = accumulate(data, name).points
                 grasps = sum(grasp.object == name for grasp in data)
                 _draw_object(axis, data, name, np.eye(4))
-                share = min(len(points) / MANY_POINTS, 1.0)  # a few must be seen too
-                how = {"s": 12.0 - 10.0 * share, "alpha": 0.9 - 0.4 * share}
-                axis.scatter(*(1e3 * points.T), c=_ACTIVE, linewidths=0, depthshade=False, **how)
+                share = min(len(points) / MANY_POINTS, 1.0)  # few points need larger markers to be visible
+                style = {"s": 12.0 - 10.0 * share, "alpha": 0.9 - 0.4 * share}
+                axis.scatter(*(1e3 * points.T), c=_ACTIVE, linewidths=0, depthshade=False, **style)
                 label = "real" if data.source == "real" else "simulated"
                 axis.set_title(f"{name.replace('_', ' ')}, {label}\n{len(points)} points, {grasps} grasps", fontsize=10)
-                _frame(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
+                _set_axes(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
         figure.savefig(out, dpi=110)
         plt.close(figure)
     finally:
@@ -77,11 +77,11 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
             axis.scatter(*points[~on].T, s=4.0, c=_INACTIVE, linewidths=0)
             axis.scatter(*points[on].T, s=16.0, c=_ACTIVE, linewidths=0)
             label = "real" if data.source == "real" else "simulated"
-            what = f"{grasp.object.replace('_', ' ')}, {grasp.approach.replace('_', ' ')}"
+            grasp_name = f"{grasp.object.replace('_', ' ')}, {grasp.approach.replace('_', ' ')}"
             axis.set_title(
-                f"{what}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
+                f"{grasp_name}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
             )
-            _frame(axis, points)
+            _set_axes(axis, points)
     figure.savefig(out, dpi=110)
     plt.close(figure)
 
@@ -95,34 +95,35 @@ def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> 
 
 
 def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """What an eye sees as an object: edges [e, 2] where faces meet at an angle, or turn away from `VIEW`."""
+    """Visible edges intp[e, 2]: edges where two faces meet at an angle, and silhouette edges seen from `VIEW`."""
     elevation, azimuth = np.radians(VIEW)
     towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     is_front = normals @ towards > 0.0
-    owners: dict[tuple[int, int], list[int]] = {}
+    faces_of_edge: dict[tuple[int, int], list[int]] = {}
     for index, face in enumerate(faces.tolist()):
         for a, b in ((0, 1), (1, 2), (2, 0)):
-            owners.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
+            faces_of_edge.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
 
-    def is_drawn(own: list[int]) -> bool:
-        if len(own) != 2:
+    def is_drawn(adjacent: list[int]) -> bool:
+        if len(adjacent) != 2:
             return True
-        first, second = own
+        first, second = adjacent
         return bool(normals[first] @ normals[second] < 0.9 or is_front[first] != is_front[second])
 
-    return np.array([edge for edge, own in owners.items() if is_drawn(own)], dtype=np.intp).reshape(-1, 2)
+    edges = [edge for edge, adjacent in faces_of_edge.items() if is_drawn(adjacent)]
+    return np.array(edges, dtype=np.intp).reshape(-1, 2)
 
 
-def _frame(axis: Any, points: FloatArray) -> None:
+def _set_axes(axis: Any, points: FloatArray) -> None:
     from matplotlib.ticker import MultipleLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
     axis.set_xlim(low[0], high[0])
     axis.set_ylim(low[1], high[1])
     axis.set_zlim(low[2], high[2])
-    axis.set_box_aspect(tuple(high - low), zoom=0.86)  # one scale for all axes; smaller, or labels are cut off
+    axis.set_box_aspect(tuple(high - low), zoom=0.86)  # one scale for all axes; a larger zoom clips the labels
     axis.view_init(*VIEW)
     axis.grid(False)
     axis.tick_params(labelsize=6, pad=-2)

@@ -1,4 +1,4 @@
-"""The parts of a campaign on several processes, in order."""
+"""Parallel map over the parts of a campaign, with the results in the order of the parts."""
 
 from __future__ import annotations
 
@@ -20,53 +20,55 @@ _Result = TypeVar("_Result")
 
 
 class ProcessLostError(TaxelError):
-    """A process of a campaign has ended before its work was done."""
+    """A worker process of a campaign ended before its work was done."""
 
     def __init__(self) -> None:
         super().__init__()
 
     def __str__(self) -> str:
         return (
-            "campaign: one of its processes was ended from outside (memory?); what was finished is in the file, "
-            "go on with resume, or with fewer jobs"
+            "campaign: a worker process was terminated from outside (out of memory?); the finished grasps are in the "
+            "file; continue with resume, or use fewer jobs"
         )
 
 
-def in_processes(
-    make: Callable[[Setup, _Part, _Settings], _Result],
+def map_in_processes(
+    function: Callable[[Setup, _Part, _Settings], _Result],
     setup: Setup,
     parts: Sequence[_Part],
     settings: _Settings,
     jobs: int | None,
     chunk: int = 1,
 ) -> Iterator[_Result]:
-    """`make(setup, part, settings)` for each part, in order. jobs: processes; None: one a core; 1: this one.
+    """Yield `function(setup, part, settings)` for each part, in order.
 
-    Raises what `make` raises, and `ProcessLostError`.
+    jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task.
+    Raises the errors of `function`, and `ProcessLostError`.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(parts))
     if jobs <= 1:
-        yield from (make(setup, part, settings) for part in parts)
+        yield from (function(setup, part, settings) for part in parts)
         return
-    # Not an initializer's argument: a process must start at once, or one that is lost meanwhile blocks the pool.
-    work = partial(_make, make, pickle.dumps(setup), settings)
+    # The setup is not passed through the pool's initializer: a worker that is lost during a slow initializer blocks
+    # the pool.
+    task = partial(_call_with_pickled_setup, function, pickle.dumps(setup), settings)
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
     try:
-        yield from pool.map(work, parts, chunksize=chunk)
+        yield from pool.map(task, parts, chunksize=chunk)
     except BrokenProcessPool:
         raise ProcessLostError from None
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _make(
-    make: Callable[[Setup, _Part, _Settings], _Result], setup: bytes, settings: _Settings, part: _Part
+def _call_with_pickled_setup(
+    function: Callable[[Setup, _Part, _Settings], _Result], setup: bytes, settings: _Settings, part: _Part
 ) -> _Result:
-    return make(_setup_of(setup), part, settings)
+    return function(_load_setup(setup), part, settings)
 
 
 @lru_cache(maxsize=1)
-def _setup_of(pickled: bytes) -> Setup:
-    """The setup, with what it has worked out, for all parts of this process."""
+def _load_setup(pickled: bytes) -> Setup:
+    """The setup of this process; cached so that all parts share the values that the setup caches."""
     setup: Setup = pickle.loads(pickled)
     return setup

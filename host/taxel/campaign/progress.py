@@ -1,12 +1,12 @@
-"""How a campaign tells how far it is."""
+"""Progress callback of the campaigns."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[int, int], object]
-"""Called with how many grasps are finished, and of how many."""
+"""Called with the number of finished grasps and the total number of grasps."""
 
 
-def silent(finished: int, of: int) -> None:
-    """Say nothing."""
+def no_progress(finished: int, total: int) -> None:
+    """Progress callback that does nothing."""

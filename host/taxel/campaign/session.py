@@ -1,4 +1,4 @@
-"""One session on the emulated hand: one mounting of the skin, one power-up, its grasps one after another."""
+"""One session on the emulated hand: one mounting of the skin, one power-up, and the grasps in their order."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.campaign.hand_in_contact import HandInContact, Mount
-from taxel.campaign.motion import Motion, move
-from taxel.campaign.rows import Rows, rows_of
-from taxel.campaign.scatter import hand_draw, shift
+from taxel.campaign.motion import Motion, simulate_grasp_motion
+from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
+from taxel.campaign.variation import sample_grasp_variation, small_motion
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import Scene, scene_text
 from taxel.grasp.controller import GraspController
@@ -31,22 +31,24 @@ from taxel.skin import open_skin
 from taxel.stream.start_script import write_start_script
 
 LEAD_IN_S = 4.0
-"""From power to the first grasp: every board is found and its clock has been read twice."""
+"""Time from power-up to the first grasp: the hub has found every board and has read its clock twice."""
 
 _SESSION_STREAM = 1
 
 
 @dataclass(frozen=True, eq=False)
-class _Made:
-    """A grasp that was made, and what moved."""
+class _PerformedGrasp:
+    """A planned grasp and its true motion."""
 
     planned: PlannedGrasp
     motion: Motion
 
 
-class Moved(NamedTuple):
-    """What moves in one session. time_s: f64[k], since power-up; number: [k], which object of the world is there;
-    object_poses: f64[k, 4, 4]; bracket_poses: f64[k, s, 4, 4], as they are believed to be; both in the world.
+class SceneMotion(NamedTuple):
+    """Motion of the scene in one session.
+
+    time_s: f64[k], since power-up. number: [k], number of the object of the world that is present. object_poses:
+    f64[k, 4, 4], world. bracket_poses: f64[k, s, 4, 4], world, nominal.
     """
 
     time_s: NDArray[np.float64]
@@ -56,56 +58,59 @@ class Moved(NamedTuple):
 
 
 def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
-    """Make the grasps of one session, in order. The seed, the session and the grasp decide everything.
+    """Records of the grasps of one session, in order; they depend only on the seed, the session and the grasp.
 
-    Raises `TaxelError` of one line: a pose out of reach, or a world that the emulator refuses.
+    Raises `TaxelError` with a one-line message, such as for an unreachable pose or a world that the emulator rejects.
     """
-    text = session_world(setup, settings, plan[0].session)
+    text = session_world_text(setup, settings, plan[0].session)
     with SkinContact(text) as contact:
-        made = [_make(setup, planned, settings, contact) for planned in plan]
-    rows = _emulate(setup, made, text, settings)
-    return [_record(setup, grasp, rows, place, settings) for place, grasp in enumerate(made)]
+        grasps = [_perform_grasp(setup, planned, settings, contact) for planned in plan]
+    cycles = _run_session_skin(setup, grasps, text, settings)
+    return [_record(setup, grasp, cycles, index, settings) for index, grasp in enumerate(grasps)]
 
 
 def check_world(setup: Setup, settings: EmulatedSettings) -> None:
-    """Raises `ContactLibraryError` for effects that the emulator refuses."""
-    with SkinContact(session_world(setup, settings, 0)):
+    """Raise `ContactLibraryError` if the emulator rejects the effects."""
+    with SkinContact(session_world_text(setup, settings, 0)):
         pass
 
 
-def session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
-    """The text of the world in which one session takes place: its brackets are mounted anew."""
+def session_world_text(setup: Setup, settings: EmulatedSettings, session: int) -> str:
+    """The world file of one session, in which every bracket is mounted with its own random offset."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
         parts_seed=settings.seed,
         scl_hz=settings.scl_hz,
         baud=settings.baud,
         noise_counts=settings.noise_counts,
-        effects=settings.world_effects(),
+        effects=settings.world_effect_lines(),
     )
     return scene_text(setup.hand, _scene(setup, settings, session), world)
 
 
 def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
-    """Where the brackets are this time: each mounting puts them a little elsewhere."""
+    """Objects and bracket offsets of a session: each mounting has a random offset."""
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
-    scatter = settings.scatter
-    metres, radians = scatter.remount_m, scatter.remount_rad
-    brackets = {board.name: _drawn_shift(rng, metres, radians) for board in setup.hand.boards}
+    variation = settings.variation
+    metres, radians = variation.remount_m, variation.remount_rad
+    brackets = {board.name: _sample_motion(rng, metres, radians) for board in setup.hand.boards}
     for name, offset in settings.offsets("bracket_offset").items():
         brackets[name] = offset @ brackets[setup.hand.board_named(name).name]
     shapes = {name: item.shape for name, item in setup.objects.items()}
     return Scene(shapes, brackets, settings.offsets("object_offset"))
 
 
-def _drawn_shift(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
-    turn = rng.normal(size=3)
-    return shift(rng.normal(size=3), turn, metres, radians)
+def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
+    rotation = rng.normal(size=3)
+    return small_motion(rng.normal(size=3), rotation, metres, radians)
 
 
-def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact) -> _Made:
+def _perform_grasp(
+    setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact
+) -> _PerformedGrasp:
     approach, item = setup.approach(planned), setup.objects[planned.object]
-    offset, grip = settings.scatter.of(planned.object).moved(hand_draw(settings.seed, planned.id))
+    variation = settings.variation.for_object(planned.object)
+    offset, grip = variation.apply(sample_grasp_variation(settings.seed, planned.id))
     true_pose = setup.object_pose(planned.object) @ offset
     timeline = settings.timeline
 
@@ -122,64 +127,70 @@ def _make(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, conta
         wrist_at(np.zeros(1))[0],
         approach.open_angles,
     )
-    return _Made(planned, move(dynamics, GraspController(approach, timeline, grip), timeline, wrist_at))
+    controller = GraspController(approach, timeline, grip)
+    return _PerformedGrasp(planned, simulate_grasp_motion(dynamics, controller, timeline, wrist_at))
 
 
-def _emulate(setup: Setup, made: Sequence[_Made], world: str, settings: EmulatedSettings) -> Rows:
-    """Everything that moved, through the emulated skin, to the frames that a host decodes."""
+def _run_session_skin(
+    setup: Setup, grasps: Sequence[_PerformedGrasp], world: str, settings: EmulatedSettings
+) -> PollCycles:
+    """The frames that a host decodes while the emulated skin performs the grasps of a session."""
     names = list(setup.objects)
     parts = []
-    for place, grasp in enumerate(made):
-        (begin, end), motion = _span(settings, place), grasp.motion
-        # The first and the last record hold before and after: between two grasps nothing moves.
-        held = np.r_[0, : len(motion.time_s), -1]
-        number = np.full(len(held), names.index(grasp.planned.object))
+    for index, grasp in enumerate(grasps):
+        (begin, end), motion = _grasp_interval(settings, index), grasp.motion
+        # The scene is static between two grasps: the first and the last record are repeated at both ends.
+        rows = np.r_[0, : len(motion.time_s), -1]
+        number = np.full(len(rows), names.index(grasp.planned.object))
         times = np.r_[begin, begin + motion.time_s, end]
-        parts.append(Moved(times, number, motion.object_poses[held], motion.bracket_poses[held]))
-    return emulate(setup.hand, world, parts, _span(settings, len(made) - 1)[1] + 0.1)
+        parts.append(SceneMotion(times, number, motion.object_poses[rows], motion.bracket_poses[rows]))
+    return run_emulated_skin(setup.hand, world, parts, _grasp_interval(settings, len(grasps) - 1)[1] + 0.1)
 
 
-def _span(settings: EmulatedSettings, place: int) -> tuple[float, float]:
-    """When a grasp of the session begins and ends; the end is the next one's beginning to the last bit."""
+def _grasp_interval(settings: EmulatedSettings, index: int) -> tuple[float, float]:
+    """Start and end of a grasp in the session; the end is bit-identical to the start of the next grasp."""
     length = settings.timeline.duration_s
-    return LEAD_IN_S + place * length, LEAD_IN_S + (place + 1) * length
+    return LEAD_IN_S + index * length, LEAD_IN_S + (index + 1) * length
 
 
-def emulate(hand: Hand, world: str, moved: Sequence[Moved], duration_s: float) -> Rows:
-    """Run the emulated skin of `world` for `duration_s` while its objects move; what a host decodes.
+def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], duration_s: float) -> PollCycles:
+    """Run the emulated skin of `world` for `duration_s` with a moving scene; returns the frames that a host decodes.
 
-    moved: parts of the session, one after another. Raises `LinkError` with the emulator's own line.
+    motions: consecutive parts of the session. Raises `LinkError` with the message of the emulator.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
         folder = Path(name)
         scene, script, capture = folder / "scene.stimulus", folder / "host.capture", folder / "skin.capture"
-        write_scene(scene, hand.n_taxels, *(np.concatenate(arrays) for arrays in zip(*moved, strict=True)))
+        write_scene(scene, hand.n_taxels, *(np.concatenate(arrays) for arrays in zip(*motions, strict=True)))
         write_start_script(script)
         run_emulator(world, capture, duration_s, script, scene)
         with open_skin(f"file:{capture}", hand) as skin:
-            return rows_of(hand, skin)
+            return group_by_poll_cycle(hand, skin)
 
 
-def _record(setup: Setup, grasp: _Made, rows: Rows, place: int, settings: EmulatedSettings) -> GraspRecord:
+def _record(
+    setup: Setup, grasp: _PerformedGrasp, cycles: PollCycles, index: int, settings: EmulatedSettings
+) -> GraspRecord:
     timeline = settings.timeline
-    begin, end = _span(settings, place)
-    own = rows.between(begin, end)
-    since = own.time_s - begin
-    phase = timeline.phase_at(since)
-    joints = np.hstack([setup.arm_angles(grasp.planned, timeline, since), grasp.motion.joints.at(since)])
+    begin, end = _grasp_interval(settings, index)
+    recorded = cycles.between(begin, end)
+    elapsed = recorded.time_s - begin
+    phase = timeline.phase_at(elapsed)
+    arm, fingers = setup.arm_angles(grasp.planned, timeline, elapsed), grasp.motion.joints.interpolate(elapsed)
+    joints = np.hstack([arm, fingers])
     hold = joints[phase == Phase.HOLD]
-    held = hold.mean(axis=0) if len(hold) else joints[-1]
+    hold_angles = hold.mean(axis=0) if len(hold) else joints[-1]
     return GraspRecord(
         object=grasp.planned.object,
         approach=grasp.planned.approach,
         iteration=grasp.planned.iteration,
         session=grasp.planned.session,
-        timestamp=own.time_s,
+        timestamp=recorded.time_s,
         phase=phase,
-        raw_counts=own.raw_counts,
-        valid=own.valid,
-        sensor_pose=setup.kinematics.sensor_poses(held),
+        raw_counts=recorded.raw_counts,
+        valid=recorded.valid,
+        sensor_pose=setup.kinematics.sensor_poses(hold_angles),
         object_pose=setup.object_pose(grasp.planned.object),
-        sensor_time=own.sensor_time,
+        sensor_time=recorded.sensor_time,
         joint_position=joints,
     )

@@ -1,4 +1,4 @@
-"""What a campaign on the emulated hand is like: the scatter of reality, and how far its skin is from ideal."""
+"""Settings of a campaign on the emulated hand: variation between repeats, and effects of the emulated skin."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.scatter import Scatter
+from taxel.campaign.variation import Variation
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Timeline
 from taxel.hand.transforms import from_rotation_vector
 
 OFFSETS = ("bracket_offset", "object_offset")
-"""Lines among the effects that displace a board's bracket or an object."""
+"""First words of the effect lines that displace a board's bracket or an object."""
 
 DEFAULT_EFFECTS = (
     "noise white counts=8",
@@ -23,13 +23,13 @@ DEFAULT_EFFECTS = (
     "coupling traces picofarad=2 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0045",
 )
-"""Noise, coupling and spread, which the thesis holds responsible for its gap (5.6.2); their sizes are ours."""
+"""Noise, coupling and spread, to which the thesis attributes its gap (5.6.2); the magnitudes are chosen."""
 
 PRESETS: dict[str, Sequence[str]] = {"thesis": DEFAULT_EFFECTS, "none": ()}
 
 
 class UnknownPresetError(TaxelError, ValueError):
-    """A set of effects that has no such name."""
+    """The text is neither the name of a preset of effects nor a list of effect lines."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -40,7 +40,7 @@ class UnknownPresetError(TaxelError, ValueError):
 
 
 class OffsetLineError(TaxelError, ValueError):
-    """A line that displaces something and does not say how."""
+    """An offset line without a name or without six finite numbers."""
 
     def __init__(self, line: str) -> None:
         super().__init__(line)
@@ -52,45 +52,45 @@ class OffsetLineError(TaxelError, ValueError):
 
 @dataclass(frozen=True)
 class EmulatedSettings:
-    """A campaign on the emulated hand.
+    """Settings of a campaign on the emulated hand.
 
-    effects: lines of the world file without the word `effect` (firmware/emulator/README.md), and lines such as
-    "bracket_offset palm 0.001 0 0 0 0 0.02" or "object_offset cylinder ...": how far that bracket or object truly is
-    from where it is believed to be (x, y, z in metres, rotation vector in radians, in its own frame). noise_counts:
-    white read-out noise of every taxel beside them. scl_hz, baud: of I2C and UART.
+    effects: lines of the world file without the word `effect` (firmware/emulator/README.md), and offset lines such as
+    "bracket_offset palm 0.001 0 0 0 0 0.02" or "object_offset cylinder ...": the true pose of that bracket or object
+    relative to its nominal pose (x, y, z in metres, rotation vector in radians, in its own frame). noise_counts:
+    standard deviation of the white read-out noise of every taxel, added to the effects. scl_hz: I2C clock. baud: UART.
     """
 
     seed: int = 1
-    scatter: Scatter = field(default_factory=Scatter)
+    variation: Variation = field(default_factory=Variation)
     effects: Sequence[str] = DEFAULT_EFFECTS
     noise_counts: float = 4.0
     scl_hz: float = 400e3
     baud: float = 1e6
     timeline: Timeline = field(default_factory=Timeline)
 
-    def world_effects(self) -> list[str]:
-        """The lines that the world file knows as effects."""
+    def world_effect_lines(self) -> list[str]:
+        """The effect lines of the world file, without the offset lines."""
         return [line for line in self.effects if line.split()[0] not in OFFSETS]
 
-    def offsets(self, word: str) -> dict[str, NDArray[np.float64]]:
-        """f64[4, 4] by name of what is displaced; `word` is one of `OFFSETS`. Raises `OffsetLineError`."""
-        found = {}
+    def offsets(self, keyword: str) -> dict[str, NDArray[np.float64]]:
+        """Offsets f64[4, 4] by name of the bracket or object. keyword: one of `OFFSETS`. Raises `OffsetLineError`."""
+        offsets = {}
         for line in self.effects:
-            first, *rest = line.split()
-            if first == word:
-                found[rest[0] if rest else ""] = _offset(line, rest[1:])
-        return found
+            first, *arguments = line.split()
+            if first == keyword:
+                offsets[arguments[0] if arguments else ""] = _parse_offset(line, arguments[1:])
+        return offsets
 
     def describe(self) -> str:
-        """One line for the dataset's generator. It names no effect: what a recording lacks is for others to find."""
-        alike = replace(self, effects=tuple(self.effects))  # a list of the same lines is the same campaign
-        key = hashlib.sha256(repr(alike).encode()).hexdigest()[:12]
+        """One line for the generator attribute of the dataset; it does not reveal the effects to a diagnosis."""
+        normalised = replace(self, effects=tuple(self.effects))  # a list and a tuple of the same lines are equivalent
+        key = hashlib.sha256(repr(normalised).encode()).hexdigest()[:12]
         return f"emulated hand, settings {key}"
 
 
-def _offset(line: str, words: Sequence[str]) -> NDArray[np.float64]:
+def _parse_offset(line: str, numbers: Sequence[str]) -> NDArray[np.float64]:
     try:
-        x, y, z, *rotation = map(float, words)
+        x, y, z, *rotation = map(float, numbers)
         offset = from_rotation_vector(np.array(rotation))
     except ValueError:
         raise OffsetLineError(line) from None
@@ -100,8 +100,8 @@ def _offset(line: str, words: Sequence[str]) -> NDArray[np.float64]:
     return offset
 
 
-def effects_of(text: str) -> Sequence[str]:
-    """A preset by name, or effect lines apart by ';'. Raises `UnknownPresetError` for neither."""
+def parse_effects(text: str) -> Sequence[str]:
+    """The effect lines of a preset, or of a text with ';' between the lines. Raises `UnknownPresetError`."""
     if text in PRESETS:
         return PRESETS[text]
     lines = [line.strip() for line in text.split(";") if line.strip()]

@@ -1,4 +1,4 @@
-"""What every campaign has in common: the hand on its robot, the objects and where they stand, the approaches."""
+"""The workstation of a campaign: the hand on its robot, the objects and their poses, the approaches."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 WRIST_LINK = "palm"
 
 WITHDRAW_M = 0.02
-"""How far the palm is away while the baseline is taken (assumed; the thesis takes it before the arm comes, 5.4)."""
+"""Distance of the palm while the baseline is recorded (assumed; the thesis records it before the arm moves in, 5.4)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
     """A workstation.
 
-    calibration: measured poses of objects in the robot's base and of brackets that were mounted again; what it does not
-    tell is where it was planned. placings: how the hand meets the objects. Raises UnknownBoardError for a bracket of a
-    board that the hand lacks.
+    calibration: measured poses of objects in the frame of the robot's base, and of remounted brackets; objects and
+    brackets without an entry are at their planned poses. placings: pose of the palm against the object, by object and
+    approach. Raises UnknownBoardError for a bracket of a board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
@@ -48,12 +48,12 @@ class Setup:
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """Of the whole robot with the hand's skin."""
+        """Kinematics of the whole robot with the hand's skin."""
         return kinematics_of(self.hand)
 
     @cached_property
     def wrist_robot(self) -> Robot:
-        """The part of the robot that moves while the arm rests."""
+        """The part of the robot below the wrist, which moves while the arm is at rest."""
         return self.kinematics.robot.below(WRIST_LINK)
 
     @cached_property
@@ -70,7 +70,7 @@ class Setup:
         return self._approaches[planned.object, planned.approach]
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
-        """Where the experimenter believes an object to stand, f64[4, 4], world."""
+        """Nominal pose of an object, f64[4, 4], world: calibrated if available, else planned."""
         if self.calibration is not None and name in self.calibration.objects:
             return self.calibration.objects[name].transform
         return standing_pose()
@@ -80,35 +80,35 @@ class Setup:
         key = (planned.object, planned.approach)
         if key not in self._arms:
             reach = ArmReach(self.kinematics.robot, WRIST_LINK)
-            approach, where = self.approach(planned), self.object_pose(planned.object)
-            at = reach.solve(where @ approach.palm_pose_at(0.0))
-            away = reach.solve(where @ approach.palm_pose_at(1.0), near=at)
-            self._arms[key] = np.stack([at, away])
+            approach, object_pose = self.approach(planned), self.object_pose(planned.object)
+            grasping = reach.solve(object_pose @ approach.palm_pose_at(0.0))
+            withdrawn = reach.solve(object_pose @ approach.palm_pose_at(1.0), near=grasping)
+            self._arms[key] = np.stack([grasping, withdrawn])
         return self._arms[key]
 
     def arm_angles(
         self, planned: PlannedGrasp, timeline: Timeline, times_s: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Joint angles of the arm at `times_s` [k] of the grasp, f64[k, 6]: it withdraws in joint space."""
-        at, away = self.arm_path(planned)
-        withdrawn = np.array([timeline.withdrawn_at(time) for time in times_s.tolist()])
-        return np.asarray(at + withdrawn[:, None] * (away - at))
+        """Joint angles of the arm f64[k, 6] at `times_s` f64[k] of the grasp; the arm withdraws in joint space."""
+        grasping, withdrawn = self.arm_path(planned)
+        share = np.array([timeline.withdrawn_at(time) for time in times_s.tolist()])
+        return np.asarray(grasping + share[:, None] * (withdrawn - grasping))
 
     def wrist_poses(self, arm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The wrist link in the world for joint angles of the arm f64[k, 6], f64[k, 4, 4]."""
+        """Poses f64[k, 4, 4] of the wrist link in the world, for joint angles of the arm f64[k, 6]."""
         robot = self.kinematics.robot
         angles = np.zeros((len(arm), len(robot.joint_names)))
         angles[:, : arm.shape[1]] = arm
         return np.asarray(self.kinematics.link_poses(angles)[:, robot.link_index(WRIST_LINK)])
 
     def taxel_table(self) -> TaxelTable:
-        """The hand's taxels as a dataset has them."""
+        """The taxel table of a dataset."""
         hand = self.hand
         size = np.full(hand.n_taxels, hand.size_m)
         return TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, size)
 
     def sensor_table(self, rate_hz: float) -> SensorTable:
-        """The hand's boards as a dataset has them, at a common rate."""
+        """The sensor table of a dataset, with one rate for all boards."""
         boards = self.hand.boards
         return SensorTable(
             np.array([board.address for board in boards], np.uint8),
@@ -118,6 +118,6 @@ class Setup:
         )
 
     def meshes(self) -> dict[str, ObjectMesh]:
-        """The objects as a dataset has them."""
+        """The object meshes of a dataset."""
         meshes = {name: item.shape.mesh() for name, item in self.objects.items()}
         return {name: ObjectMesh(vertices, faces.astype(np.int32)) for name, (vertices, faces) in meshes.items()}

@@ -1,4 +1,4 @@
-"""A campaign in the simulator: every grasp of the plan on its own, on all cores, to sim.h5."""
+"""A grasp campaign in the simulator: every grasp is simulated independently, in parallel."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from taxel.campaign.processes import in_processes
-from taxel.campaign.progress import Progress, silent
-from taxel.campaign.scatter import Scatter, balanced_draw
+from taxel.campaign.processes import map_in_processes
+from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import WRIST_LINK, Setup
-from taxel.campaign.store import begin_or_extend
+from taxel.campaign.store import open_campaign_writer
+from taxel.campaign.variation import Variation, balanced_variation
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
@@ -24,22 +24,23 @@ from taxel.sim.sensing import Sensing, sense
 from taxel.sim.sensor_model import SimSensor
 
 CHUNK = 2
-"""Grasps that a process takes at a time."""
+"""Grasps per task of a worker process."""
 
 _STREAM = 3
 
 
 @dataclass(frozen=True)
 class SimSettings:
-    """A campaign in the simulator.
+    """Settings of a campaign in the simulator.
 
-    sensing: how contact becomes force on taxels (`taxel.sim.sensing`). scatter: of object and grip, from repeat to
-    repeat, as far as repeats on the hand have told it; `taxel.campaign.scatter.balanced_draw` goes through it. Nobody
-    tells the simulator how the skin is mounted.
+    sensing: model that converts contact into forces on taxels (`taxel.sim.sensing`). variation: variation of object
+    pose and grip between repeats, as estimated from repeats on the hand; applied as a balanced design
+    (`taxel.campaign.variation.balanced_variation`). Its remounting part is not used: brackets are at their nominal
+    poses.
     """
 
     seed: int = 1
-    scatter: Scatter = field(default_factory=Scatter)
+    variation: Variation = field(default_factory=Variation)
     sensing: Sensing = field(default_factory=Sensing)
     sensor: SimSensor = field(default_factory=SimSensor)
     timeline: Timeline = field(default_factory=Timeline)
@@ -58,39 +59,39 @@ def run_simulated(
     jobs: int | None = None,
     overwrite: bool = False,
     resume: bool = False,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> None:
-    """Simulate the grasps of `plan` and write them to `path`; arguments as those of `run_emulated`."""
+    """Simulate the grasps of `plan` and write them to `path`; the arguments are those of `run_emulated`."""
     setup = setup or Setup()
     sensing = settings.sensing
     model = settings.sensor.told(sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled")
-    with begin_or_extend(path, "sim", setup, RATE_HZ, settings.describe(), overwrite, resume, model) as out:
+    with open_campaign_writer(path, "sim", setup, RATE_HZ, settings.describe(), overwrite, resume, model) as out:
         finished = set(out.ids)
         missing = [planned for planned in plan if planned.id not in finished]
         done = len(plan) - len(missing)
         progress(done, len(plan))
-        records = in_processes(simulate_planned, setup, missing, settings, jobs, CHUNK)
+        records = map_in_processes(simulate_planned_grasp, setup, missing, settings, jobs, CHUNK)
         for planned, record in zip(missing, records, strict=True):
             out.add(record, planned.id)
             done += 1
             progress(done, len(plan))
 
 
-@lru_cache(maxsize=8)  # it keeps setups alive
+@lru_cache(maxsize=8)  # small, because a cached scene keeps its setup in memory
 def _scene(setup: Setup, name: str) -> Scene:
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK)
 
 
-def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
-    """One grasp of the plan. Its noise depends on the seed and the grasp alone."""
+def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
+    """Record of one simulated grasp of the plan. Its noise depends only on the seed and the grasp."""
     rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
-    where, item = setup.object_pose(planned.object), setup.objects[planned.object]
+    object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     scene, approach = _scene(setup, planned.object), setup.approach(planned)
     name = f"{planned.object} {planned.approach}"
-    scatter = settings.scatter.of(planned.object)
-    offset, grip = scatter.moved(balanced_draw(settings.seed, name, planned.iteration))
-    motion = simulate_grasp(scene, approach, settings.timeline, RATE_HZ, offset, grip, object_pose=where, law=law)
+    variation = settings.variation.for_object(planned.object)
+    offset, grip = variation.apply(balanced_variation(settings.seed, name, planned.iteration))
+    motion = simulate_grasp(scene, approach, settings.timeline, RATE_HZ, offset, grip, object_pose=object_pose, law=law)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1
@@ -105,7 +106,7 @@ def simulate_planned(setup: Setup, planned: PlannedGrasp, settings: SimSettings)
         raw_counts=settings.sensor.raw_counts(setup.hand, sensed.contact_force, rng),
         valid=np.ones((len(motion.time_s), len(setup.hand.boards)), bool),
         sensor_pose=motion.sensor_poses[middle],
-        object_pose=where,
+        object_pose=object_pose,
         joint_position=np.hstack([arm, motion.joint_angles]),
         contact_force=sensed.contact_force,
         separation=sensed.separation,

@@ -1,4 +1,4 @@
-"""The dataset that a campaign writes to: a new one, or one that a cut campaign left."""
+"""Writer of a campaign's dataset: a new file, or the continuation of an interrupted campaign."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_writer import GraspDatasetWriter
 
 
-def begin_or_extend(
+def open_campaign_writer(
     path: str | os.PathLike[str],
     source: str,
     setup: Setup,
@@ -25,16 +25,19 @@ def begin_or_extend(
     resume: bool = False,
     sensor_model: SensorModel | None = None,
 ) -> GraspDatasetWriter:
-    """A writer for `path`. `resume`: go on with a file that is there; it must come from the same settings.
+    """A writer for `path`. resume: append to an existing file, which must have been made with the same settings.
 
-    Raises `DatasetError` for a file that exists without `overwrite` or `resume`, and for one of another campaign.
+    Raises `DatasetError` if the file exists and neither `overwrite` nor `resume` is set, and if the file to resume
+    belongs to another campaign.
     """
     generator = f"taxel {version('taxel')}; {settings}"
     if resume and Path(path).exists():
+        expected = f"{source} {setup.hand.name}; {generator}"
         with GraspDataset(path) as data:
-            found, wanted = f"{data.source} {data.hand}; {data.generator}", f"{source} {setup.hand.name}; {generator}"
-        if found != wanted:
-            raise DatasetError(str(path), "/generator", wanted, found, "it is of another campaign; choose another file")
+            found = f"{data.source} {data.hand}; {data.generator}"
+        if found != expected:
+            action = "the file belongs to another campaign; choose another file"
+            raise DatasetError(str(path), "/generator", expected, found, action)
         return GraspDatasetWriter.extend(path)
     return GraspDatasetWriter.create(
         path,
@@ -45,13 +48,13 @@ def begin_or_extend(
         objects=setup.meshes(),
         generator=generator,
         sensor_model=sensor_model,
-        created=_created(),
+        created=_creation_time(),
         notes={} if setup.calibration is None else {"calibration": json.dumps(setup.calibration.to_json())},
         overwrite=overwrite,
     )
 
 
-def _created() -> str | None:
-    """`SOURCE_DATE_EPOCH` (seconds since 1970) if it is set: the same seed then gives the same bytes. None: now."""
+def _creation_time() -> str | None:
+    """Time from `SOURCE_DATE_EPOCH` (seconds since 1970), for reproducible files; None, meaning now, if it is unset."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else None

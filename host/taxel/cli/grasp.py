@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from taxel.campaign.counts import contact_points
 from taxel.campaign.emulated import run_emulated
-from taxel.campaign.physical import run_physical
-from taxel.campaign.settings import EmulatedSettings, effects_of
+from taxel.campaign.physical import PhysicalSettings, run_physical
+from taxel.campaign.point_counts import count_contact_points
+from taxel.campaign.settings import EmulatedSettings, parse_effects
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.cli.station import physical_station
@@ -53,7 +53,7 @@ def grasp(
     """
     plan = _plan(seed, sessions, grasps, objects)
     setup = Setup(calibration=load_calibration(calibration) if calibration is not None else None)
-    emulated = EmulatedSettings(seed=seed, effects=effects_of(effects))
+    emulated = EmulatedSettings(seed=seed, effects=parse_effects(effects))
     sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
     if jobs < 0:
         raise TaxelError(f"--jobs: expected 0 (one a core) or more, found {jobs}")
@@ -70,7 +70,7 @@ def grasp(
     if "physical" in paths:
         path = paths["physical"]
         with physical_station(arm, can, skin, setup.hand) as station, _bar(console, f"hand to {path}") as show:
-            run_physical(path, plan, station, setup=setup, ask=_ask, overwrite=overwrite, resume=resume, progress=show)
+            run_physical(path, plan, station, PhysicalSettings(confirm_placement=_ask), setup, overwrite, resume, show)
     _report(console, list(paths.values()), as_json)
 
 
@@ -149,7 +149,7 @@ class _bar:  # noqa: N801 - a context manager used like a function
 
 
 def _report(console: Console, paths: list[Path], as_json: bool) -> None:
-    counted = {str(path): contact_points(path) for path in paths}
+    counted = {str(path): count_contact_points(path) for path in paths}
     if as_json:
         print(
             json.dumps({path: {name: vars(count) for name, count in found.items()} for path, found in counted.items()})

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.scatter import shift
+from taxel.campaign.variation import small_motion
 from taxel.gap.report.reading import ReportedEffect
 from taxel.generate.errors import HopelessDrawError
 from taxel.generate.placings import drawn_placing, moved
@@ -75,7 +75,7 @@ def _attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Generator
     approach, placing = drawn_placing(kind, item.shape, recipe.grasp.top_share, rng)
     for group in (recipe.grasp, recipe.simulator):
         values |= {name: one.draw(rng) for name, one in vars(group).items() if isinstance(one, Range)}
-    offset = shift(rng.standard_normal(3), rng.standard_normal(3), *_spread(recipe))
+    offset = small_motion(rng.standard_normal(3), rng.standard_normal(3), *_spread(recipe))
     values |= {f"offset_{axis}_mm": 1e3 * float(offset[row, 3]) for row, axis in enumerate("xyz")}
     return DrawnGrasp(
         number,

@@ -52,8 +52,8 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaig
     """The 144 grasps of both sides in `out`; what is there already is gone on with. Raises TaxelError of one line."""
     plan, setup = thesis_plan(seed), Setup(placings=TOUCHED)
     effects = effects_on(board.name for board in setup.hand.boards)
-    emulated = EmulatedSettings(seed=seed, effects=effects, scatter=SCATTER)
-    simulated = SimSettings(seed=seed + SIM_SEED_STEP, scatter=SIM_SCATTER)
+    emulated = EmulatedSettings(seed=seed, effects=effects, variation=SCATTER)
+    simulated = SimSettings(seed=seed + SIM_SEED_STEP, variation=SIM_SCATTER)
     real, sim = out / "real.h5", out / "sim.h5"
     run_emulated(
         real, plan, emulated, setup, jobs=jobs, resume=True, progress=lambda done, of: show("emulated hand", done, of)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
-from taxel.campaign.scatter import STILL, Scatter
+from taxel.campaign.variation import NO_VARIATION, Variation
 from taxel.cloud.propagation import Propagation
 from taxel.grasp.plan import PLACINGS
 
@@ -50,7 +50,7 @@ STANDS: Final = (("rectangular_prism", 0.68), ("cylinder", 0.77), ("triangular_p
 """How far these stand from their places, as a share of what `SCATTER` says: found with `tools/thesis/search.py`, and
 changed by a few hundredths on whole campaigns."""
 
-SCATTER: Final = Scatter(object_m=3.4e-3, object_rad=0.04, objects=STANDS)
+SCATTER: Final = Variation(object_m=3.4e-3, object_rad=0.04, objects=STANDS)
 """Objects were put in their places by hand; the arm, the hand and its calibration have their share."""
 
 TOUCHED: Final = {
@@ -61,7 +61,7 @@ TOUCHED: Final = {
 as from the others (Tables I-7 to I-9): on its sides the palm hardly presses it.
 """
 
-SIM_SCATTER: Final = STILL
+SIM_SCATTER: Final = NO_VARIATION
 """In the thesis's simulator the object stands where its model says (4.3)."""
 
 SIM_LAYER_M: Final = 0.0016

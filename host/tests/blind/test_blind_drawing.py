@@ -13,11 +13,11 @@ from taxel.blind.form import Form
 from taxel.blind.hidden import UNKNOWN, Cause, Hidden
 from taxel.blind.kinds import INSIDE, NAMES
 from taxel.blind.strangers import OUTSIDE
-from taxel.campaign.press import press_settings
-from taxel.campaign.session import session_world
+from taxel.campaign.indentation import indentation_settings
+from taxel.campaign.session import session_world_text
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.hand import load_hand
 
 FULL = sum(MIX.values())
@@ -45,7 +45,7 @@ def test_fewer_worlds_keep_the_shares(count):
 
 
 def test_every_effect_of_the_catalogue_is_hidden_as_often_and_in_all_its_forms(full):
-    assert set(NAMES) == set(CATALOGUE)
+    assert set(NAMES) == set(OWN_EFFECTS)
     causes = [hidden.causes[0] for hidden in hidden_of(full, "single")]
     assert Counter(cause.name for cause in causes) == dict.fromkeys(NAMES, 20)
     forms = Counter(cause.form for cause in causes)
@@ -130,7 +130,7 @@ def test_every_line_is_one_that_the_emulator_takes(full):
     setup = Setup(load_hand("rig4"), {})
     for words in {tuple(line.split()[:2]): line for world in full for line in world.hidden.lines}.values():
         effects = () if words.split()[0].endswith("_offset") else (words,)
-        with SkinContact(session_world(setup, press_settings(setup.hand, effects=effects), 0)):
+        with SkinContact(session_world_text(setup, indentation_settings(setup.hand, effects=effects), 0)):
             pass
 
 

@@ -38,7 +38,7 @@ def made(tmp_path_factory):
     folders = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")
-        patch.setattr(making, "SimPressSettings", partial(making.SimPressSettings, repeats=2))
+        patch.setattr(making, "SimIndentationSettings", partial(making.SimIndentationSettings, repeats=2))
         for name, causes in hidden.items():
             folders[name] = tmp_path_factory.mktemp("world")
             own = replace(world, hidden=Hidden(name, causes, world.hidden.nuisances), salt=name)

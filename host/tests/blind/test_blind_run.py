@@ -18,7 +18,7 @@ from taxel.blind import drawing, run
 from taxel.blind.lane import Lane
 from taxel.blind.records import RECORDS, read_records, write_records
 from taxel.blind.version import diagnosis_version
-from taxel.gap.catalogue import CATALOGUE
+from taxel.gap.catalogue import OWN_EFFECTS
 
 SEED = 4400
 """World 0 hides a lag, whose seconds no definition fixes, and is withheld; world 1 hides nothing and has another effect
@@ -53,7 +53,7 @@ class ShortLane(Lane):
     """The process that diagnoses, with a catalogue of which a diagnosis takes a third of the time."""
 
     def diagnose(self, real, sim, out, without=(), seed=0):
-        super().diagnose(real, sim, out, sorted({*without, *CATALOGUE} - (SHORT - set(without))), seed)
+        super().diagnose(real, sim, out, sorted({*without, *OWN_EFFECTS} - (SHORT - set(without))), seed)
 
 
 class CutLane(ShortLane):
@@ -112,7 +112,7 @@ def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):
         report = read(path)
         assert report["blindfold"] in ("landlock and audit hook", "audit hook")
         assert set(report["simpler"]) == {"rules", "effect_blind"}
-        assert set(report["simpler"].values()) <= {*CATALOGUE, "no_gap"}
+        assert set(report["simpler"].values()) <= {*OWN_EFFECTS, "no_gap"}
         assert str(check) not in path.read_text()
 
 

@@ -1,4 +1,4 @@
-"""What the tests of campaigns share: a workstation, a few cylinder grasps in two sessions, and a short timeline."""
+"""Fixtures of the campaign tests: a workstation, a few cylinder grasps in two sessions, and a short timeline."""
 
 from __future__ import annotations
 

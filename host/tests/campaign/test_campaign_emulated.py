@@ -1,4 +1,4 @@
-"""A campaign on the emulated hand: in parallel, cut, and taken up again."""
+"""A campaign on the emulated hand: parallel, interrupted and resumed."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.counts import contact_points
 from taxel.campaign.emulated import run_emulated
-from taxel.campaign.processes import ProcessLostError, in_processes
+from taxel.campaign.point_counts import count_contact_points
+from taxel.campaign.processes import ProcessLostError, map_in_processes
 from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import ContactLibraryError
 from taxel.hand.frame_errors import FrameError
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
-CUT = """
+INTERRUPTED = """
 import os, signal, sys
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
@@ -33,7 +33,7 @@ from taxel.grasp.timeline import Timeline
 
 def show(done, of):
     if done == 1:
-        print("one", flush=True)
+        print("first grasp", flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
 
 run_emulated(sys.argv[1], {plan}, EmulatedSettings(timeline={timeline}), jobs=1, progress=show)
@@ -41,18 +41,18 @@ run_emulated(sys.argv[1], {plan}, EmulatedSettings(timeline={timeline}), jobs=1,
 
 
 def content(path) -> dict[str, object]:
-    """All datasets and attributes of a file except when it was made."""
-    found: dict[str, object] = {}
+    """All datasets and attributes of a file except the creation time."""
+    items: dict[str, object] = {}
 
     def visit(name: str, item) -> None:
-        found.update({f"{name}@{key}": str(value) for key, value in item.attrs.items() if key != "created"})
+        items.update({f"{name}@{key}": str(value) for key, value in item.attrs.items() if key != "created"})
         if isinstance(item, h5py.Dataset):
-            found[name] = (item.dtype.str, item.shape, np.asarray(item[()]).tobytes() if item.dtype.kind != "O" else 0)
+            items[name] = (item.dtype.str, item.shape, np.asarray(item[()]).tobytes() if item.dtype.kind != "O" else 0)
 
     with h5py.File(path, "r") as file:
         visit("", file)
         file.visititems(visit)
-    return found
+    return items
 
 
 @pytest.fixture(scope="module")
@@ -61,53 +61,53 @@ def settings(timeline):
 
 
 @pytest.fixture(scope="module")
-def whole(setup, plan, settings, tmp_path_factory):
-    """(the dataset of both sessions made in one process, the progress that was told)."""
-    path, told = tmp_path_factory.mktemp("whole") / "real.h5", []
-    run_emulated(path, plan, settings, setup, jobs=1, progress=lambda done, of: told.append((done, of)))
-    return path, told
+def complete(setup, plan, settings, tmp_path_factory):
+    """(the dataset of both sessions, made in one process; the reported progress)."""
+    path, progress = tmp_path_factory.mktemp("complete") / "real.h5", []
+    run_emulated(path, plan, settings, setup, jobs=1, progress=lambda *counts: progress.append(counts))
+    return path, progress
 
 
-def test_the_file_is_a_real_dataset_of_the_plan(whole, plan, setup):
-    path, told = whole
+def test_the_file_is_a_real_dataset_of_the_plan(complete, plan, setup):
+    path, progress = complete
     with GraspDataset(path) as data:
         data.check()
         assert (data.source, data.hand) == ("real", "allegro")
         assert data.ids == tuple(planned.id for planned in plan)
         assert [grasp.session for grasp in data] == [0, 1]
         assert (data.taxels.position == setup.hand.position).all()
-    assert told == [(0, 2), (1, 2), (2, 2)]
+    assert progress == [(0, 2), (1, 2), (2, 2)]
 
 
-def test_it_has_contact_points_on_its_object_alone(whole):
-    counted = contact_points(whole[0])
+def test_only_the_grasped_object_has_contact_points(complete):
+    counted = count_contact_points(complete[0])
     assert counted["cylinder"].grasps == 2
     assert counted["cylinder"].points > 20
     assert counted["rectangular_prism"] == counted["triangular_prism"]
     assert counted["rectangular_prism"].grasps == counted["rectangular_prism"].points == 0
 
 
-def test_two_processes_make_the_same_content(whole, plan, settings, tmp_path):
+def test_one_and_two_processes_make_the_same_content(complete, plan, settings, tmp_path):
     run_emulated(tmp_path / "real.h5", plan, settings, jobs=2)
-    assert content(tmp_path / "real.h5") == content(whole[0])
+    assert content(tmp_path / "real.h5") == content(complete[0])
 
 
-def test_a_killed_campaign_leaves_a_whole_file_and_goes_on_to_the_same_content(
-    whole, plan, settings, setup, timeline, tmp_path
+def test_a_killed_campaign_leaves_a_valid_file_and_resumes_to_the_same_content(
+    complete, plan, settings, setup, timeline, tmp_path
 ):
-    path, told = tmp_path / "real.h5", []
-    code = "from taxel.grasp.timeline import Timeline\n" + CUT.format(
+    path, progress = tmp_path / "real.h5", []
+    code = "from taxel.grasp.timeline import Timeline\n" + INTERRUPTED.format(
         plan=f"({_source(plan)})", timeline=repr(timeline)
     )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, timeout=PATIENCE_S, check=False)
-    assert done.stdout == b"one\n"
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, timeout=TIMEOUT_S, check=False)
+    assert done.stdout == b"first grasp\n"
     assert done.returncode != 0
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == (plan[0].id,)
-    run_emulated(path, plan, settings, setup, jobs=1, resume=True, progress=lambda done, of: told.append((done, of)))
-    assert content(path) == content(whole[0])
-    assert told == [(1, 2), (2, 2)]
+    run_emulated(path, plan, settings, setup, jobs=1, resume=True, progress=lambda *counts: progress.append(counts))
+    assert content(path) == content(complete[0])
+    assert progress == [(1, 2), (2, 2)]
     before = path.read_bytes()
     run_emulated(path, plan, settings, setup, resume=True)
     assert path.read_bytes() == before
@@ -120,20 +120,21 @@ def _source(plan) -> str:
     )
 
 
-def test_a_file_that_exists_is_refused_before_anything_is_made(whole, plan, settings, setup):
-    before = whole[0].read_bytes()
+def test_an_existing_file_is_rejected_before_the_campaign_starts(complete, plan, settings, setup):
+    before = complete[0].read_bytes()
     with pytest.raises(DatasetError, match=r"real\.h5"):
-        run_emulated(whole[0], plan, settings, setup, progress=_never)
-    assert whole[0].read_bytes() == before
+        run_emulated(complete[0], plan, settings, setup, progress=_fail_on_progress)
+    assert complete[0].read_bytes() == before
 
 
-def test_other_settings_do_not_go_on_with_it(whole, plan, timeline, setup):
+def test_a_file_made_with_other_settings_is_not_resumed(complete, plan, timeline, setup):
+    settings = EmulatedSettings(seed=2, timeline=timeline)
     with pytest.raises(DatasetError, match="another campaign") as caught:
-        run_emulated(whole[0], plan, EmulatedSettings(seed=2, timeline=timeline), setup, resume=True, progress=_never)
+        run_emulated(complete[0], plan, settings, setup, resume=True, progress=_fail_on_progress)
     assert "\n" not in str(caught.value)
 
 
-def test_effects_that_the_emulator_refuses_leave_no_file_and_replace_none(plan, timeline, setup, tmp_path):
+def test_effects_rejected_by_the_emulator_create_no_file_and_replace_none(plan, timeline, setup, tmp_path):
     settings, path = EmulatedSettings(timeline=timeline, effects=("noise purple",)), tmp_path / "real.h5"
     with pytest.raises(ContactLibraryError, match="noise purple"):
         run_emulated(path, plan, settings, setup)
@@ -144,39 +145,39 @@ def test_effects_that_the_emulator_refuses_leave_no_file_and_replace_none(plan, 
     assert path.read_text() == "kept"
 
 
-def _never(done: int, of: int) -> None:
-    raise AssertionError("it began")
+def _fail_on_progress(done: int, total: int) -> None:
+    raise AssertionError("the campaign started")
 
 
-def end_process(setup, part: int, settings: float) -> int:
+def kill_process(setup, part: int, settings: float) -> int:
     if part == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     return part
 
 
-def leave_a_mark(setup, part: int, folder: str) -> int:
+def touch_file(setup, part: int, folder: str) -> int:
     time.sleep(0.02)
     Path(folder, str(part)).touch()
     return part
 
 
-def refuse(setup, part: int, settings: None) -> int:
+def raise_error(setup, part: int, settings: None) -> int:
     raise FrameError(f"part {part}")
 
 
-def test_a_process_that_is_killed_gives_one_line(setup):
-    with pytest.raises(ProcessLostError, match="go on with resume") as caught:
-        list(in_processes(end_process, setup, [0, 1, 2, 3], 0.0, 2))
+def test_a_killed_worker_process_raises_an_error_of_one_line(setup):
+    with pytest.raises(ProcessLostError, match="continue with resume") as caught:
+        list(map_in_processes(kill_process, setup, [0, 1, 2, 3], 0.0, 2))
     assert "\n" not in str(caught.value)
 
 
-def test_an_error_in_a_process_arrives_and_ends_the_rest(setup):
+def test_an_error_in_a_worker_process_is_raised_in_the_caller(setup):
     with pytest.raises(FrameError, match="part 0"):
-        list(in_processes(refuse, setup, range(50), None, 2))
+        list(map_in_processes(raise_error, setup, range(50), None, 2))
 
 
-def test_parts_come_in_order_and_an_abandoned_rest_is_not_made(setup, tmp_path):
-    parts = in_processes(leave_a_mark, setup, range(500), str(tmp_path), 2)
+def test_results_are_ordered_and_closing_the_iterator_cancels_the_remaining_parts(setup, tmp_path):
+    parts = map_in_processes(touch_file, setup, range(500), str(tmp_path), 2)
     assert [next(parts) for _ in range(3)] == [0, 1, 2]
     parts.close()
     assert len(list(tmp_path.iterdir())) < 100

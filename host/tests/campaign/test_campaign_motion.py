@@ -1,4 +1,4 @@
-"""A grasp of the emulated hand through CAN: what the encoders say, what torques arrive, and what goes wrong."""
+"""A grasp of the emulated hand over CAN: encoder angles, commanded torques and faults."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import can
 import numpy as np
 import pytest
 
-from taxel.campaign.grasping import PERIOD_S, JointLog, perform
+from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
 from taxel.campaign.hand_in_contact import HandInContact, Mount
-from taxel.campaign.motion import RECORD_PERIODS, SETTLE_S, move
+from taxel.campaign.motion import RECORD_PERIODS, SETTLE_S, simulate_grasp_motion
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import Scene, scene_text
 from taxel.grasp.controller import GraspController
@@ -26,13 +26,13 @@ CHANNELS = itertools.count()
 BRIEF = Timeline(baseline_s=0.1, closing_s=0.1, hold_s=0.1, release_s=0.1, recovery_s=0.0)
 
 
-class Watched:
-    """Joint dynamics that remember their torques and angles, and the end of each step, seconds."""
+class RecordingDynamics:
+    """Joint dynamics that record the torque, the angles and the end time (seconds) of each step."""
 
     def __init__(self, inner) -> None:
         self._inner = inner
         self.torques: list[np.ndarray] = []
-        self.seen: list[np.ndarray] = []
+        self.angle_log: list[np.ndarray] = []
         self.ends: list[float] = []
 
     def __getattr__(self, name: str):
@@ -40,24 +40,24 @@ class Watched:
 
     def steps_in(self, begin_s: float, log: JointLog) -> slice:
         """Steps in the period that begins at `begin_s` of the grasp; the last step ends the last period of the log."""
-        shift = self.ends[-1] - (log.time_s[-1] + PERIOD_S)
-        ends = np.array(self.ends) - shift
+        offset_s = self.ends[-1] - (log.time_s[-1] + PERIOD_S)
+        ends = np.array(self.ends) - offset_s
         return slice(*np.searchsorted(ends, [begin_s + 1e-6, begin_s + PERIOD_S + 1e-6]).tolist())
 
     def step(self, torque_nm: np.ndarray, dt_s: float) -> np.ndarray:
         self.torques.append(torque_nm.copy())
         self.ends.append((self.ends[-1] if self.ends else 0.0) + dt_s)
-        self.seen.append(self._inner.step(torque_nm, dt_s))
-        return self.seen[-1]
+        self.angle_log.append(self._inner.step(torque_nm, dt_s))
+        return self.angle_log[-1]
 
 
-class Spy(GraspController):
-    """A controller that remembers what it asked for."""
+class RecordingController(GraspController):
+    """A controller that records its torques."""
 
     def torque(self, t: float, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        wanted = super().torque(t, angles, velocities)
-        self.asked.append(wanted)
-        return wanted
+        torque_nm = super().torque(t, angles, velocities)
+        self.commanded.append(torque_nm)
+        return torque_nm
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def controller(setup, plan, timeline):
 
 
 @pytest.fixture(scope="module")
-def moved(setup, plan, timeline):
+def grasp_motion(setup, plan, timeline):
     """(dynamics, motion, controller) of one grasp."""
     pose, approach = setup.object_pose("cylinder"), setup.approach(plan[0])
     with SkinContact(scene_text(setup.hand, Scene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
@@ -78,13 +78,13 @@ def moved(setup, plan, timeline):
         hand = HandInContact(
             setup.hand, setup.wrist_robot, contact, 0, pose, Mount(2e3, 20.0, 0.065), wrist, approach.open_angles
         )
-        dynamics, controller = Watched(hand), Spy(approach, timeline)
-        controller.asked = []
-        return dynamics, move(dynamics, controller, timeline, wrist_at), controller
+        dynamics, controller = RecordingDynamics(hand), RecordingController(approach, timeline)
+        controller.commanded = []
+        return dynamics, simulate_grasp_motion(dynamics, controller, timeline, wrist_at), controller
 
 
-def test_the_record_begins_before_closing_and_ends_with_the_release(moved, timeline):
-    _, motion, _ = moved
+def test_the_record_starts_before_closing_and_ends_with_the_release(grasp_motion, timeline):
+    _, motion, _ = grasp_motion
     assert motion.time_s[0] == pytest.approx(timeline.begin(Phase.CLOSING) - SETTLE_S)
     assert timeline.end(Phase.RELEASE) - motion.time_s[-1] <= (RECORD_PERIODS + 0.5) * PERIOD_S
     assert np.diff(motion.time_s) == pytest.approx(RECORD_PERIODS * PERIOD_S)
@@ -93,49 +93,49 @@ def test_the_record_begins_before_closing_and_ends_with_the_release(moved, timel
     assert motion.bracket_poses.shape == (count, 17, 4, 4)
 
 
-def test_the_encoders_say_where_the_joints_truly_were_within_a_count_and_a_period(moved):
-    dynamics, motion, _ = moved
+def test_encoder_angles_match_the_true_angles_within_one_count_and_one_period(grasp_motion):
+    dynamics, motion, _ = grasp_motion
     log = motion.joints
     for time_s, angles in zip(log.time_s[1:].tolist(), log.angles[1:], strict=True):
-        true = np.array(dynamics.seen[dynamics.steps_in(time_s - PERIOD_S, log)])
+        true = np.array(dynamics.angle_log[dynamics.steps_in(time_s - PERIOD_S, log)])
         assert np.abs(true - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT
 
 
-def test_the_torques_arrive_as_whole_shares_of_full_pwm(moved):
-    dynamics, motion, controller = moved
+def test_torques_are_quantised_to_pwm_counts(grasp_motion):
+    dynamics, motion, controller = grasp_motion
     log = motion.joints
-    assert len(controller.asked) == len(log.time_s)
-    for time_s, asked in zip(log.time_s.tolist(), controller.asked, strict=True):
+    assert len(controller.commanded) == len(log.time_s)
+    for time_s, commanded in zip(log.time_s.tolist(), controller.commanded, strict=True):
         for torque in dynamics.torques[dynamics.steps_in(time_s, log)]:
-            assert torque == pytest.approx(asked, abs=0.51 * NM_PER_COUNT)
+            assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)
 
 
-def test_it_presses_with_the_planned_torques(moved, timeline):
-    _, motion, controller = moved
+def test_the_hold_applies_the_planned_torques(grasp_motion, timeline):
+    _, motion, controller = grasp_motion
     hold = timeline.phase_at(motion.joints.time_s) == Phase.HOLD
     free = ~controller.approach.held
-    mean = np.array(controller.asked)[hold][:, free].mean(axis=0)
+    mean = np.array(controller.commanded)[hold][:, free].mean(axis=0)
     assert mean == pytest.approx(controller.approach.torque[free], abs=0.05)
 
 
-def test_the_object_gives_way_and_comes_back(moved, setup):
-    _, motion, _ = moved
+def test_the_object_is_displaced_by_the_grasp_and_returns(grasp_motion, setup):
+    _, motion, _ = grasp_motion
     away = np.linalg.norm(motion.object_poses[:, :3, 3] - setup.object_pose("cylinder")[:3, 3], axis=1)
     assert 5e-5 < away.max() < 5e-2
     assert away[-1] < 1e-3
 
 
-def test_a_log_between_its_entries_and_beyond():
+def test_a_joint_log_interpolates_and_is_constant_beyond_its_ends():
     log = JointLog(np.array([0.0, 1.0]), np.array([[0.0, 4.0], [1.0, 2.0]]))
-    assert log.at(np.array([-1.0, 0.5, 3.0])).tolist() == [[0.0, 4.0], [0.5, 3.0], [1.0, 2.0]]
+    assert log.interpolate(np.array([-1.0, 0.5, 3.0])).tolist() == [[0.0, 4.0], [0.5, 3.0], [1.0, 2.0]]
 
 
 @pytest.fixture
 def free_hand() -> Iterator[tuple[VirtualAllegro, AllegroHand]]:
     channel = f"campaign-test-{next(CHANNELS)}"
-    with can.Bus(channel, "virtual") as ours, can.Bus(channel, "virtual") as theirs:
-        virtual = VirtualAllegro(theirs, FreeJoints())
-        yield virtual, AllegroHand(ours, clock=lambda: virtual.time_s, advance=virtual.step)
+    with can.Bus(channel, "virtual") as host_bus, can.Bus(channel, "virtual") as hand_bus:
+        virtual = VirtualAllegro(hand_bus, FreeJoints())
+        yield virtual, AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step)
 
 
 def periods(virtual: VirtualAllegro, stride: int = 1):
@@ -148,79 +148,79 @@ def periods(virtual: VirtualAllegro, stride: int = 1):
     return wait
 
 
-def test_a_fault_of_the_hand_passes_through_and_leaves_it_without_torque(free_hand, controller):
+def test_a_fault_of_the_hand_is_raised_and_clears_the_torques(free_hand, controller):
     virtual, hand = free_hand
 
-    def watch(time_s: float) -> None:
+    def on_period(time_s: float) -> None:
         if time_s > 0.5:
             virtual.faults.temperature_c = 90
 
     with hand:
         with pytest.raises(AllegroTemperatureError, match="90 C"):
-            perform(hand, controller, 0.0, 3.0, periods(virtual), watch)
+            control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
         virtual.step(0.001)
         assert not virtual.demand.any()
     virtual.step(0.001)
     assert not virtual.servo_on
 
 
-def test_a_hand_that_goes_silent_passes_through(free_hand, controller):
+def test_a_hand_that_stops_responding_raises_the_error_of_the_driver(free_hand, controller):
     virtual, hand = free_hand
 
-    def watch(time_s: float) -> None:
+    def on_period(time_s: float) -> None:
         virtual.faults.silent = time_s > 0.5
 
     with hand, pytest.raises(AllegroSilentError, match="no pose of"):
-        perform(hand, controller, 0.0, 3.0, periods(virtual), watch)
+        control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
 
 
-def test_whatever_goes_wrong_in_a_period_the_hand_is_without_torque(free_hand, controller):
+def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
     virtual, hand = free_hand
 
-    def watch(time_s: float) -> None:
+    def on_period(time_s: float) -> None:
         if time_s > 1.2:
             raise KeyboardInterrupt
 
     with hand:
         with pytest.raises(KeyboardInterrupt):
-            perform(hand, controller, 0.0, 3.0, periods(virtual), watch)
+            control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
         assert virtual.demand.any()
         virtual.step(0.001)
         assert not virtual.demand.any()
 
 
-def test_the_hand_is_without_torque_after_a_grasp(free_hand, controller):
+def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
     virtual, hand = free_hand
     with hand:
-        perform(hand, controller, 0.9, 1.4, periods(virtual))
+        control_grasp(hand, controller, 0.9, 1.4, periods(virtual))
         virtual.step(0.001)
         assert not virtual.demand.any()
 
 
-def test_periods_that_were_missed_do_not_stretch_the_grasp(free_hand, setup, plan):
+def test_missed_periods_do_not_lengthen_the_grasp(free_hand, setup, plan):
     virtual, hand = free_hand
     controller = GraspController(setup.approach(plan[0]), BRIEF)
-    seen: list[float] = []
+    times: list[float] = []
     with hand:
-        begun = virtual.time_s
-        log = perform(hand, controller, 0.0, BRIEF.duration_s, periods(virtual, 4), seen.append)
-        assert virtual.time_s - begun == pytest.approx(BRIEF.duration_s, abs=8 * PERIOD_S)
-    assert log.time_s.tolist() == seen
+        start_s = virtual.time_s
+        log = control_grasp(hand, controller, 0.0, BRIEF.duration_s, periods(virtual, 4), times.append)
+        assert virtual.time_s - start_s == pytest.approx(BRIEF.duration_s, abs=8 * PERIOD_S)
+    assert log.time_s.tolist() == times
     assert np.diff(log.time_s) == pytest.approx(4 * PERIOD_S)
     assert np.isfinite(log.angles).all()
 
 
-def test_it_waits_until_every_finger_has_reported(free_hand, controller):
+def test_control_starts_when_every_finger_has_reported(free_hand, controller):
     virtual, hand = free_hand
     waits: list[int] = []
 
     def wait() -> int:
         waits.append(len(waits))
-        if len(waits) > 5:  # until then no time passes, as in a loop whose first deadline is at once
+        if len(waits) > 5:  # no time passes before, as in a loop whose first deadline has already passed
             virtual.step(PERIOD_S)
         return waits[-1]
 
     with hand:
-        log = perform(hand, controller, 0.0, 0.03, wait)
+        log = control_grasp(hand, controller, 0.0, 0.03, wait)
     assert np.isfinite(log.angles).all()
     assert log.time_s == pytest.approx(PERIOD_S * np.arange(10))

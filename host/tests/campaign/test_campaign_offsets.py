@@ -1,14 +1,14 @@
-"""What is not where it is believed to be: by lines of the campaign, or by a calibration."""
+"""Offsets of brackets and objects from their nominal poses: by effect lines, or by a calibration."""
 
 import h5py
 import numpy as np
 import pytest
 
-from taxel.campaign.scatter import STILL
 from taxel.campaign.session import _scene
 from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
-from taxel.campaign.store import begin_or_extend
+from taxel.campaign.store import open_campaign_writer
+from taxel.campaign.variation import NO_VARIATION
 from taxel.grasp.calibration import Calibration, given_pose
 from taxel.hand import UnknownBoardError
 
@@ -19,10 +19,10 @@ LINES = (
 )
 
 
-def test_offsets_go_to_the_scene_and_the_rest_to_the_effects():
-    settings = EmulatedSettings(scatter=STILL, effects=LINES)
+def test_offset_lines_move_the_scene_and_other_lines_are_effects():
+    settings = EmulatedSettings(variation=NO_VARIATION, effects=LINES)
     scene = _scene(Setup(), settings, 0)
-    assert settings.world_effects() == [LINES[0]]
+    assert settings.world_effect_lines() == [LINES[0]]
     assert scene.bracket_offsets["palm"][0, 3] == pytest.approx(0.001)
     assert scene.bracket_offsets["palm"][1, 0] == pytest.approx(np.sin(0.02))
     assert np.array_equal(scene.bracket_offsets["back_of_hand"], np.eye(4))
@@ -30,7 +30,7 @@ def test_offsets_go_to_the_scene_and_the_rest_to_the_effects():
 
 
 @pytest.mark.parametrize("line", ["bracket_offset palm 1 2 3", "bracket_offset", "object_offset cylinder a b c d e f"])
-def test_an_offset_without_six_numbers_is_refused_with_one_line(line):
+def test_an_offset_without_six_numbers_is_rejected_in_one_line(line):
     settings = EmulatedSettings(effects=(line,))
     with pytest.raises(OffsetLineError, match="six numbers"):
         _scene(Setup(), settings, 0)
@@ -41,24 +41,24 @@ def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose(
         objects={"cylinder": given_pose([0.6, 0.1, 0.1], [1, 0, 0, 0])},
         brackets={"palm": given_pose([0.014, -0.008, -0.045], [0, 0.5**0.5, 0, 0.5**0.5])},
     )
-    plain, measured = Setup(), Setup(calibration=calibration)
+    planned, measured = Setup(), Setup(calibration=calibration)
     assert measured.object_pose("cylinder")[0, 3] == pytest.approx(0.6)
-    assert np.array_equal(measured.object_pose("triangular_prism"), plain.object_pose("triangular_prism"))
-    moved = measured.kinematics.sensor_poses(np.zeros(22)) - plain.kinematics.sensor_poses(np.zeros(22))
-    assert np.linalg.norm(moved[0, :3, 3]) == pytest.approx(0.014 - 0.0131)
-    assert not moved[1:].any()
+    assert np.array_equal(measured.object_pose("triangular_prism"), planned.object_pose("triangular_prism"))
+    change = measured.kinematics.sensor_poses(np.zeros(22)) - planned.kinematics.sensor_poses(np.zeros(22))
+    assert np.linalg.norm(change[0, :3, 3]) == pytest.approx(0.014 - 0.0131)
+    assert not change[1:].any()
 
 
-def test_a_bracket_of_no_board_is_refused():
+def test_a_calibration_of_an_unknown_bracket_is_rejected():
     with pytest.raises(UnknownBoardError, match="elbow"):
         Setup(calibration=Calibration(objects={}, brackets={"elbow": given_pose([0, 0, 0], [1, 0, 0, 0])}))
 
 
-def test_the_calibration_is_stored_with_the_campaign_and_the_time_can_be_given(tmp_path, monkeypatch):
+def test_the_dataset_stores_the_calibration_and_the_source_date_epoch(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     setup = Setup(calibration=Calibration(objects={"cylinder": given_pose([0.6, 0.1, 0.1], [1, 0, 0, 0])}, brackets={}))
     for name in ("a.h5", "b.h5"):
-        begin_or_extend(tmp_path / name, "real", setup, 18.8, "a test").close()
+        open_campaign_writer(tmp_path / name, "real", setup, 18.8, "a test").close()
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
     with h5py.File(tmp_path / "a.h5") as file:
         assert "cylinder" in file.attrs["calibration"]

@@ -1,4 +1,4 @@
-"""A physical campaign, with a virtual hand and an emulated skin in real time and a simulated arm."""
+"""A physical campaign with a virtual hand, an emulated skin in real time and a simulated arm."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from taxel.campaign import physical
-from taxel.campaign.physical import ArmStuckError, Workstation, run_physical
+from taxel.campaign.physical import ArmTimeoutError, PhysicalSettings, Workstation, run_physical
 from taxel.cli.station import physical_station
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Phase, Timeline
@@ -29,13 +29,13 @@ from taxel.skin import open_skin
 CHANNELS = itertools.count()
 LASTING = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
 BRIEF = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
-PATIENCE_S = 1.2
-"""A loaded machine may stop the virtual hand's thread for so long before the driver calls it silent."""
+SILENCE_LIMIT_S = 1.2
+"""Long limit of the driver, because a loaded machine can suspend the thread of the virtual hand."""
 
 
 @dataclass
 class Rig:
-    """A workstation, and what plays its hand."""
+    """A workstation, its virtual hand and its simulated arm."""
 
     station: Workstation
     virtual: VirtualAllegro
@@ -45,13 +45,13 @@ class Rig:
 @contextmanager
 def rig_of(setup) -> Iterator[Rig]:
     channel, stop = f"physical-test-{next(CHANNELS)}", threading.Event()
-    with can.Bus(channel, "virtual") as ours, can.Bus(channel, "virtual") as theirs:
-        virtual = VirtualAllegro(theirs, FreeJoints())
+    with can.Bus(channel, "virtual") as host_bus, can.Bus(channel, "virtual") as hand_bus:
+        virtual = VirtualAllegro(hand_bus, FreeJoints())
         thread = threading.Thread(target=virtual.run, args=(stop,))
         thread.start()
         try:
             with (
-                AllegroHand(ours, silence_limit_s=PATIENCE_S, answer_timeout_s=PATIENCE_S) as hand,
+                AllegroHand(host_bus, silence_limit_s=SILENCE_LIMIT_S, answer_timeout_s=SILENCE_LIMIT_S) as hand,
                 open_skin("emulator:?speed=real", setup.hand) as skin,
             ):
                 arm = SimulatedArm()
@@ -61,24 +61,24 @@ def rig_of(setup) -> Iterator[Rig]:
             thread.join()
 
 
-def eventually(holds: Callable[[], bool]) -> bool:
-    end = time.monotonic() + 10 * PATIENCE_S
-    while not holds() and time.monotonic() < end:
+def is_eventually(condition: Callable[[], bool]) -> bool:
+    end = time.monotonic() + 10 * SILENCE_LIMIT_S
+    while not condition() and time.monotonic() < end:
         time.sleep(0.005)
-    return holds()
+    return condition()
 
 
 @pytest.fixture(scope="module")
-def made(setup, plan, tmp_path_factory):
-    """(file of two grasps, what was asked, the rig afterwards)."""
-    path, asked = tmp_path_factory.mktemp("physical") / "real.h5", []
+def finished(setup, plan, tmp_path_factory):
+    """(file of two grasps, confirmed placements, the rig afterwards)."""
+    path, placements = tmp_path_factory.mktemp("physical") / "real.h5", []
     with rig_of(setup) as rig:
-        run_physical(path, plan, rig.station, LASTING, setup, asked.append)
-        yield path, asked, rig
+        run_physical(path, plan, rig.station, PhysicalSettings(LASTING, placements.append), setup)
+        yield path, placements, rig
 
 
-def test_the_file_has_the_grasps_with_their_phases(made, plan):
-    with GraspDataset(made[0]) as data:
+def test_the_file_has_the_grasps_with_their_phases(finished, plan):
+    with GraspDataset(finished[0]) as data:
         data.check()
         assert data.source == "real"
         assert data.ids == tuple(planned.id for planned in plan)
@@ -88,23 +88,22 @@ def test_the_file_has_the_grasps_with_their_phases(made, plan):
             assert grasp.timestamp[-1] - grasp.timestamp[0] < LASTING.duration_s
 
 
-def test_frames_are_valid_and_at_rest(made):
-    """The emulated skin touches nothing."""
-    with GraspDataset(made[0]) as data:
+def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished):
+    with GraspDataset(finished[0]) as data:
         for grasp in data:
             assert grasp.valid.mean() > 0.9
             assert grasp.raw_counts[grasp.valid.all(axis=1)].min() > 1000
             assert (np.diff(grasp.sensor_time, axis=0) >= 0).all()
 
 
-def test_joint_angles_are_the_hands_and_the_arms(made, setup, plan):
-    with GraspDataset(made[0]) as data:
+def test_joint_angles_are_those_of_the_arm_and_the_hand(finished, setup, plan):
+    with GraspDataset(finished[0]) as data:
         for planned, grasp in zip(plan, data, strict=True):
-            at, away = setup.arm_path(planned)
+            grasping, withdrawn = setup.arm_path(planned)
             assert grasp.joint_position[grasp.phase == Phase.BASELINE][:, :6] == pytest.approx(
-                np.tile(away, ((grasp.phase == Phase.BASELINE).sum(), 1)), abs=1e-9
+                np.tile(withdrawn, ((grasp.phase == Phase.BASELINE).sum(), 1)), abs=1e-9
             )
-            assert grasp.joint_position[grasp.phase == Phase.HOLD][-1, :6] == pytest.approx(at, abs=1e-6)
+            assert grasp.joint_position[grasp.phase == Phase.HOLD][-1, :6] == pytest.approx(grasping, abs=1e-6)
             closing = setup.approach(planned).torque > 0
             hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
             assert (hold[closing] > 0.3).all()  # nothing stops the fingers
@@ -112,35 +111,36 @@ def test_joint_angles_are_the_hands_and_the_arms(made, setup, plan):
             assert grasp.sensor_pose == pytest.approx(setup.kinematics.sensor_poses(mean))
 
 
-def test_somebody_is_asked_before_each_session(made, plan):
-    assert made[1] == list(plan)
+def test_the_placement_is_confirmed_before_each_session(finished, plan):
+    assert finished[1] == list(plan)
 
 
-def test_the_hand_is_without_torque_after_the_grasps(made):
-    assert eventually(lambda: not made[2].virtual.demand.any())
+def test_the_torques_are_zero_after_the_grasps(finished):
+    assert is_eventually(lambda: not finished[2].virtual.demand.any())
 
 
-def test_a_campaign_goes_on_and_does_not_repeat_a_grasp(made, plan, setup):
-    path, _, rig = made
-    asked = []
-    run_physical(path, plan, rig.station, LASTING, setup, asked.append, resume=True)
-    assert asked == []
+def test_a_resumed_campaign_does_not_repeat_a_grasp(finished, plan, setup):
+    path, _, rig = finished
+    placements = []
+    run_physical(path, plan, rig.station, PhysicalSettings(LASTING, placements.append), setup, resume=True)
+    assert placements == []
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == tuple(planned.id for planned in plan)
     with pytest.raises(DatasetError):
-        run_physical(path, plan, rig.station, LASTING, setup)
+        run_physical(path, plan, rig.station, PhysicalSettings(LASTING), setup)
 
 
-def test_a_hand_that_goes_silent_ends_it_with_one_line_and_keeps_the_first_grasp(setup, plan, tmp_path):
+def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_grasp(setup, plan, tmp_path):
     with rig_of(setup) as rig:
 
-        def cut(done: int, of: int) -> None:
+        def silence_hand(done: int, total: int) -> None:
             if done == 1:
                 rig.virtual.faults.silent = True
 
+        settings = PhysicalSettings(LASTING)
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
-            run_physical(tmp_path / "real.h5", plan, rig.station, LASTING, setup, progress=cut)
+            run_physical(tmp_path / "real.h5", plan, rig.station, settings, setup, progress=silence_hand)
         assert "\n" not in str(caught.value)
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
@@ -150,19 +150,19 @@ def test_a_hand_that_goes_silent_ends_it_with_one_line_and_keeps_the_first_grasp
         assert data.ids == (plan[0].id,)
 
 
-def test_a_hand_that_goes_silent_in_the_middle_of_a_grasp_stops_arm_and_torque(setup, plan, tmp_path):
+def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup, plan, tmp_path):
     with rig_of(setup) as rig:
-        angles = rig.arm.joint_angles
+        joint_angles = rig.arm.joint_angles
 
-        def watched() -> np.ndarray:
+        def joint_angles_with_fault() -> np.ndarray:
             if rig.virtual.demand.any():
                 rig.virtual.faults.dropped_fingers = {2}
-            return angles()
+            return joint_angles()
 
-        rig.arm.joint_angles = watched
+        rig.arm.joint_angles = joint_angles_with_fault
         with pytest.raises(AllegroSilentError, match="no pose of"):
-            run_physical(tmp_path / "real.h5", plan, rig.station, LASTING, setup)
-        assert eventually(lambda: not rig.virtual.demand.any())
+            run_physical(tmp_path / "real.h5", plan, rig.station, PhysicalSettings(LASTING), setup)
+        assert is_eventually(lambda: not rig.virtual.demand.any())
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
     assert not rig.virtual.servo_on
@@ -170,22 +170,16 @@ def test_a_hand_that_goes_silent_in_the_middle_of_a_grasp_stops_arm_and_torque(s
         assert data.ids == ()
 
 
-def test_a_skin_that_vanishes_ends_it_with_one_line(setup, plan, tmp_path):
+def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tmp_path):
     with rig_of(setup) as rig:
+        settings = PhysicalSettings(BRIEF, lambda _: rig.station.skin.link._process.kill())
         with pytest.raises(TaxelError) as caught:
-            run_physical(
-                tmp_path / "real.h5",
-                plan,
-                rig.station,
-                BRIEF,
-                setup,
-                ask=lambda _: rig.station.skin.link._process.kill(),
-            )
+            run_physical(tmp_path / "real.h5", plan, rig.station, settings, setup)
         assert "\n" not in str(caught.value)
-        assert eventually(lambda: not rig.virtual.demand.any())
+        assert is_eventually(lambda: not rig.virtual.demand.any())
 
 
-def test_an_arm_that_does_not_arrive_ends_it_with_one_line(setup, plan, tmp_path, monkeypatch):
+def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tmp_path, monkeypatch):
     monkeypatch.setattr(physical, "ARM_TIMEOUT_S", 0.2)
     stops = []
 
@@ -195,31 +189,31 @@ def test_an_arm_that_does_not_arrive_ends_it_with_one_line(setup, plan, tmp_path
 
     with rig_of(setup) as rig:
         station = Workstation(Stuck(), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
-        with pytest.raises(ArmStuckError, match=r"^arm: did not arrive within 0.2 s; .*$"):
-            run_physical(tmp_path / "real.h5", plan, station, BRIEF, setup)
+        with pytest.raises(ArmTimeoutError, match=r"^arm: expected to reach its target within 0.2 s, .*$"):
+            run_physical(tmp_path / "real.h5", plan, station, PhysicalSettings(BRIEF), setup)
     assert stops
 
 
 @pytest.mark.parametrize("arm", ["", "ur5e", "rtde", "rtde:", "simulated:", "simulated:x", "Simulated"])
-def test_another_arm_is_refused_before_anything_is_opened(arm, setup):
+def test_an_unknown_arm_is_rejected_before_a_device_is_opened(arm, setup):
     expected = f"^--arm: expected rtde:HOST or simulated, found '{arm}'$"
     with pytest.raises(TaxelError, match=expected), physical_station(arm, "can:nothing", "nothing", setup.hand):
-        raise AssertionError("it opened")
+        raise AssertionError("a device was opened")
 
 
-def test_a_skin_that_is_missing_leaves_the_hand_switched_off(setup, tmp_path, monkeypatch):
+def test_a_missing_skin_leaves_the_hand_switched_off(setup, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     channel, stop = f"physical-test-{next(CHANNELS)}", threading.Event()
-    with can.Bus(channel, "virtual") as theirs:
-        virtual = VirtualAllegro(theirs, FreeJoints())
+    with can.Bus(channel, "virtual") as hand_bus:
+        virtual = VirtualAllegro(hand_bus, FreeJoints())
         thread = threading.Thread(target=virtual.run, args=(stop,))
         thread.start()
         try:
             station = physical_station("simulated", f"can:virtual:{channel}", "serial:///dev/nothing", setup.hand)
             with pytest.raises(TaxelError, match="nothing") as caught, station:
-                raise AssertionError("it opened")
+                raise AssertionError("a device was opened")
             assert "\n" not in str(caught.value)
-            assert eventually(lambda: not virtual.servo_on)
+            assert is_eventually(lambda: not virtual.servo_on)
         finally:
             stop.set()
             thread.join()

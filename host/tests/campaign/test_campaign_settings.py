@@ -1,4 +1,4 @@
-"""What an emulated campaign is like, in one line."""
+"""Settings of an emulated campaign: effect texts and the description of a dataset's generator."""
 
 from __future__ import annotations
 
@@ -6,40 +6,40 @@ import pickle
 
 import pytest
 
-from taxel.campaign.scatter import Scatter
-from taxel.campaign.settings import DEFAULT_EFFECTS, EmulatedSettings, UnknownPresetError, effects_of
+from taxel.campaign.settings import DEFAULT_EFFECTS, EmulatedSettings, UnknownPresetError, parse_effects
+from taxel.campaign.variation import Variation
 from taxel.grasp.timeline import Timeline
 
 
-def test_presets_by_name_and_lines_as_they_are():
-    assert effects_of("thesis") == DEFAULT_EFFECTS
-    assert effects_of("none") == ()
-    assert effects_of("spread film length_m=0.002; noise white counts=3;") == [
+def test_effects_are_parsed_from_a_preset_name_or_from_lines():
+    assert parse_effects("thesis") == DEFAULT_EFFECTS
+    assert parse_effects("none") == ()
+    assert parse_effects("spread film length_m=0.002; noise white counts=3;") == [
         "spread film length_m=0.002",
         "noise white counts=3",
     ]
 
 
 @pytest.mark.parametrize("text", ["", ";", "best", "noise white counts=1;spread"])
-def test_what_is_neither_is_refused_in_one_line(text):
+def test_a_text_that_is_neither_preset_nor_lines_is_rejected_in_one_line(text):
     with pytest.raises(UnknownPresetError, match=r"^effects: expected thesis, none, or lines such as .*$") as caught:
-        effects_of(text)
+        parse_effects(text)
     assert "\n" not in str(caught.value)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_the_description_tells_settings_apart_and_names_no_effect():
-    all_of_them = [
+def test_the_description_differs_between_settings_and_contains_no_effect_name():
+    variants = [
         EmulatedSettings(),
         EmulatedSettings(seed=2),
         EmulatedSettings(effects=()),
-        EmulatedSettings(scatter=Scatter(grip=0.0)),
+        EmulatedSettings(variation=Variation(grip=0.0)),
         EmulatedSettings(timeline=Timeline(hold_s=2.0)),
     ]
-    lines = [settings.describe() for settings in all_of_them]
+    lines = [settings.describe() for settings in variants]
     assert len(set(lines)) == len(lines)
     assert not any(word in line for line in lines for word in ("noise", "coupling", "spread"))
 
 
-def test_a_list_of_the_same_effects_is_the_same_campaign():
+def test_a_list_and_a_tuple_of_the_same_effects_have_the_same_description():
     assert EmulatedSettings(effects=list(DEFAULT_EFFECTS)).describe() == EmulatedSettings().describe()

@@ -1,4 +1,4 @@
-"""A campaign in the simulator: its file, its levels, and how force becomes counts."""
+"""A campaign in the simulator: dataset, levels of sensing, and conversion of force into counts."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from taxel.sim.sensor_model import SimSensor
 
 
 def grasps(path) -> dict[str, bytes]:
-    """All that a file holds of its grasps and of its sensor model."""
-    found: dict[str, bytes] = {}
+    """Content of the grasps and of the sensor model of a file."""
+    items: dict[str, bytes] = {}
 
     def visit(name: str, item) -> None:
-        found.update({f"{name}@{key}": np.asarray(value).tobytes() for key, value in item.attrs.items() if name})
+        items.update({f"{name}@{key}": np.asarray(value).tobytes() for key, value in item.attrs.items() if name})
         if isinstance(item, h5py.Dataset) and item.dtype.kind != "O":
-            found[name] = np.asarray(item[()]).tobytes()
+            items[name] = np.asarray(item[()]).tobytes()
 
     with h5py.File(path, "r") as file:
         file.visititems(visit)
-    return found
+    return items
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +37,14 @@ def settings(timeline):
 
 
 @pytest.fixture(scope="module")
-def whole(setup, plan, settings, tmp_path_factory):
-    path = tmp_path_factory.mktemp("whole") / "sim.h5"
+def complete(setup, plan, settings, tmp_path_factory):
+    path = tmp_path_factory.mktemp("complete") / "sim.h5"
     run_simulated(path, plan, settings, setup, jobs=1)
     return path
 
 
-def test_the_file_is_a_simulated_dataset_of_the_plan(whole, plan, timeline):
-    with GraspDataset(whole) as data:
+def test_the_file_is_a_simulated_dataset_of_the_plan(complete, plan, timeline):
+    with GraspDataset(complete) as data:
         data.check()
         assert (data.source, data.hand, data.ids) == ("sim", "allegro", tuple(planned.id for planned in plan))
         assert "layer sensing" in data.generator
@@ -52,11 +52,11 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(whole, plan, timeline):
             assert grasp.phase.tolist() == timeline.phase_at(grasp.timestamp).tolist()
             assert grasp.valid.all()
             assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
-    assert count_contact_points(whole)["cylinder"].points > 20
+    assert count_contact_points(complete)["cylinder"].points > 20
 
 
-def test_it_states_how_force_became_counts(whole, settings):
-    with GraspDataset(whole) as data:
+def test_the_dataset_states_the_sensor_model(complete, settings):
+    with GraspDataset(complete) as data:
         model, sensor = data.sensor_model, settings.sensor
     assert model.baseline_counts == sensor.baseline_counts
     assert model.full_scale_drop_counts == sensor.full_scale_drop_counts
@@ -65,8 +65,8 @@ def test_it_states_how_force_became_counts(whole, settings):
     assert model.layer == "uncoupled"
 
 
-def test_counts_follow_from_force_and_noise_as_stated(whole):
-    with GraspDataset(whole) as data:
+def test_counts_agree_with_the_stated_sensor_model_and_noise(complete):
+    with GraspDataset(complete) as data:
         grasp, model = data[data.ids[0]], data.sensor_model
         signal = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
         noise = grasp.raw_counts - (model.baseline_counts - signal)
@@ -74,9 +74,9 @@ def test_counts_follow_from_force_and_noise_as_stated(whole):
     assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
 
 
-def test_a_taxel_that_presses_is_pressed_in(whole):
-    """Its separation is measured along the normal at its centre, its force over its square: only edges differ."""
-    with GraspDataset(whole) as data:
+def test_loaded_taxels_are_indented(complete):
+    """Separation is measured at the centre of a taxel, force over its square: they disagree only at edges."""
+    with GraspDataset(complete) as data:
         for grasp in data:
             assert grasp.contact_force.min() >= 0
             assert not grasp.contact_force[grasp.phase == Phase.BASELINE].any()
@@ -87,15 +87,15 @@ def test_a_taxel_that_presses_is_pressed_in(whole):
             assert force[separation < 2e-4].sum() > 0.85 * force.sum()
 
 
-def test_two_processes_make_the_same_content(whole, plan, settings, tmp_path):
+def test_one_and_two_processes_make_the_same_content(complete, plan, settings, tmp_path):
     run_simulated(tmp_path / "sim.h5", plan, settings, jobs=2)
-    assert grasps(tmp_path / "sim.h5") == grasps(whole)
+    assert grasps(tmp_path / "sim.h5") == grasps(complete)
 
 
-def test_an_interrupted_campaign_leaves_a_whole_file_and_goes_on_to_the_same_content(
-    whole, plan, settings, setup, tmp_path
+def test_an_interrupted_campaign_leaves_a_valid_file_and_resumes_to_the_same_content(
+    complete, plan, settings, setup, tmp_path
 ):
-    def interrupt(done: int, of: int) -> None:
+    def interrupt(done: int, total: int) -> None:
         if done:
             raise KeyboardInterrupt
 
@@ -104,7 +104,7 @@ def test_an_interrupted_campaign_leaves_a_whole_file_and_goes_on_to_the_same_con
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
         assert data.ids == (plan[0].id,)
-    told = []
+    progress = []
     run_simulated(
         tmp_path / "sim.h5",
         plan,
@@ -112,21 +112,21 @@ def test_an_interrupted_campaign_leaves_a_whole_file_and_goes_on_to_the_same_con
         setup,
         jobs=1,
         resume=True,
-        progress=lambda *told_now: told.append(told_now),
+        progress=lambda *counts: progress.append(counts),
     )
-    assert grasps(tmp_path / "sim.h5") == grasps(whole)
-    assert told == [(1, 2), (2, 2)]
+    assert grasps(tmp_path / "sim.h5") == grasps(complete)
+    assert progress == [(1, 2), (2, 2)]
 
 
 @pytest.mark.parametrize("other", [{"resume": True}, {}])
-def test_a_file_that_exists_or_comes_from_other_settings_is_refused(other, whole, plan, settings, setup):
+def test_an_existing_file_and_a_file_of_other_settings_are_rejected(other, complete, plan, settings, setup):
     with pytest.raises(DatasetError) as caught:
-        run_simulated(whole, plan, replace(settings, seed=2), setup, **other)
+        run_simulated(complete, plan, replace(settings, seed=2), setup, **other)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_every_level_makes_a_valid_file_that_names_its_layer(level, plan, timeline, setup, tmp_path):
+def test_every_level_makes_a_valid_file_that_states_its_layer(level, plan, timeline, setup, tmp_path):
     settings = SimSettings(sensing=Sensing(level), timeline=timeline)
     run_simulated(tmp_path / "sim.h5", plan[:1], settings, setup, jobs=1)
     with GraspDataset(tmp_path / "sim.h5") as data:
@@ -136,12 +136,13 @@ def test_every_level_makes_a_valid_file_that_names_its_layer(level, plan, timeli
         assert (data[data.ids[0]].contact_force > 0).any()
 
 
-def test_noise_depends_on_seed_and_grasp_alone(setup, plan, settings):
+def test_noise_depends_only_on_seed_and_grasp(setup, plan, settings):
     settings = replace(settings, sensing=Sensing("rigid"))
-    again = [simulate_planned_grasp(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
-    assert (again[0] == again[2]).all()
-    assert (again[0][0] != again[1][0]).any()
+    counts = [simulate_planned_grasp(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
+    assert (counts[0] == counts[2]).all()
+    assert (counts[0][0] != counts[1][0]).any()
     other = simulate_planned_grasp(setup, plan[0], replace(settings, seed=2))
-    assert (again[0] != other.raw_counts).any()
-    no_progress = replace(settings, sensor=SimSensor(noise_counts=0.0))
-    assert (simulate_planned_grasp(setup, plan[0], no_progress).raw_counts[0] == round(no_progress.sensor.baseline_counts)).all()
+    assert (counts[0] != other.raw_counts).any()
+    noiseless = replace(settings, sensor=SimSensor(noise_counts=0.0))
+    first_frame = simulate_planned_grasp(setup, plan[0], noiseless).raw_counts[0]
+    assert (first_frame == round(noiseless.sensor.baseline_counts)).all()

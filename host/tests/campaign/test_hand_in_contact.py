@@ -1,4 +1,4 @@
-"""The emulated hand's joints at rest on an object, at their limits, and at other time steps."""
+"""Joint dynamics of the emulated hand: equilibrium on an object, joint limits, time step."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def approach(setup, plan):
 
 
 @pytest.fixture(scope="module")
-def beginning(setup, contact, approach):
-    """A hand around the cylinder, open; index -1: around nothing."""
+def open_hand(setup, contact, approach):
+    """Function that makes an open hand around the cylinder; with index -1 no object is present."""
 
     def make(index: int = 0) -> HandInContact:
         pose = setup.object_pose("cylinder")
@@ -48,8 +48,8 @@ def beginning(setup, contact, approach):
     return make
 
 
-def close(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
-    """Close and hold; returns the last torque."""
+def close_hand(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
+    """Close and hold the hand; returns the last torque."""
     controller, torque = GraspController(approach, CLOSED), np.zeros(16)
     for tick in range(round(seconds / PERIOD_S)):
         torque = controller.torque(tick * PERIOD_S, dynamics.angles, dynamics.velocities)
@@ -58,15 +58,15 @@ def close(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def at_rest(beginning, approach):
-    dynamics = beginning()
-    return dynamics, close(dynamics, approach, 3.5)
+def at_rest(open_hand, approach):
+    dynamics = open_hand()
+    return dynamics, close_hand(dynamics, approach, 3.5)
 
 
 @pytest.fixture(scope="module")
-def closed(beginning, approach):
-    dynamics = beginning()
-    close(dynamics, approach, 1.2)
+def closed(open_hand, approach):
+    dynamics = open_hand()
+    close_hand(dynamics, approach, 1.2)
     return dynamics
 
 
@@ -74,16 +74,16 @@ def forces(contact: SkinContact, dynamics: HandInContact) -> np.ndarray:
     return contact.forces(0, dynamics.object_pose(), dynamics.bracket_poses())
 
 
-def test_it_grasps_and_comes_to_rest(at_rest, contact):
-    """Fingers slide on the object without friction until they bear on it: only friction in the joints ends it."""
+def test_the_hand_grasps_the_object_and_comes_to_rest(at_rest, contact):
+    """The contact has no friction: the fingers slide until joint friction stops them, hence the loose speed limit."""
     dynamics, _ = at_rest
-    assert dynamics.touched >= 4
+    assert dynamics.touched_count >= 4
     assert forces(contact, dynamics).sum() > 5.0
     assert np.abs(dynamics.velocities).max() < 0.03
 
 
-def test_at_rest_contact_balances_the_torques_to_within_friction(at_rest, contact, setup, approach):
-    """Virtual work: what contact does on each board while one joint turns a little."""
+def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, contact, setup, approach):
+    """Virtual work of the contact on all boards for a small rotation of each joint."""
     dynamics, torque = at_rest
     kinematics = Kinematics(setup.wrist_robot, setup.hand)
     wrist = setup.object_pose("cylinder") @ approach.palm_pose
@@ -99,10 +99,10 @@ def test_at_rest_contact_balances_the_torques_to_within_friction(at_rest, contac
             motion = inverse(minus) @ plus
             twist = np.r_[motion[:3, 3], to_rotation_vector(motion)] / (2 * step)
             work[joint] += twist @ load.wrench[board]
-    inside = (dynamics.angles > setup.wrist_robot.lower) & (dynamics.angles < setup.wrist_robot.upper)
+    is_within_limits = (dynamics.angles > setup.wrist_robot.lower) & (dynamics.angles < setup.wrist_robot.upper)
     assert np.abs(work).max() > 0.1
-    resisted = JOINT_FRICTION_NM + JOINT_DAMPING_NM_S * np.abs(dynamics.velocities)
-    assert (np.abs(work + torque) < 1.05 * resisted)[inside].all()
+    resistance = JOINT_FRICTION_NM + JOINT_DAMPING_NM_S * np.abs(dynamics.velocities)
+    assert (np.abs(work + torque) < 1.05 * resistance)[is_within_limits].all()
 
 
 def test_at_rest_the_mount_balances_the_net_force(at_rest, contact, setup):
@@ -110,32 +110,32 @@ def test_at_rest_the_mount_balances_the_net_force(at_rest, contact, setup):
     load = contact.load(0, dynamics.object_pose(), dynamics.bracket_poses())
     true = dynamics.bracket_poses() @ REMOUNT
     on_object = -np.einsum("sij,sj->i", true[:, :3, :3], load.wrench[:, :3])
-    held = np.array([0.0, 0.0, MOUNT.height_m, 1.0])
-    gives_way = ((dynamics.object_pose() - setup.object_pose("cylinder")) @ held)[:3]
+    mount_point = np.array([0.0, 0.0, MOUNT.height_m, 1.0])
+    deflection = ((dynamics.object_pose() - setup.object_pose("cylinder")) @ mount_point)[:3]
     assert np.linalg.norm(on_object) > 0.5
-    assert on_object == pytest.approx(MOUNT.n_per_m * gives_way, abs=0.05)
+    assert on_object == pytest.approx(MOUNT.n_per_m * deflection, abs=0.05)
 
 
-def test_the_same_torques_give_the_same_bits(closed, beginning, approach):
-    again = beginning()
-    close(again, approach, 1.2)
-    assert again.angles.tobytes() == closed.angles.tobytes()
-    assert again.object_pose().tobytes() == closed.object_pose().tobytes()
+def test_the_same_torques_give_bit_identical_motion(closed, open_hand, approach):
+    repeated = open_hand()
+    close_hand(repeated, approach, 1.2)
+    assert repeated.angles.tobytes() == closed.angles.tobytes()
+    assert repeated.object_pose().tobytes() == closed.object_pose().tobytes()
 
 
-def test_half_the_time_step_changes_the_final_forces_little(closed, beginning, approach, contact, monkeypatch):
+def test_halving_the_time_step_hardly_changes_the_final_forces(closed, open_hand, approach, contact, monkeypatch):
     coarse = forces(contact, closed)
     monkeypatch.setattr(hand_in_contact, "SUBSTEP_S", hand_in_contact.SUBSTEP_S / 2)
-    dynamics = beginning()
-    close(dynamics, approach, 1.2)
+    dynamics = open_hand()
+    close_hand(dynamics, approach, 1.2)
     fine = forces(contact, dynamics)
     assert fine.sum() == pytest.approx(coarse.sum(), rel=0.03)
     assert np.abs(fine - coarse).max() < 0.05 * coarse.max()
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_free_joint_stops_at_its_limit(beginning, setup, direction):
-    dynamics, robot = beginning(-1), setup.wrist_robot
+def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
+    dynamics, robot = open_hand(-1), setup.wrist_robot
     limit = robot.upper if direction > 0 else robot.lower
     for _ in range(700):
         dynamics.step(np.full(16, 0.3 * direction), PERIOD_S)
@@ -143,24 +143,24 @@ def test_a_free_joint_stops_at_its_limit(beginning, setup, direction):
         assert (dynamics.angles <= robot.upper).all()
     assert dynamics.angles == pytest.approx(limit)
     assert not dynamics.velocities.any()
-    assert dynamics.touched == 0
+    assert dynamics.touched_count == 0
 
 
-def test_without_torque_and_contact_nothing_moves(beginning, setup):
-    dynamics = beginning(-1)
+def test_without_torque_and_contact_the_hand_does_not_move(open_hand, setup):
+    dynamics = open_hand(-1)
     before = dynamics.angles
     dynamics.step(np.zeros(16), 0.3)
     assert dynamics.angles == pytest.approx(before, abs=1e-12)
     assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"))
 
 
-def test_an_object_that_was_pushed_swings_back(beginning, approach, setup):
-    dynamics = beginning()
-    close(dynamics, approach, 0.8)
+def test_a_displaced_object_returns_when_the_hand_leaves(open_hand, approach, setup):
+    dynamics = open_hand()
+    close_hand(dynamics, approach, 0.8)
     far = setup.object_pose("cylinder") @ approach.palm_pose
     far[2, 3] += 1.0
     dynamics.hold_wrist(far)
     for _ in range(200):
         dynamics.step(np.zeros(16), PERIOD_S)
-    assert dynamics.touched == 0
+    assert dynamics.touched_count == 0
     assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"), abs=1e-6)

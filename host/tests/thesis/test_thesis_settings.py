@@ -16,7 +16,7 @@ from taxel.thesis.settings import DEEPER_M, EFFECTS, PRISM, PRISM_PRESS_M, SCATT
 def test_the_emulator_takes_the_effects():
     setup = Setup()
     effects = effects_on(board.name for board in setup.hand.boards)
-    check_world(setup, EmulatedSettings(effects=effects, scatter=SCATTER))
+    check_world(setup, EmulatedSettings(effects=effects, variation=SCATTER))
 
 
 def test_every_bracket_lies_deeper():

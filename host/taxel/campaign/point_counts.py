@@ -1,28 +1,26 @@
-"""How many contact points a dataset holds for each object: Table 5.2."""
+"""Number of contact points per object in a dataset, as in Table 5.2 of the thesis."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
 
-from taxel.cloud.contacts import BACK as BACK
-from taxel.cloud.contacts import baseline_frames
-from taxel.cloud.contacts import used_taxels as used_taxels
+from taxel.cloud.contacts import baseline_frames, used_taxels
 from taxel.recording.grasp_dataset import GraspDataset
 
 
 @dataclass(frozen=True)
 class PointCount:
-    """Grasps of one object, and active taxels in all of them together."""
+    """Number of grasps of one object, and the sum of active taxels over these grasps."""
 
     grasps: int
     points: int
 
 
-def contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
-    """Active taxels over all grasps, by object; a taxel without a valid hold frame does not count.
+def count_contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
+    """Active taxels over all grasps, by object. A taxel without a valid hold frame is not counted.
 
-    A grasp in which a board has a hold but no baseline is left out.
+    A grasp in which a board has hold frames but no baseline frames is omitted.
     """
     with GraspDataset(path) as data:
         used = used_taxels(data)

@@ -1,0 +1,95 @@
+"""Control loop of one grasp, with a period of 3 ms, for an emulated or a physical Allegro hand on CAN."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.grasp.controller import GraspController
+from taxel.hand.allegro.driver import AllegroHand
+from taxel.hand.allegro.errors import AllegroError
+from taxel.hand.allegro.joints import JOINT_COUNT
+from taxel.hand.allegro.virtual import MAX_TORQUE_NM
+
+PERIOD_S = 0.003
+SPEED_FILTER_S = 0.009
+"""Time constant of the joint speed filter: differences of encoder counts over one period are coarse."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """Measured joint angles. time_s: f64[k], seconds since the start of the grasp; angles: f64[k, j], radians."""
+
+    time_s: NDArray[np.float64]
+    angles: NDArray[np.float64]
+
+    def interpolate(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joint angles f64[T, j] at `times_s` f64[T]; outside of the log, its first or last angles."""
+        columns = [np.interp(times_s, self.time_s, column) for column in self.angles.T]
+        return np.column_stack(columns)
+
+
+def control_grasp(
+    hand: AllegroHand,
+    controller: GraspController,
+    begin_s: float,
+    end_s: float,
+    wait_for_period: Callable[[], int],
+    on_period: Callable[[float], object] | None = None,
+) -> JointLog:
+    """Control the hand from `begin_s` to `end_s` of the grasp's timeline; set all torques to zero afterwards.
+
+    wait_for_period: waits for the next period and returns its number; the number skips missed periods (the method of
+    a `ControlLoop`, or a function that advances a virtual hand). on_period: called in each period with the time of
+    the grasp. Raises the errors of the driver (`AllegroError`) at once.
+    """
+    try:
+        log = _run_control_loop(hand, controller, begin_s, end_s, wait_for_period, on_period or (lambda _: None))
+    except BaseException:
+        with contextlib.suppress(AllegroError):  # the first error is the more informative one
+            hand.set_torque(np.zeros(JOINT_COUNT))
+        raise
+    hand.set_torque(np.zeros(JOINT_COUNT))
+    return log
+
+
+def _run_control_loop(
+    hand: AllegroHand,
+    controller: GraspController,
+    begin_s: float,
+    end_s: float,
+    wait_for_period: Callable[[], int],
+    on_period: Callable[[float], object],
+) -> JointLog:
+    first, angles = _wait_for_first_report(hand, wait_for_period)
+    period, speeds = first, np.zeros_like(angles)
+    times, angle_log = [], []
+    while period - first < round((end_s - begin_s) / PERIOD_S):
+        time_s = begin_s + (period - first) * PERIOD_S
+        times.append(time_s)
+        angle_log.append(angles)
+        hand.set_torque(controller.torque(time_s, angles, speeds) / MAX_TORQUE_NM)
+        on_period(time_s)
+        previous, period = period, wait_for_period()
+        hand.update()
+        latest, elapsed_s = hand.joint_angles().angles, (period - previous) * PERIOD_S
+        speeds += min(elapsed_s / SPEED_FILTER_S, 1.0) * ((latest - angles) / elapsed_s - speeds)
+        angles = latest
+    return JointLog(np.array(times), np.array(angle_log))
+
+
+def _wait_for_first_report(hand: AllegroHand, wait_for_period: Callable[[], int]) -> tuple[int, NDArray[np.float64]]:
+    """The first period in which every finger has reported, and the angles.
+
+    If a finger never reports, `hand.update()` raises the error of the driver.
+    """
+    while True:
+        period = wait_for_period()
+        hand.update()
+        angles = hand.joint_angles().angles
+        if np.isfinite(angles).all():
+            return period, angles

@@ -1,0 +1,288 @@
+"""Random placements of an object against the skin: a feature of the object against one board or two.
+
+Every sample is checked with the simulator's equilibrium before it is accepted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.indentation.errors import EquilibriumError
+from taxel.campaign.indentation.fixed_layer import SPRINGS_PER_SIDE, FixedSkinLayer
+from taxel.campaign.indentation.indenters import Feature, Indenter
+from taxel.campaign.indentation.plan import IndentationApproach, IndenterMount
+from taxel.campaign.indentation.settings import RIG_VARIATION
+from taxel.campaign.indentation.simulated_equilibrium import SimulatedEquilibrium
+from taxel.campaign.indentation.stroke import AWAY_M, CLEARANCE_M, MIN_CLEARANCE_M
+from taxel.campaign.variation import FACTORS
+from taxel.grasp.shapes import Shape
+from taxel.hand import Hand
+from taxel.hand.sheet import sheet_of
+from taxel.hand.transforms import from_rotation_vector
+from taxel.sim.sensor_model import SimSensor
+from taxel.sim.soft_contact import LayerLaw
+from taxel.types import FloatArray
+
+MAX_NEIGHBOUR_DISTANCE_M = 0.025
+"""Boards closer than this can be loaded together."""
+
+TILT_RAD = 0.015
+"""Standard deviation of the angle between the direction and the normal of the target taxel."""
+
+MAX_SLIDE_M = 0.012
+"""Largest distance of the feature's centre from the target point, along the feature."""
+
+LOADED_N = 0.15
+"""Force above which a taxel counts as loaded: a signal of about 150 counts."""
+
+MIN_LOADED_PER_BOARD, MIN_LOADED, MAX_LOADED = 3, 5, 60
+"""Limits of the number of loaded taxels: minimum on each target board, minimum and maximum in total."""
+
+MAX_TAXEL_FORCE_N = 3.0
+
+MIN_GAP_M = 0.002
+"""Smallest distance to boards that are not targets."""
+
+MAX_LATERAL_MOTION_M, MAX_ROTATION_RAD = 0.0015, 0.04
+"""Largest deflection of the mount across its line and about its centre."""
+
+MAX_SENSITIVITY_COUNTS = 90.0
+"""Largest change of the signal (RMS over loaded taxels) when object and force are one standard deviation off. The
+features of a more sensitive indentation would be dominated by the variation between its repeats."""
+
+COARSE_DEPTH_M, COARSE_FORCE_N = 0.0012, 1.4
+"""Coarse check before the equilibrium is solved: depth of a rigid object, and largest force per taxel that the object
+reaches at this depth."""
+
+COARSE_SPRINGS_PER_SIDE = 3
+"""Springs along each side of a taxel while a placement is checked."""
+
+MAX_DISCRETISATION_COUNTS = 10.0
+"""Largest change of the signal (RMS over loaded taxels) between the coarse springs and those of the simulator. Above
+it the contact patch is too narrow for the discretisation of the layer."""
+
+CHECKED_LEVELS = (0.1, 1.0)
+_MAX_SIDEWAYS_M = 0.015
+
+
+@dataclass(frozen=True, eq=False)
+class SkinSurface:
+    """Outer surface of a hand with fixed brackets.
+
+    surface, normal: centre and normal of every square of the sheet, world, f64[m, 3]; the first n squares are the
+    taxels. board: index of the board of each square, [m].
+    """
+
+    hand: Hand
+    bracket_poses: FloatArray
+    surface: FloatArray
+    normal: FloatArray
+    board: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, hand: Hand, bracket_poses: FloatArray) -> SkinSurface:
+        """The surface of `hand` with brackets at `bracket_poses` f64[s, 4, 4]."""
+        sheet = sheet_of(hand)
+        poses = bracket_poses[sheet.board_index]
+        outer = sheet.position + (hand.layer_m or 0.0) * sheet.normal
+        surface = np.einsum("mij,mj->mi", poses[:, :3, :3], outer) + poses[:, :3, 3]
+        normal = np.einsum("mij,mj->mi", poses[:, :3, :3], sheet.normal)
+        return cls(hand, bracket_poses, surface, normal, sheet.board_index)
+
+    def taxels_of(self, board: int) -> NDArray[np.intp]:
+        """Indices of a board's taxels."""
+        return np.flatnonzero(self.board[: self.hand.n_taxels] == board)
+
+    def neighbours(self, boards: Sequence[int]) -> list[tuple[int, ...]]:
+        """Pairs of boards that one object can touch at the same time."""
+        points = {board: self.surface[self.taxels_of(board)] for board in boards}
+        return [
+            (first, second)
+            for first, second in combinations(boards, 2)
+            if np.min(np.linalg.norm(points[first][:, None] - points[second], axis=2)) < MAX_NEIGHBOUR_DISTANCE_M
+        ]
+
+
+def travel_to(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
+    """Travel f64[m] along `direction` until the object touches the centre of each square, metres.
+
+    pose: start pose of the object f64[4, 4]. Infinite for squares that the object never touches.
+    """
+    low, high = shape.bounds
+    arm = surface.surface - pose[:3, 3] - pose[:3, :3] @ (0.5 * (low + high))
+    lateral2 = np.sum(arm**2, axis=1) - (arm @ direction) ** 2
+    is_swept = lateral2 < 0.25 * np.sum((high - low) ** 2)  # swept by the bounding sphere of the object
+    travel = np.full(len(is_swept), np.inf)
+    points = (surface.surface[is_swept] - pose[:3, 3]) @ pose[:3, :3]
+    travel[is_swept] = shape.ray_separation(points, -pose[:3, :3].T @ direction)
+    return travel
+
+
+class _Checked(NamedTuple):
+    """Equilibrium of a placement. depth_m: travel since first contact; pose: f64[4, 4]; force: f64[n], newtons."""
+
+    depth_m: float
+    pose: FloatArray
+    force: FloatArray
+
+
+class PlacementSampler:
+    """Samples placements of objects against `surface` with the mount `mount`. rng: source of the random numbers."""
+
+    def __init__(self, surface: SkinSurface, mount: IndenterMount, rng: np.random.Generator) -> None:
+        self.surface, self._mount, self._rng = surface, mount, rng
+        self._fine, self._layer, self._coarsest = (
+            FixedSkinLayer(surface.hand, surface.bracket_poses, LayerLaw(), springs)
+            for springs in (SPRINGS_PER_SIDE, COARSE_SPRINGS_PER_SIDE, 1)
+        )
+
+    def sample(self, indenter: Indenter, boards: tuple[int, ...], force_n: float) -> IndentationApproach | None:
+        """One sample, without a name; None if it does not load exactly `boards`, or has no suitable equilibrium."""
+        suitable = [feature for feature in indenter.features if len(boards) == 1 or feature.kind != "edge"]
+        feature = suitable[self._rng.integers(len(suitable))]
+        target, outward, line = self._target(boards)
+        if line is None:
+            vector = self._rng.normal(size=3)
+            line = vector - (vector @ outward) * outward
+            slide = float(self._rng.uniform(-1, 1)) * min(MAX_SLIDE_M, feature.half_length_m)
+            outward = from_rotation_vector(TILT_RAD * self._rng.normal(size=3))[:3, :3] @ outward
+        else:
+            slide = 0.0
+        pose = _pose_facing(feature, -outward, line, target, slide)
+        if len(boards) == 2:
+            pose = self._balance_between(indenter.item.shape, pose, -outward, line, boards)
+        return self._check(indenter, pose, -outward, boards, force_n)
+
+    def _target(self, boards: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Target point, outward direction there, and for two boards the line of the valley between the boards."""
+        surface = self.surface
+        first = self._rng.choice(surface.taxels_of(boards[0]))
+        if len(boards) == 1:
+            return surface.surface[first], surface.normal[first], None
+        candidates = surface.taxels_of(boards[1])
+        outward = surface.normal[first] + surface.normal[candidates].mean(axis=0)
+        outward /= np.linalg.norm(outward)
+        apart = surface.surface[candidates].mean(axis=0) - surface.surface[surface.taxels_of(boards[0])].mean(axis=0)
+        line = np.cross(outward, apart)
+        line /= np.linalg.norm(line)
+        away = surface.surface[candidates] - surface.surface[first]
+        second = candidates[np.argmin(np.abs(away @ line) + np.abs(away @ outward))]
+        return 0.5 * (surface.surface[first] + surface.surface[second]), outward, line
+
+    def _balance_between(
+        self, shape: Shape, pose: FloatArray, direction: FloatArray, line: FloatArray, boards: tuple[int, ...]
+    ) -> FloatArray:
+        """The pose moved sideways until both boards are touched at the same time, if this is possible."""
+        side = np.cross(direction, line)
+        squares = [self.surface.board == board for board in boards]
+
+        def travel_difference(offset: float) -> float:
+            travel = travel_to(self.surface, shape, _translated(pose, offset * side), direction)
+            return float(np.clip(travel[squares[0]].min(), -1.0, 1.0) - np.clip(travel[squares[1]].min(), -1.0, 1.0))
+
+        low, high = -_MAX_SIDEWAYS_M, _MAX_SIDEWAYS_M
+        sign = np.sign(travel_difference(low))
+        if sign == np.sign(travel_difference(high)):
+            return pose
+        for _ in range(20):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if np.sign(travel_difference(middle)) == sign else (low, middle)
+        return _translated(pose, high * side)
+
+    def _check(
+        self, indenter: Indenter, pose: FloatArray, direction: FloatArray, boards: tuple[int, ...], force_n: float
+    ) -> IndentationApproach | None:
+        shape, surface = indenter.item.shape, self.surface
+        travel = travel_to(surface, shape, pose, direction)
+        first = float(travel.min())
+        if not np.isfinite(first) or surface.board[np.argmin(travel)] not in boards:
+            return None
+        touch, gap = _translated(pose, first * direction), travel[~np.isin(surface.board, boards)] - first
+        coarse_force = self._rigid_force(self._coarsest, shape, _translated(touch, COARSE_DEPTH_M * direction))
+        reached = np.count_nonzero(coarse_force)
+        if reached < MIN_LOADED or force_n > COARSE_FORCE_N * reached:
+            return None
+        behind = travel_to(surface, shape, _translated(touch, -MIN_CLEARANCE_M * direction), -direction)
+        if behind.min() < AWAY_M + CLEARANCE_M + MIN_GAP_M:
+            return None  # the withdrawn object would touch the skin behind it
+        checked = self._equilibrium(shape, touch, direction, force_n)
+        if checked is None or gap.min(initial=np.inf) < checked.depth_m + MIN_GAP_M:
+            return None
+        if not self._is_load_suitable(checked.force, boards) or not self._is_resolved(checked, shape):
+            return None
+        if self._is_too_sensitive(checked, shape, touch, direction, force_n):
+            return None
+        names = tuple(surface.hand.boards[board].name for board in boards)
+        return IndentationApproach(indenter.item.name, "", names, direction, touch, checked.pose, force_n)
+
+    def _equilibrium(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Checked | None:
+        equilibrium = SimulatedEquilibrium(self._layer, shape, self._mount, touch, direction)
+        try:
+            motion = equilibrium.press(force_n, CHECKED_LEVELS).motion
+        except EquilibriumError:
+            return None
+        depth = float(motion[:3] @ direction)
+        lateral, rotation = np.linalg.norm(motion[:3] - depth * direction), np.linalg.norm(motion[3:])
+        if lateral > MAX_LATERAL_MOTION_M or rotation > MAX_ROTATION_RAD:
+            return None
+        return _Checked(depth, equilibrium.pose(motion), equilibrium.taxel_forces(motion))
+
+    def _is_too_sensitive(
+        self, checked: _Checked, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
+    ) -> bool:
+        signs = self._rng.choice([-1.0, 1.0], FACTORS)
+        offset, force_factor = RIG_VARIATION.apply(signs)
+        varied = self._equilibrium(shape, touch @ offset, direction, force_factor * force_n)
+        if varied is None:
+            return True
+        return _rms_difference(checked.force, varied.force) > MAX_SENSITIVITY_COUNTS
+
+    def _is_resolved(self, checked: _Checked, shape: Shape) -> bool:
+        """Whether the coarse springs are dense enough for the contact patch."""
+        fine_force = self._rigid_force(self._fine, shape, checked.pose)
+        return _rms_difference(checked.force, fine_force) < MAX_DISCRETISATION_COUNTS
+
+    def _rigid_force(self, layer: FixedSkinLayer, shape: Shape, pose: FloatArray) -> FloatArray:
+        return layer.taxel_forces(layer.near(shape, pose), shape, pose)
+
+    def _is_load_suitable(self, force: FloatArray, boards: tuple[int, ...]) -> bool:
+        loaded = force > LOADED_N
+        per_board = [int(loaded[self.surface.taxels_of(board)].sum()) for board in boards]
+        return (
+            min(per_board) >= MIN_LOADED_PER_BOARD
+            and MIN_LOADED <= int(loaded.sum()) <= MAX_LOADED
+            and float(force.max()) < MAX_TAXEL_FORCE_N
+        )
+
+
+def _rms_difference(first: FloatArray, second: FloatArray) -> float:
+    """RMS difference in counts of the signals of forces f64[n], over taxels loaded by either."""
+    loaded = np.maximum(first, second) > LOADED_N
+    change = SimSensor().predict_signal(second[loaded]) - SimSensor().predict_signal(first[loaded])
+    return float(np.sqrt(np.mean(change**2)))
+
+
+def _translated(pose: FloatArray, offset: FloatArray) -> FloatArray:
+    result = pose.copy()
+    result[:3, 3] += offset
+    return result
+
+
+def _pose_facing(
+    feature: Feature, direction: FloatArray, line: FloatArray, target: FloatArray, slide: float
+) -> FloatArray:
+    """Pose of the object with its feature at `target`, facing along `direction`, the feature's line along `line`."""
+    line = line - (line @ direction) * direction
+    line = line / np.linalg.norm(line)
+    object_axes = np.column_stack([feature.outward, feature.along, np.cross(feature.outward, feature.along)])
+    world_axes = np.column_stack([direction, line, np.cross(direction, line)])
+    pose = np.eye(4)
+    pose[:3, :3] = world_axes @ object_axes.T
+    pose[:3, 3] = target - pose[:3, :3] @ (feature.middle + slide * feature.along)
+    return pose

@@ -1,0 +1,78 @@
+"""Default settings of an indentation campaign: clocks, phases, variation, and the simulator's side."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.variation import Variation
+from taxel.grasp.timeline import Timeline
+from taxel.hand import Hand
+from taxel.recording.grasp_format import BASELINE_FRAMES
+from taxel.sim.sensor_model import SimSensor
+from taxel.sim.soft_contact import LayerLaw
+
+RIG_VARIATION = Variation(object_m=0.3e-3, object_rad=0.006, grip=0.04, remount_m=0.08e-3, remount_rad=0.002)
+"""Variation of a rig, which places objects and brackets better than an arm and a hand do (assumed). grip: of the
+force."""
+
+I2C_MODES_HZ = (100e3, 400e3, 1e6)
+"""Clock frequencies of the I2C standard (NXP UM10204: standard mode, fast mode, fast mode plus)."""
+
+MIN_ROW_RATE_HZ = 18.0
+"""Smallest frame rate of an indentation: about ten frames while the skin is loaded."""
+
+SPARE_FRAMES = 8
+"""Baseline frames beyond those that the mean of the baseline needs."""
+
+_POLL_BITS, _BOARD_BITS, _TAXEL_BITS = 64, 66, 18
+
+
+def poll_rate_hz(hand: Hand, scl_hz: float) -> float:
+    """Poll cycles per second of the hub if only I2C limits the rate.
+
+    Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle (addresses, header and CRC of
+    a snapshot, a clock read-out, probes) was counted in captures.
+    """
+    bits = _POLL_BITS + _BOARD_BITS * len(hand.boards) + _TAXEL_BITS * hand.n_taxels
+    return round(scl_hz / bits, 2)
+
+
+def scl_frequency_for(hand: Hand) -> float:
+    """The lowest I2C clock that reaches `MIN_ROW_RATE_HZ`; a higher clock only increases the run time."""
+    sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if poll_rate_hz(hand, scl_hz) >= MIN_ROW_RATE_HZ]
+    return sufficient[0] if sufficient else I2C_MODES_HZ[-1]
+
+
+def indentation_timeline(hand: Hand) -> Timeline:
+    """Phases whose baseline is long enough for the number of baseline frames of the dataset format."""
+    baseline_s = (BASELINE_FRAMES + SPARE_FRAMES) / poll_rate_hz(hand, scl_frequency_for(hand))
+    return Timeline(round(baseline_s, 2), closing_s=1.2, hold_s=1.2, release_s=0.8, recovery_s=0.8)
+
+
+def indentation_settings(hand: Hand, **changes: Any) -> EmulatedSettings:
+    """`EmulatedSettings` of a rig with the skin of `hand`: its I2C clock and variation, no effects. changes: fields."""
+    return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=scl_frequency_for(hand)), **changes)
+
+
+@dataclass(frozen=True)
+class SimIndentationSettings:
+    """Settings of the simulator's side of an indentation campaign.
+
+    repeats: indentations per approach, preferably an even number, because `variation` is applied as a balanced design
+    (`taxel.campaign.variation.balanced_variation`). law: force law of the layer under one taxel. rate_hz: frame rate.
+    """
+
+    seed: int = 1
+    repeats: int = 4
+    variation: Variation = RIG_VARIATION
+    law: LayerLaw = field(default_factory=LayerLaw)
+    sensor: SimSensor = field(default_factory=SimSensor)
+    rate_hz: float = 25.0
+
+    def describe(self) -> str:
+        """One line for the generator attribute of the dataset."""
+        key = hashlib.sha256(repr(self).encode()).hexdigest()[:12]
+        return f"simulator, layer sensing, settings {key}"

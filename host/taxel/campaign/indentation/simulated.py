@@ -1,0 +1,139 @@
+"""An indentation campaign in the simulator: every indentation is simulated independently."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from taxel.campaign.indentation.errors import EquilibriumError
+from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
+from taxel.campaign.indentation.plan import IndentationApproach, IndentationPlan, PlannedIndentation
+from taxel.campaign.indentation.settings import SimIndentationSettings
+from taxel.campaign.indentation.simulated_equilibrium import SimulatedEquilibrium, SimulatedPath
+from taxel.campaign.indentation.stroke import Stroke
+from taxel.campaign.processes import map_in_processes
+from taxel.campaign.progress import Progress, no_progress
+from taxel.campaign.setup import Setup
+from taxel.campaign.store import open_campaign_writer
+from taxel.campaign.variation import balanced_variation
+from taxel.recording.grasp_record import GraspRecord
+from taxel.sim.layer import STIFFNESS_N_PER_M
+from taxel.sim.separation import separations
+from taxel.sim.soft_contact import LayerLaw
+from taxel.types import FloatArray
+
+CHUNK = 4
+"""Indentations per task of a worker process."""
+
+_STREAM = 5
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedCampaign:
+    """Plan and settings that all indentations of a campaign share."""
+
+    plan: IndentationPlan
+    settings: SimIndentationSettings
+
+
+def run_simulated_indentations(
+    path: str | os.PathLike[str],
+    plan: IndentationPlan,
+    settings: SimIndentationSettings | None = None,
+    jobs: int | None = 1,
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: Progress = no_progress,
+) -> None:
+    """Simulate every approach of `plan`, `settings.repeats` times each, and write the records to `path`.
+
+    The other arguments are those of `run_emulated_indentations`.
+    """
+    settings, setup = settings or SimIndentationSettings(), plan.setup
+    description = f"{settings.describe()}, {plan.describe()}"
+    model = settings.sensor.told(STIFFNESS_N_PER_M)
+    with open_campaign_writer(path, "sim", setup, settings.rate_hz, description, overwrite, resume, model) as out:
+        finished = set(out.ids)
+        indentations = plan_simulated_indentations(plan, settings.repeats)
+        missing = [indentation for indentation in indentations if indentation.id not in finished]
+        done = len(indentations) - len(missing)
+        progress(done, len(indentations))
+        campaign = SimulatedCampaign(plan, settings)
+        records = map_in_processes(simulate_indentation, setup, missing, campaign, jobs, CHUNK)
+        for indentation, record in zip(missing, records, strict=True):
+            out.add(record, indentation.id)
+            done += 1
+            progress(done, len(indentations))
+
+
+def plan_simulated_indentations(plan: IndentationPlan, repeats: int) -> list[PlannedIndentation]:
+    """The indentations of the simulator's side, in a single session: `repeats` of every approach."""
+    keys = [(approach, number) for approach in plan.approaches for number in range(repeats)]
+    width = len(str(len(keys) - 1))
+    return [
+        PlannedIndentation(f"{index:0{width}d}_{approach.name}_{number}", approach, number, 0)
+        for index, (approach, number) in enumerate(keys)
+    ]
+
+
+@lru_cache(maxsize=1)
+def _layer(plan: IndentationPlan, law: LayerLaw) -> FixedSkinLayer:
+    return FixedSkinLayer(plan.hand, plan.bracket_poses, law)
+
+
+def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign: SimulatedCampaign) -> GraspRecord:
+    """Record of one indentation. Its noise depends only on the seed and the indentation.
+
+    Raises `EquilibriumError` if the object has no equilibrium.
+    """
+    plan, settings, approach = campaign.plan, campaign.settings, indentation.approach
+    offset, force_factor = settings.variation.for_object(approach.object).apply(
+        balanced_variation(settings.seed, f"{approach.object} {approach.name}", indentation.iteration)
+    )
+    shape = setup.objects[approach.object].shape
+    layer = _layer(plan, settings.law)
+    equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose @ offset, approach.direction)
+    times = plan.timeline.sample_times(settings.rate_hz)
+    try:
+        path = equilibrium.press(force_factor * approach.force_n)
+    except EquilibriumError as error:
+        raise error.for_indentation(indentation.id) from None
+    force, separation = _force_and_separation(plan, approach, equilibrium, path, times)
+    rng = np.random.default_rng([settings.seed, _STREAM, *indentation.id.encode()])
+    return GraspRecord(
+        object=approach.object,
+        approach=approach.name,
+        iteration=indentation.iteration,
+        session=indentation.session,
+        timestamp=times,
+        phase=plan.timeline.phase_at(times),
+        raw_counts=settings.sensor.raw_counts(setup.hand, force, rng),
+        valid=np.ones((len(times), len(setup.hand.boards)), bool),
+        sensor_pose=plan.bracket_poses.copy(),
+        object_pose=approach.held_pose.copy(),
+        contact_force=force,
+        separation=separation,
+    )
+
+
+def _force_and_separation(
+    plan: IndentationPlan,
+    approach: IndentationApproach,
+    equilibrium: SimulatedEquilibrium,
+    path: SimulatedPath,
+    times: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Force on every taxel and its separation, each f64[T, n]; computed once for each distinct travel of the mount."""
+    stroke = Stroke.through(plan.timeline, float(path.curve.x[0]), path.travel_m)
+    travel, row = np.unique(stroke.travel_at(times), return_inverse=True)
+    motions = path.motions(travel, approach.direction)
+    poses = np.stack([equilibrium.pose(motion) for motion in motions])
+    force = np.zeros((len(travel), plan.hand.n_taxels))
+    for index in np.flatnonzero(travel > path.curve.x[0]).tolist():
+        force[index] = equilibrium.taxel_forces(motions[index])
+    brackets = np.broadcast_to(plan.bracket_poses, (len(travel), *plan.bracket_poses.shape))
+    separation = separations(plan.hand, plan.objects[approach.object].shape, brackets, poses)
+    return force[row], separation[row]

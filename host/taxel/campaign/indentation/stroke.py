@@ -1,0 +1,55 @@
+"""Travel of the mount along its line over the phases of an indentation.
+
+Travel is measured in metres along the approach's direction; travel 0 is the nominal first contact. The object lags
+behind the mount by the compression of the mount's spring.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from taxel.grasp.timeline import ADVANCE_END, GRIP_END, RELEASE_END, WITHDRAW_BEGIN, Phase, Timeline
+from taxel.types import FloatArray
+
+AWAY_M = 0.025
+"""Distance of the object in the baseline and in recovery, in addition to `CLEARANCE_M` (chosen)."""
+
+CLEARANCE_M = 0.0015
+"""Distance before the first contact at which the slow part of the travel begins; well above the variation of the
+object's position (chosen)."""
+
+MIN_CLEARANCE_M = 0.0005
+"""The same distance if an offset causes the first contact earlier than the nominal one."""
+
+
+class Stroke(NamedTuple):
+    """Travel over the phases: fast from far away to `start_m`, then slowly to `end_m`, where the mount is held."""
+
+    timeline: Timeline
+    start_m: float
+    end_m: float
+
+    @classmethod
+    def through(cls, timeline: Timeline, touch_m: float, end_m: float) -> Stroke:
+        """The stroke of an indentation with its true first contact at `touch_m` and its hold at `end_m`."""
+        return cls(timeline, min(-CLEARANCE_M, touch_m - MIN_CLEARANCE_M), end_m)
+
+    def travel_at(self, times_s: FloatArray) -> FloatArray:
+        """Travel f64[k] at `times_s` f64[k] since the start of the indentation."""
+        withdrawn = np.array([self.timeline.withdrawn_at(time) for time in times_s.tolist()])
+        grip = np.array([self.timeline.grip_at(time) for time in times_s.tolist()])
+        return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
+
+    def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Times at which the mount passes `travel_m` f64[k] (at most `end_m`): inwards f64[k] and outwards f64[k]."""
+        withdrawn = np.clip((self.start_m - travel_m) / AWAY_M, 0.0, 1.0)
+        grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)
+        slow_in, slow_out = ADVANCE_END + (GRIP_END - ADVANCE_END) * grip, RELEASE_END * (1.0 - grip)
+        share_in = np.where(withdrawn > 0, ADVANCE_END * (1.0 - withdrawn), slow_in)
+        share_out = np.where(withdrawn > 0, WITHDRAW_BEGIN + (1.0 - WITHDRAW_BEGIN) * withdrawn, slow_out)
+        begin, duration_s = self.timeline.begin, self.timeline.durations_s
+        inwards = begin(Phase.CLOSING) + duration_s[Phase.CLOSING] * share_in
+        outwards = begin(Phase.RELEASE) + duration_s[Phase.RELEASE] * share_out
+        return np.asarray(inwards), np.asarray(outwards)

@@ -1,0 +1,79 @@
+"""Variation between repeats: pose of the object, strength of the grip, mounting of the skin.
+
+The emulated hand samples the variation at random. The simulator, whose settings state the standard deviations, uses a
+balanced two-level design: first-order effects cancel in the mean of a few repeats, and second-order effects have the
+same expectation as with random samples.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import hadamard
+
+from taxel.hand.transforms import from_rotation_vector
+
+_GRASP_STREAM = 2  # random stream of the grasps; stream 1 is that of the brackets (session.py)
+
+FACTORS = 7
+"""Number of varied quantities per grasp: position of the object (3), rotation of the object (3), grip (1)."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Standard deviations of the quantities that the plan does not control. All zero: all repeats are identical.
+
+    object_m, object_rad: position and rotation of the object, per grasp and axis. grip: relative, of the torque, per
+    grasp. remount_m, remount_rad: position and rotation of every bracket, per session and axis. objects: pairs of an
+    object's name and a factor on object_m and object_rad, for objects that stand more or less firmly than the others.
+    """
+
+    object_m: float = 0.7e-3
+    object_rad: float = 0.01
+    grip: float = 0.05
+    remount_m: float = 0.15e-3
+    remount_rad: float = 0.004
+    objects: tuple[tuple[str, float], ...] = ()
+
+    def for_object(self, name: str) -> Variation:
+        """The variation of one object, with its factor applied."""
+        factor = dict(self.objects).get(name, 1.0)
+        return replace(self, object_m=factor * self.object_m, object_rad=factor * self.object_rad, objects=())
+
+    def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Offset of the object in its nominal frame, f64[4, 4], and factor on the torque, for unit samples f64[7]."""
+        offset = small_motion(draw[:3], draw[3:6], self.object_m, self.object_rad)
+        return offset, max(1.0 + self.grip * float(draw[6]), 0.0)
+
+
+NO_VARIATION: Final = Variation(object_m=0.0, object_rad=0.0, grip=0.0, remount_m=0.0, remount_rad=0.0)
+"""Every object and bracket is at its nominal pose, and every grip has its nominal strength."""
+
+
+def small_motion(
+    translation: NDArray[np.float64], rotation: NDArray[np.float64], metres: float, radians: float
+) -> NDArray[np.float64]:
+    """Transform f64[4, 4] of unit samples f64[3] and f64[3], scaled by `metres` and `radians`."""
+    motion = from_rotation_vector(radians * rotation)
+    motion[:3, 3] = metres * translation
+    return motion
+
+
+def sample_grasp_variation(seed: int, grasp: str) -> NDArray[np.float64]:
+    """Normal unit samples f64[7] of a grasp on the emulated hand. grasp: id of the grasp."""
+    return np.random.default_rng([seed, _GRASP_STREAM, *grasp.encode()]).normal(size=FACTORS)
+
+
+def balanced_variation(seed: int, name: str, repeat: int) -> NDArray[np.float64]:
+    """Unit samples f64[7] of repeat number `repeat` of the grasp `name`: each factor is -1 or +1.
+
+    Repeats 2 k and 2 k + 1 have opposite signs and cancel in first order. 16 repeats form a two-level design in which
+    no two factors are confounded (Hadamard matrix of order 8, folded over). `seed` and `name` determine the signs.
+    """
+    signs = np.random.default_rng([seed, zlib.crc32(name.encode())]).choice([-1.0, 1.0], FACTORS)
+    row = hadamard(8)[(repeat // 2) % 8, 1:]
+    return np.asarray((1.0 - 2.0 * (repeat % 2)) * signs * row)

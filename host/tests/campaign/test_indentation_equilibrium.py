@@ -1,0 +1,142 @@
+"""Equilibrium of an indentation: both solvers balance the force of the mount and agree with each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.campaign.indentation import IndentationDesign, indentation_settings, sample_indentation_plan
+from taxel.campaign.indentation.emulated_equilibrium import EmulatedEquilibrium
+from taxel.campaign.indentation.errors import EquilibriumError
+from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
+from taxel.campaign.indentation.simulated_equilibrium import LEVELS, SimulatedEquilibrium
+from taxel.campaign.session import session_world_text
+from taxel.campaign.variation import NO_VARIATION
+from taxel.emulated.contact import SkinContact
+from taxel.hand import load_hand
+from taxel.hand.transforms import inverse
+from taxel.sim.sensor_model import SimSensor
+from taxel.sim.soft_contact import LayerLaw, SoftContact
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return load_hand("rig4")
+
+
+@pytest.fixture(scope="module")
+def plan(hand):
+    return sample_indentation_plan(hand, 0, IndentationDesign(sessions=1, repeats=1))
+
+
+@pytest.fixture(scope="module")
+def contact(hand, plan):
+    with SkinContact(session_world_text(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)) as opened:
+        yield opened
+
+
+def emulated_equilibrium(plan, contact, approach):
+    index, centre = list(plan.objects).index(approach.object), plan.centre(approach.object)
+    return EmulatedEquilibrium(
+        contact, index, plan.bracket_poses, plan.mount, centre, approach.touch_pose, approach.direction
+    )
+
+
+def simulated_equilibrium(plan, approach):
+    layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw())
+    shape = plan.objects[approach.object].shape
+    return SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose, approach.direction)
+
+
+def mount_displacement(plan, approach, pose):
+    """Displacement f64[3] of the mount's point from the touch pose."""
+    centre = np.append(plan.centre(approach.object), 1.0)
+    return ((pose - approach.touch_pose) @ centre)[:3]
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number):
+    approach = plan.approaches[number]
+    path = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+    load = contact.load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
+    force_on_boards = np.einsum("sij,sj->i", plan.bracket_poses[:, :3, :3], load.wrench[:, :3])
+    displacement = mount_displacement(plan, approach, path.pose[-1])
+    depth = displacement @ approach.direction
+    lateral = displacement - depth * approach.direction
+    expected = approach.force_n * approach.direction - plan.mount.n_per_m * lateral
+    assert force_on_boards == pytest.approx(expected, abs=1e-3 * approach.force_n)
+    assert path.travel_m[-1] == pytest.approx(depth + approach.force_n / plan.mount.n_per_m)
+    assert (np.diff(path.travel_m) >= 0).all()
+
+
+def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
+    """The remaining difference is that of the discretisations: 16 cells and 25 springs per taxel."""
+    differences = []
+    for approach in plan.approaches:
+        index = list(plan.objects).index(approach.object)
+        emulated = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+        equilibrium = simulated_equilibrium(plan, approach)
+        simulated = equilibrium.press(approach.force_n)
+        assert emulated.pose[-1][:3, 3] == pytest.approx(equilibrium.pose(simulated.motion)[:3, 3], abs=5e-5)
+        assert emulated.travel_m[-1] == pytest.approx(simulated.travel_m, abs=4e-5)
+        emulated_signal = SimSensor().predict_signal(contact.forces(index, emulated.pose[-1], plan.bracket_poses))
+        simulated_signal = SimSensor().predict_signal(equilibrium.taxel_forces(simulated.motion))
+        loaded = (emulated_signal > 10.0) | (simulated_signal > 10.0)
+        differences.append(float(np.sqrt(np.mean((emulated_signal - simulated_signal)[loaded] ** 2))))
+    assert np.median(differences) < 8.0
+    assert max(differences) < 30.0
+
+
+def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
+    approach = next(item for item in plan.approaches if item.boards == ("sleeve",))
+    effects = ("bracket_offset sleeve 0 0 0.001 0 0 0",)
+    settings = indentation_settings(hand, variation=NO_VARIATION, effects=effects)
+    with SkinContact(session_world_text(plan.setup, settings, 0)) as skin:
+        displaced = emulated_equilibrium(plan, skin, approach).press(approach.force_n)
+    nominal = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+    cosine = -(plan.bracket_poses[3, :3, 2] @ approach.direction)
+    assert nominal.travel_m[0] - displaced.travel_m[0] == pytest.approx(1e-3 * cosine, abs=4e-4)
+
+
+def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
+    """With the same number of springs per taxel as `taxel.sim.soft_contact`."""
+    for approach in plan.approaches:
+        shape = plan.objects[approach.object].shape
+        expected = SoftContact(plan.hand, shape, LayerLaw()).taxel_forces(plan.bracket_poses, approach.held_pose)
+        layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), 3)
+        forces = layer.taxel_forces(layer.near(shape, approach.held_pose), shape, approach.held_pose)
+        assert expected.sum() > 1.0
+        assert forces == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("number", [0, 5])
+def test_interpolation_between_the_solved_levels_is_accurate_to_the_noise(plan, number):
+    approach = plan.approaches[number]
+    equilibrium = simulated_equilibrium(plan, approach)
+    coarse = equilibrium.press(approach.force_n)
+    levels = tuple(sorted({*LEVELS, *np.geomspace(LEVELS[0], 1.0, 17).tolist()}))
+    fine = equilibrium.press(approach.force_n, levels)
+    travel = np.linspace(coarse.curve.x[0], coarse.travel_m, 20)
+    signals = []
+    for path in (coarse, fine):
+        motions = path.motions(travel, approach.direction)
+        signals.append(SimSensor().predict_signal([equilibrium.taxel_forces(motion) for motion in motions]))
+    loaded = signals[1].max(axis=0) > 10.0
+    assert np.sqrt(np.mean((signals[0] - signals[1])[:, loaded] ** 2)) < 4.0
+
+
+def test_an_object_that_meets_no_skin_raises_an_error(hand, plan, contact):
+    approach = plan.approaches[0]
+    away = approach.touch_pose.copy()
+    away[:3, 3] += 0.5
+    layer = FixedSkinLayer(hand, plan.bracket_poses, LayerLaw())
+    shape, centre = plan.objects[approach.object].shape, plan.centre(approach.object)
+    with pytest.raises(EquilibriumError, match="meets no skin"):
+        SimulatedEquilibrium(layer, shape, plan.mount, away, approach.direction).press(5.0)
+    with pytest.raises(EquilibriumError, match="meets no skin"):
+        EmulatedEquilibrium(contact, 0, plan.bracket_poses, plan.mount, centre, away, approach.direction).press(5.0)
+
+
+def test_the_poses_of_the_path_are_rigid_transforms(plan, contact):
+    poses = emulated_equilibrium(plan, contact, plan.approaches[1]).press(10.0).pose
+    assert inverse(poses) @ poses == pytest.approx(np.broadcast_to(np.eye(4), poses.shape))

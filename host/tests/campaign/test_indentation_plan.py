@@ -1,0 +1,199 @@
+"""Plans of indentations: reproducibility, properties of every plan, and the hand of the rig."""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from taxel.campaign.indentation import (
+    IndentationDesign,
+    indentation_settings,
+    indentation_timeline,
+    sample_indentation_plan,
+)
+from taxel.campaign.indentation.errors import EquilibriumError, IndentationPlanError
+from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
+from taxel.campaign.indentation.indenters import FAMILIES, SIZE_M
+from taxel.campaign.indentation.placement import LOADED_N, MAX_TAXEL_FORCE_N, SkinSurface, travel_to
+from taxel.campaign.indentation.settings import poll_rate_hz, scl_frequency_for
+from taxel.campaign.indentation.simulated_equilibrium import SimulatedEquilibrium
+from taxel.campaign.indentation.stroke import AWAY_M, CLEARANCE_M, MIN_CLEARANCE_M, Stroke
+from taxel.grasp.timeline import Phase, Timeline
+from taxel.hand import load_hand
+from taxel.hand.kinematics import kinematics_of
+from taxel.recording.grasp_format import BASELINE_FRAMES
+from taxel.sim.soft_contact import LayerLaw
+
+SEEDS = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return load_hand("rig4")
+
+
+@pytest.fixture(scope="module")
+def plans(hand):
+    return {seed: sample_indentation_plan(hand, seed) for seed in SEEDS}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_session_repeats_every_approach_equally_often(plans, seed):
+    plan = plans[seed]
+    assert len(plan.approaches) == 8
+    repeats = Counter((indentation.session, indentation.approach.name) for indentation in plan.indentations)
+    assert set(repeats.values()) == {2}
+    assert len(repeats) == 6 * 8
+    for approach in plan.approaches:
+        iterations = [indentation.iteration for indentation in plan.indentations if indentation.approach is approach]
+        assert iterations == list(range(12))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_ids_sort_in_order_of_execution_and_names_reveal_no_board(plans, seed):
+    plan = plans[seed]
+    ids = [indentation.id for indentation in plan.indentations]
+    assert all(first < second for first, second in pairwise(ids))
+    assert [approach.name for approach in plan.approaches] == [f"press_{k + 1}" for k in range(8)]
+    orders = {
+        tuple(indentation.approach.name for indentation in plan.indentations[k * 16 : (k + 1) * 16]) for k in range(6)
+    }
+    assert len(orders) == 6
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_board_is_loaded_twice_and_some_approaches_load_two_boards(plans, seed):
+    approaches_of = Counter(board for approach in plans[seed].approaches for board in approach.boards)
+    assert set(approaches_of) == {"slab", "wall", "dome", "sleeve"}
+    assert min(approaches_of.values()) >= 2
+    assert sum(len(approach.boards) == 2 for approach in plans[seed].approaches) == 2
+    assert {approach.object for approach in plans[seed].approaches} == set(plans[seed].objects)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_simulated_object_loads_exactly_the_planned_boards(plans, seed, hand):
+    plan = plans[seed]
+    layer = FixedSkinLayer(hand, plan.bracket_poses, LayerLaw())
+    for approach in plan.approaches:
+        shape = plan.objects[approach.object].shape
+        equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose, approach.direction)
+        motion = equilibrium.press(approach.force_n).motion
+        force = equilibrium.taxel_forces(motion)
+        loaded = force > LOADED_N
+        assert {hand.boards[board].name for board in hand.board_index[loaded]} == set(approach.boards)
+        assert 5 <= loaded.sum() <= 60
+        assert force.max() < 1.2 * MAX_TAXEL_FORCE_N
+        assert equilibrium.pose(motion) == pytest.approx(approach.held_pose, abs=4e-4)
+        assert 4.0 <= approach.force_n <= 20.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_touch_pose_is_the_first_contact(plans, seed, hand):
+    plan = plans[seed]
+    skin = SkinSurface.of(hand, plan.bracket_poses)
+    for approach in plan.approaches:
+        shape = plan.objects[approach.object].shape
+        travel = travel_to(skin, shape, approach.touch_pose, approach.direction)
+        assert travel.min() == pytest.approx(0.0, abs=1e-9)
+        assert hand.boards[skin.board[np.argmin(travel)]].name in approach.boards
+
+
+def test_a_withdrawn_object_touches_no_board_behind_it():
+    """Without the check in the placement, an object of this seed would touch a board when it is withdrawn."""
+    plan = sample_indentation_plan(load_hand("rig4"), 587127759, IndentationDesign(approaches=9))
+    skin = SkinSurface.of(plan.hand, plan.bracket_poses)
+    for approach in plan.approaches:
+        pose = approach.touch_pose.copy()
+        pose[:3, 3] -= MIN_CLEARANCE_M * approach.direction
+        travel_back = travel_to(skin, plan.objects[approach.object].shape, pose, -approach.direction)
+        assert travel_back.min() > AWAY_M + CLEARANCE_M
+
+
+def test_the_seed_determines_the_plan(hand, plans):
+    assert sample_indentation_plan(hand, 0).describe() == plans[0].describe()
+    assert len({plan.describe() for plan in plans.values()}) == len(SEEDS)
+
+
+def test_a_plan_can_be_pickled(plans):
+    assert pickle.loads(pickle.dumps(plans[0])).describe() == plans[0].describe()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_samples_solids_of_the_stated_sizes_with_features_on_their_surface(family):
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        item, features = FAMILIES[family](rng, family)
+        extent = np.ptp(item.shape.bounds, axis=0)
+        assert extent.max() <= SIZE_M[1] + 1e-9
+        assert extent.min() >= SIZE_M[0] - 1e-9
+        for feature in features:
+            assert np.linalg.norm(feature.outward) == pytest.approx(1.0)
+            assert feature.outward @ feature.along == pytest.approx(0.0, abs=1e-9)
+            # The features belong to the sharp solid, so they can lie outside of the rounded one.
+            assert -1e-9 < float(item.shape.signed_distance(feature.middle)) < 0.012
+
+
+def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(hand):
+    assert (hand.n_taxels, [board.name for board in hand.boards]) == (190, ["slab", "wall", "dome", "sleeve"])
+    kinematics = kinematics_of(hand)
+    normals = kinematics.taxel_normals(np.zeros(1))
+    slab, wall, dome, sleeve = (normals[hand.slice_of(board.address)] for board in hand.boards)
+    assert np.ptp(slab, axis=0).max() < 1e-9
+    assert slab[0] @ wall[0] == pytest.approx(np.cos(np.radians(70.0)), abs=1e-5)
+    assert slab[0, 0] > 0 > wall[0, 0]
+    assert np.ptp(dome, axis=0).max() > 1.0
+    assert np.ptp(sleeve, axis=0)[0] < 1e-9 < np.ptp(sleeve, axis=0)[1]
+
+
+def test_the_clock_and_the_baseline_fit_the_hand(hand):
+    for name, rate_hz in (("rig4", 26.7), ("allegro", 19.5)):
+        described = load_hand(name)
+        assert poll_rate_hz(described, scl_frequency_for(described)) == pytest.approx(rate_hz, abs=0.1)
+        assert indentation_timeline(described).baseline_s * rate_hz > BASELINE_FRAMES + 2
+    assert indentation_settings(hand, seed=5, effects=("spread film length_m=0.002",)).seed == 5
+
+
+@pytest.mark.parametrize(("touch", "end"), [(0.0, 0.006), (-0.004, -0.002)])
+def test_the_mount_moves_in_holds_and_returns_along_the_same_travel(touch, end):
+    """Also if first contact precedes the nominal one."""
+    stroke = Stroke.through(Timeline(1.0, 1.2, 1.2, 0.8, 0.8), touch, end)
+    assert stroke.start_m == pytest.approx(min(-CLEARANCE_M, touch - 0.0005))
+    times = np.linspace(0.0, stroke.timeline.duration_s, 501)
+    travel, phase = stroke.travel_at(times), stroke.timeline.phase_at(times)
+    assert travel[(phase == Phase.BASELINE) | (phase == Phase.RECOVERY)] == pytest.approx(stroke.start_m - AWAY_M)
+    assert travel[phase == Phase.HOLD] == pytest.approx(end)
+    assert (np.diff(travel[phase == Phase.CLOSING]) >= 0).all()
+    assert (np.diff(travel[phase == Phase.RELEASE]) <= 0).all()
+    positions = np.array([-0.02, -0.001 + touch, touch, 0.5 * (touch + end), end])
+    inwards, outwards = stroke.times_of(positions)
+    assert stroke.travel_at(inwards) == pytest.approx(positions)
+    assert stroke.travel_at(outwards) == pytest.approx(positions)
+    assert (np.diff(inwards) > 0).all()
+    assert (np.diff(outwards) < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "field"),
+    [
+        ({"approaches": 0}, "approaches"),
+        ({"approaches": 3}, "approaches"),
+        ({"repeats": 0}, "repeats"),
+        ({"force_n": (5.0, 4.0)}, "force_n"),
+        ({"objects": 0}, "objects"),
+    ],
+)
+def test_an_infeasible_design_is_rejected_in_one_line(hand, numbers, field):
+    with pytest.raises(IndentationPlanError) as caught:
+        sample_indentation_plan(hand, 0, IndentationDesign(**numbers))
+    assert str(caught.value).startswith(f"indentation plan: {field}: expected ")
+    assert "\n" not in str(caught.value)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_the_error_states_the_id_of_the_indentation():
+    error = EquilibriumError("meets no skin").for_indentation("s0_03_press_1_0")
+    assert str(pickle.loads(pickle.dumps(error))).startswith("indentation s0_03_press_1_0: the object meets no skin; ")
