@@ -1,0 +1,169 @@
+"""Find the words that the glossary replaces: in names, comments, docstrings, messages and pages.
+
+python tools/wording/check_terms.py               every tracked file (make lint)
+python tools/wording/check_terms.py PATH ...      only these files and folders
+python tools/wording/check_terms.py --counts      findings by word and by folder
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from texts import NAME, texts_of
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+TERMS: Final = Path(__file__).with_name("terms.toml")
+ALLOWED: Final = Path(__file__).with_name("allowed.toml")
+
+
+class Finding(NamedTuple):
+    """A word that the glossary replaces."""
+
+    path: str
+    line: int
+    word: str
+    instead: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Term:
+    """A word of the glossary's left column.
+
+    name: matches a part of a name (between underscores or at a capital letter), or None. whole: matches a complete
+    name, or None. prose: matches in prose, or None. paths: the files in which the word has the forbidden meaning.
+    """
+
+    word: str
+    instead: str
+    name: re.Pattern[str] | None
+    whole: re.Pattern[str] | None
+    prose: re.Pattern[str] | None
+    paths: tuple[str, ...]
+
+    def matches(self, kind: str, text: str) -> Iterator[str]:
+        """The forbidden words in a name or a piece of prose."""
+        if kind == NAME:
+            if (self.whole is not None and self.whole.fullmatch(text)) or (
+                self.name is not None and any(self.name.fullmatch(part) for part in name_parts(text))
+            ):
+                yield text
+        elif self.prose is not None:
+            yield from (match[0] for match in self.prose.finditer(text))
+
+
+@dataclass(frozen=True)
+class Exception_:  # noqa: N801 - an entry of allowed.toml, not an error
+    """An exception with its reason: words and names that a pattern matches, in files that a pattern matches."""
+
+    path: str
+    word: str
+    text: re.Pattern[str] | None
+    reason: str
+
+    def covers(self, finding: Finding) -> bool:
+        """True if the exception applies to a finding."""
+        return (
+            fnmatch(finding.path, self.path)
+            and self.word in ("*", finding.word)
+            and (self.text is None or self.text.search(finding.text) is not None)
+        )
+
+
+def name_parts(name: str) -> list[str]:
+    """The words of a name in lower case: `signal_counts` and `SignalCounts` have two."""
+    return [part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+
+
+def read_terms(path: Path = TERMS) -> list[Term]:
+    """The terms of `terms.toml`. Raises KeyError for an entry without word or replacement."""
+    entries = tomllib.loads(path.read_text())["term"]
+    return [
+        Term(
+            entry["word"],
+            entry["instead"],
+            *(re.compile(entry[key], re.IGNORECASE) if key in entry else None for key in ("name", "whole", "prose")),
+            tuple(entry.get("paths", ["*"])),
+        )
+        for entry in entries
+    ]
+
+
+def read_exceptions(path: Path = ALLOWED) -> list[Exception_]:
+    """The exceptions of `allowed.toml`. Raises KeyError for an entry without a reason."""
+    entries = tomllib.loads(path.read_text())["allowed"]
+    return [
+        Exception_(
+            glob, entry.get("word", "*"), re.compile(entry["text"]) if "text" in entry else None, entry["reason"]
+        )
+        for entry in entries
+        for glob in entry["paths"]
+    ]
+
+
+def tracked_files(arguments: Sequence[str]) -> list[str]:
+    """Files that git tracks or would track, below the given paths."""
+    command = ["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "--", *arguments]
+    names = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split("\n")
+    return sorted({name for name in names if name and (ROOT / name).is_file()})
+
+
+def findings_in(path: str, content: str, terms: Sequence[Term]) -> Iterator[Finding]:
+    """All forbidden words of a file, exceptions not yet considered."""
+    applicable = [term for term in terms if any(fnmatch(path, glob) for glob in term.paths)]
+    seen: set[tuple[str, str]] = set()
+    for kind, line, text in texts_of(Path(path), content):
+        for term in applicable:
+            for match in term.matches(kind, text):
+                if kind == NAME and (term.word, match) in seen:
+                    continue  # a name is reported once in a file
+                seen.add((term.word, match))
+                yield Finding(path, line, term.word, term.instead, match if kind == NAME else text.strip())
+                break
+
+
+def main() -> int:
+    """Print the findings; the exit status is 1 if there are any."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("paths", nargs="*", help="files and folders (default: all)")
+    parser.add_argument("--counts", action="store_true", help="print counts by word and folder only")
+    arguments = parser.parse_args()
+    terms, exceptions = read_terms(), read_exceptions()
+    findings: list[Finding] = []
+    used: Counter[int] = Counter()
+    for name in tracked_files(arguments.paths):
+        try:
+            content = (ROOT / name).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue  # a binary file
+        for finding in findings_in(name, content, terms):
+            covering = [index for index, exception in enumerate(exceptions) if exception.covers(finding)]
+            used.update(covering)
+            if not covering:
+                findings.append(finding)
+    if arguments.counts:
+        by_folder = Counter((finding.word, "/".join(finding.path.split("/")[:3])) for finding in findings)
+        for (word, folder), count in sorted(by_folder.items(), key=lambda item: -item[1]):
+            print(f"{count:5} {word:12} {folder}")
+    else:
+        for finding in findings:
+            print(f"{finding.path}:{finding.line}: '{finding.word}' in: {finding.text[:100]} -> {finding.instead}")
+    unused = [exceptions[i] for i in range(len(exceptions)) if not used[i]] if not arguments.paths else []
+    for exception in unused:
+        print(f"tools/wording/allowed.toml: nothing needs the exception {exception.path} '{exception.word}'; remove it")
+    print(f"terms: {len(findings)} findings", file=sys.stderr)
+    return 1 if findings or unused else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""Names and prose of a source file, each with its line number."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+NAME: Final = "name"
+PROSE: Final = "prose"
+
+C_SUFFIXES: Final = (".c", ".h")
+HASH_SUFFIXES: Final = (".toml", ".sh", ".yml", ".yaml", ".cmake")
+HASH_NAMES: Final = ("Makefile", "CMakeLists.txt", "run")
+"""Files whose comments begin with #."""
+_C_TOKEN: Final = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"|[A-Za-z_]\w*", re.DOTALL)
+_HASH_COMMENT: Final = re.compile(r"(?:^|\s)#(?!\!)(.*)$")
+_MARKDOWN_CODE: Final = re.compile(r"`[^`\n]*`|\]\([^)\n]*\)|<!--.*?-->|https?://\S+", re.DOTALL)
+_TOML_PROSE: Final = re.compile(r'^\s*(?:what|help|description|reason|title|note)\s*=\s*"(.*)"\s*$')
+
+
+class Text(NamedTuple):
+    """A name or a piece of prose. kind: `NAME` or `PROSE`."""
+
+    kind: str
+    line: int
+    text: str
+
+
+def texts_of(path: Path, content: str) -> Iterator[Text]:
+    """All names and prose of a file; nothing for a file of another type."""
+    if path.suffix == ".py":
+        yield from _python_names(content)
+        yield from _python_prose(content)
+    elif path.suffix in C_SUFFIXES:
+        yield from _c_texts(content)
+    elif path.suffix == ".md":
+        yield from _markdown_prose(content)
+    elif path.suffix in HASH_SUFFIXES or path.name in HASH_NAMES:
+        yield from _hash_prose(content, is_toml=path.suffix == ".toml")
+
+
+def _python_names(content: str) -> Iterator[Text]:
+    """Names that the file defines; names of other packages do not count."""
+    for node in ast.walk(ast.parse(content)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield Text(NAME, node.lineno, node.name)
+        elif isinstance(node, ast.arg):
+            yield Text(NAME, node.lineno, node.arg)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield Text(NAME, node.lineno, node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield Text(NAME, node.lineno, node.attr)
+
+
+def _python_prose(content: str) -> Iterator[Text]:
+    """Comments, docstrings and the strings that contain a space."""
+    for token in tokenize.generate_tokens(io.StringIO(content).readline):
+        if token.type == tokenize.COMMENT:
+            yield Text(PROSE, token.start[0], token.string.lstrip("#! "))
+        elif token.type == tokenize.STRING:
+            for offset, line in enumerate(_without_inline_code(token.string).split("\n")):
+                if " " in line.strip():
+                    yield Text(PROSE, token.start[0] + offset, line)
+        elif token.type == getattr(tokenize, "FSTRING_MIDDLE", -1) and " " in token.string.strip():
+            yield Text(PROSE, token.start[0], token.string)
+
+
+def _c_texts(content: str) -> Iterator[Text]:
+    for match in _C_TOKEN.finditer(content):
+        line = content.count("\n", 0, match.start()) + 1
+        token = match[0]
+        if token[0] not in '/"':
+            yield Text(NAME, line, token)
+        elif token[0] == "/" or " " in token.strip('" '):
+            for offset, part in enumerate(_without_inline_code(token).split("\n")):
+                yield Text(PROSE, line + offset, part)
+
+
+def _markdown_prose(content: str) -> Iterator[Text]:
+    is_code = False
+    for number, line in enumerate(_without_inline_code(content, _MARKDOWN_CODE).split("\n"), 1):
+        if line.lstrip().startswith(("```", "~~~")):
+            is_code = not is_code
+        elif not is_code:
+            yield Text(PROSE, number, line)
+        elif (comment := re.search(r"(?:^|\s)#\s(.*)$", line)) is not None:
+            yield Text(PROSE, number, comment[1])
+
+
+def _hash_prose(content: str, *, is_toml: bool) -> Iterator[Text]:
+    for number, line in enumerate(content.split("\n"), 1):
+        comment = _HASH_COMMENT.search(line)
+        if comment is not None:
+            yield Text(PROSE, number, comment[1])
+        elif is_toml and (value := _TOML_PROSE.match(line)) is not None:
+            yield Text(PROSE, number, value[1])
+
+
+def _without_inline_code(text: str, pattern: re.Pattern[str] = re.compile(r"`[^`\n]*`")) -> str:
+    """The text with code blanked out, at the same length: a name in code is checked where it is defined."""
+    return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
