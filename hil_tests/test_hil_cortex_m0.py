@@ -179,23 +179,23 @@ def test_power_cuts_in_any_write_leave_the_old_or_the_new_program(tools: None) -
 
 def test_a_board_runs_the_image_that_taxel_flash_gave_it(tools: None) -> None:
     """Bootloader, image choice, trial and confirmation, all executed; it boots the image after a power cycle too."""
-    import cut_target
+    import cut_routes
     import executed_world
     import flash_worlds
 
-    text = flash_worlds.small_world(2, ["boot_listens 1"]) + executed_world.image_line(cut_target.BOARD)
+    text = flash_worlds.make_small_world(2, ["boot_listens 1"]) + executed_world.image_line(cut_routes.BOARD)
     with VirtualWorld(text, files={"board-factory.hex": images() / "board-factory.hex"}) as world:
         world.run(0.4)
-        way = cut_target.BoardWay(world, through_hub=True)
+        way = cut_routes.BoardRoute(world, through_hub=True)
         assert way.version() == (0, 1, 0)
         way.update(executed_world.firmware_with((2, 7, 1), images()))
         assert way.version() == (2, 7, 1)
-        world.inject("unplug", cut_target.BOARD)
+        world.inject("unplug", cut_routes.BOARD)
         world.run(0.1)
-        world.inject("plug", cut_target.BOARD)
+        world.inject("plug", cut_routes.BOARD)
         world.run(0.3)
         assert way.version() == (2, 7, 1)
-        assert world.processor(cut_target.BOARD).faults == 0
+        assert world.processor(cut_routes.BOARD).faults == 0
 
 
 def test_the_emulator_is_wired_as_the_boards_are() -> None:

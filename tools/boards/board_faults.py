@@ -220,7 +220,7 @@ def _scaled(
     """The line with the `counts` that make its size the goal, by a twin without noise (the same seeds)."""
     trial = 300.0
     seed = rng.randrange(1, 2**31)
-    with VirtualWorld(text_of(kind.name, seed, [f"{form} counts={trial}"], noise_counts=0.0)) as world:
+    with VirtualWorld(render_text(kind.name, seed, [f"{form} counts={trial}"], noise_counts=0.0)) as world:
         world.run(0.5)
         readout = HubReadout(HubWire(SlowLink(world)), BOARDS[kind.name], kind.taxel_count)
         readout.begin()
@@ -244,7 +244,7 @@ FAMILIES: Final = (
 )
 
 
-def text_of(kind: str, seed: int, effects: list[str], noise_counts: float = 0.0) -> str:
+def render_text(kind: str, seed: int, effects: list[str], noise_counts: float = 0.0) -> str:
     """World file of one board of a kind."""
     alone = replace(HAND, boards=(HAND.board(BOARDS[kind]),))
     return world_text(alone, WorldSettings(seed=seed, noise_counts=noise_counts, effects=effects))

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-from board_faults import BOARDS, FAMILIES, HAND, Case, SlowLink, draw_case, text_of
+from board_faults import BOARDS, FAMILIES, HAND, Case, SlowLink, draw_case, render_text
 
 from taxel.link.virtual import VirtualWorld
 from taxel_tools.bench.probe.emulated import EmulatedProbe
@@ -51,7 +51,7 @@ def test(case: Case) -> Result:
     plan = only(default_plan(), PHASES)
     address = BOARDS[case.kind]
     kind = HAND.board(address).kind
-    with VirtualWorld(text_of(case.kind, case.seed, list(case.effects))) as world:
+    with VirtualWorld(render_text(case.kind, case.seed, list(case.effects))) as world:
         world.run(BOOT_S)
         station = open_station(HubWire(SlowLink(world)), address, HAND)
         station.draws = False

@@ -19,10 +19,10 @@ from typing import Final
 
 sys.path.insert(1, str(Path(__file__).parents[1] / "flash"))
 
-from cut_plan import POINTS_S, WRITE_S, moment_of
-from cut_target import BOARD, BoardWay
+from cut_plan import POINTS_S, WRITE_S, name_moment
+from cut_routes import BOARD, BoardRoute
 from executed_world import BOARD_IMAGE, IMAGES, files, firmware_with, image_line
-from flash_worlds import small_world
+from flash_worlds import make_small_world
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualWorld
@@ -64,7 +64,7 @@ class _Board:
 
     def __init__(self, world: VirtualWorld, images: Path) -> None:
         self.world, self.images = world, images
-        self.way = BoardWay(world, through_hub=False)
+        self.way = BoardRoute(world, through_hub=False)
         self.version = self._running()
 
     def _running(self) -> Version:
@@ -83,7 +83,7 @@ class _Board:
             self.world.run(OFF_S + 0.01)
             version = self._running()
             for cut in self.world.cuts(BOARD, seen):
-                result.struck[moment_of(cut.after_s), "new" if version == target else "old"] += 1
+                result.struck[name_moment(cut.after_s), "new" if version == target else "old"] += 1
             seen = self.world.cut_count(BOARD)
             if version not in (self.version, target):
                 raise TaxelError(f"{version} runs, expected {self.version} or {target}")
@@ -117,7 +117,7 @@ class _Board:
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
     """Updates with so many cuts at least; ends with the first failure."""
     generator, result = random.Random(f"executed {seed}"), Cuts()
-    text = small_world(2, ["boot_listens 1"], seed) + image_line(BOARD)
+    text = make_small_world(2, ["boot_listens 1"], seed) + image_line(BOARD)
     with VirtualWorld(text, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
         world.run(0.4)
         board = _Board(world, images)

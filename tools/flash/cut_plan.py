@@ -1,4 +1,4 @@
-"""Which writes are cut, and where: every flash operation of an update at ten points, then one of its mending too."""
+"""Plan of the power cuts: each flash write of an update is cut at ten points; many sequences contain a second cut."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import Final
 
 WRITE_S: Final = 0.02
 WORDS: Final = (0, 7, 19, 31)
-"""Of the 32 words of a row: the first, the last and two between."""
+"""Word indices at which a row write is cut: the first, the last and two between, of the 32 words of a row."""
 ROWS: Final = (2, 3, 4, 6)
-"""Sizes of the images, in flash rows."""
-PER_WORLD: Final = 40
-"""Sequences in one world; the next begins where the one before has left its board."""
+"""Image sizes in flash rows."""
+SEQUENCES_PER_WORLD: Final = 40
+"""Number of sequences in one world; each sequence starts with the flash content of the previous sequence."""
 
-_HALF = WRITE_S / 2
-_WORD = _HALF / 32
+_HALF_WRITE_S = WRITE_S / 2
+_WORD_S = _HALF_WRITE_S / 32
 POINTS_S: Final = (
     0.0,
-    *((word + 0.5) * _WORD for word in WORDS),
-    *(_HALF + (word + 0.5) * _WORD for word in WORDS),
+    *((word + 0.5) * _WORD_S for word in WORDS),
+    *(_HALF_WRITE_S + (word + 0.5) * _WORD_S for word in WORDS),
     WRITE_S + 0.0004,
 )
-"""Seconds after the beginning of a write: before it, in words that are erased or programmed, after it."""
+"""Cut times after the start of a write, in seconds: before the write, within words, and after the write."""
 
-WAYS: Final = {
+ROUTES: Final = {
     "board, through an adapter": 0.5,
     "board, through the hub": 0.12,
     "hub, over its UART": 0.18,
@@ -34,42 +34,45 @@ WAYS: Final = {
     "configuration, through the hub": 0.04,
     "configuration of a blank board": 0.06,
 }
-"""What is written and how, with its share of all cuts."""
+"""Written item and access path, with the share of all cuts."""
 
 
 MOMENTS: Final = ("before", "erasing", "programming", "after")
 
 
-def moment_of(after_s: float) -> str:
-    """What a write does so long after its beginning."""
+def name_moment(after_s: float) -> str:
+    """Phase of a write at `after_s` seconds after its start."""
     if after_s == 0.0:
         return MOMENTS[0]
     if after_s >= WRITE_S:
         return MOMENTS[3]
-    return MOMENTS[1] if after_s < _HALF else MOMENTS[2]
+    return MOMENTS[1] if after_s < _HALF_WRITE_S else MOMENTS[2]
 
 
 @dataclass(frozen=True)
 class Cut:
-    """The power fails `after_s` into a write: of the update the first is number 1, then counted from the cut before."""
+    """A power cut `after_s` seconds into a flash operation.
+
+    `operation` counts the flash operations from 1, from the start of the update or from the previous cut.
+    """
 
     operation: int
     after_s: float
 
     @property
     def moment(self) -> str:
-        """Before the write, while it erases or programs, or after it."""
-        return moment_of(self.after_s)
+        """Phase of the write: before, erasing, programming or after."""
+        return name_moment(self.after_s)
 
     @property
-    def may_be_whole(self) -> bool:
-        """A record is written, or all but its last word, which no CRC covers."""
-        return self.after_s > WRITE_S - _WORD
+    def can_be_complete(self) -> bool:
+        """Whether a record can be complete: written fully, or except for the last word, which no CRC covers."""
+        return self.after_s > WRITE_S - _WORD_S
 
 
 @dataclass(frozen=True)
 class CutSequence:
-    """An update with its cuts. `rows` of the image; 0: a configuration."""
+    """An update and its power cuts. `rows`: rows of the image; 0: a configuration write."""
 
     rows: int
     cuts: tuple[Cut, ...]
@@ -77,63 +80,65 @@ class CutSequence:
 
 @dataclass(frozen=True)
 class WorldPlan:
-    """The sequences of one world. `listens`: bootloaders wait 100 ms for a host after power-up."""
+    """The sequences of one world. `bootloader_listens`: bootloaders wait 100 ms for a host after power-up."""
 
     number: int
     seed: int
-    way: str
-    listens: bool
+    route: str
+    bootloader_listens: bool
     sequences: tuple[CutSequence, ...]
 
 
 def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
-    """Worlds whose sequences have at least `cuts` cuts together; the same for the same numbers."""
+    """Plan worlds whose sequences contain at least `cuts` cuts in total; deterministic for a seed."""
     worlds: list[WorldPlan] = []
-    for way, share in WAYS.items():
-        generator = random.Random(f"{seed} {way}")
-        per_world = 4 if "blank" in way else PER_WORLD
-        endless = _configurations(generator) if way.startswith("configuration") else _updates(generator)
-        left = round(cuts * share)
-        while left > 0:
+    for route, share in ROUTES.items():
+        generator = random.Random(f"{seed} {route}")
+        per_world = 4 if "blank" in route else SEQUENCES_PER_WORLD
+        sequence_source = (
+            _configuration_sequences(generator) if route.startswith("configuration") else _update_sequences(generator)
+        )
+        remaining_cuts = round(cuts * share)
+        while remaining_cuts > 0:
             sequences: list[CutSequence] = []
-            while left > 0 and len(sequences) < per_world:
-                sequences.append(next(endless))
-                left -= len(sequences[-1].cuts)
+            while remaining_cuts > 0 and len(sequences) < per_world:
+                sequences.append(next(sequence_source))
+                remaining_cuts -= len(sequences[-1].cuts)
             number = len(worlds)
-            worlds.append(WorldPlan(number, seed, way, number % 3 == 2, tuple(sequences)))
+            worlds.append(WorldPlan(number, seed, route, number % 3 == 2, tuple(sequences)))
     return worlds
 
 
-def _updates(generator: random.Random) -> Iterator[CutSequence]:
-    """Every write of images of all sizes at every point, in a drawn order, again and again with other second cuts."""
+def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
+    """Every write of images of all sizes at every point, in random order, repeated with other second cuts."""
     while True:
-        firsts = [(rows, Cut(n, after)) for rows in ROWS for n in range(1, rows + 4) for after in POINTS_S]
-        generator.shuffle(firsts)
-        for rows, first in firsts:
-            yield CutSequence(rows, (first, *_second(generator, rows, first)))
+        first_cuts = [(rows, Cut(n, after)) for rows in ROWS for n in range(1, rows + 4) for after in POINTS_S]
+        generator.shuffle(first_cuts)
+        for rows, first in first_cuts:
+            yield CutSequence(rows, (first, *_second_cut(generator, rows, first)))
 
 
-def _second(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
-    """A cut in one of the writes that surely follow: rows that are missing, pending, a try, the confirmation."""
+def _second_cut(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
+    """A cut in one of the writes that must follow: missing rows, pending record, boot attempt, confirmation."""
     if first.operation <= rows:
         following = rows - first.operation + 3
-    elif first.operation < rows + 3 or not first.may_be_whole:
-        following = 2  # a try at the next start, and the confirmation
+    elif first.operation < rows + 3 or not first.can_be_complete:
+        following = 2  # The boot attempt at the next start, and the confirmation.
     else:
         return []
-    return [Cut(generator.randint(1, following), _instant(generator))]
+    return [Cut(generator.randint(1, following), _sample_instant(generator))]
 
 
-def _instant(generator: random.Random) -> float:
-    """Any instant of a write; before or after it one time in ten each."""
-    drawn = generator.random()
-    if drawn < 0.2:
-        return POINTS_S[0] if drawn < 0.1 else POINTS_S[-1]
+def _sample_instant(generator: random.Random) -> float:
+    """Random instant of a write; before the write with probability 0.1 and after the write with probability 0.1."""
+    fraction = generator.random()
+    if fraction < 0.2:
+        return POINTS_S[0] if fraction < 0.1 else POINTS_S[-1]
     return generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
-def _configurations(generator: random.Random) -> Iterator[CutSequence]:
-    """One write: before, at each point and after; then again, if it has not been made."""
+def _configuration_sequences(generator: random.Random) -> Iterator[CutSequence]:
+    """One write, cut before, at each point and after; a second cut if the write was not complete."""
     for after in itertools.cycle(POINTS_S):
         first = Cut(1, after)
-        yield CutSequence(0, (first,) if first.may_be_whole else (first, Cut(1, _instant(generator))))
+        yield CutSequence(0, (first,) if first.can_be_complete else (first, Cut(1, _sample_instant(generator))))

@@ -1,4 +1,4 @@
-"""What the bytes of a flash row mean: which operation a cut has struck, and which record counts."""
+"""Interpretation of flash rows: the operation that a power cut interrupted, and the valid record."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from taxel_protocol.layout import unpack
 OPERATIONS: Final = ("row of the image", "image made pending", "try counted", "image confirmed", "configuration")
 
 
-def operation_of(cut: PowerCut) -> str:
-    """The name of what was being written."""
+def name_operation(cut: PowerCut) -> str:
+    """Name of the interrupted flash operation."""
     if cut.row in (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_ROW + 1):
         return OPERATIONS[4]
     if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
@@ -35,8 +35,8 @@ def operation_of(cut: PowerCut) -> str:
     return OPERATIONS[1] if metadata["tries"][metadata["pending"]] == BOOT_TRIES else OPERATIONS[2]
 
 
-def _newest(flash: bytes, first_row: int, magic: int) -> bytes | None:
-    """Payload of the valid record with the later sequence."""
+def _newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
+    """Payload of the valid record with the highest sequence number."""
     newest: tuple[int, bytes] | None = None
     for row in (first_row, first_row + 1):
         data = flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]
@@ -48,13 +48,13 @@ def _newest(flash: bytes, first_row: int, magic: int) -> bytes | None:
     return None if newest is None else newest[1]
 
 
-def confirmed_slot(flash: bytes) -> int | None:
-    """The slot of the confirmed image; None without a record."""
-    payload = _newest(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
+def find_confirmed_slot(flash: bytes) -> int | None:
+    """Slot of the confirmed image; None without a record."""
+    payload = _newest_payload(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
     return None if payload is None else int(unpack(Metadata, payload)[0]["confirmed"])
 
 
-def configuration_of(flash: bytes) -> dict[str, Any] | None:
-    """The fields of the configuration that counts; None if there is none."""
-    payload = _newest(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
+def decode_configuration(flash: bytes) -> dict[str, Any] | None:
+    """Fields of the valid configuration; None if there is none."""
+    payload = _newest_payload(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
     return None if payload is None else unpack(Configuration, payload)[0]

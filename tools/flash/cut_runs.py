@@ -1,14 +1,14 @@
-"""Updates whose power is cut: after each cut the old or the new image runs, byte for byte, and a retry succeeds."""
+"""Updates interrupted by power cuts: the old or the new image runs after each cut, and a retry succeeds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Final
 
-from cut_plan import CutSequence, WorldPlan, moment_of
-from cut_records import confirmed_slot, operation_of
-from cut_target import BoardWay, HubWay, Way
-from flash_worlds import firmware_of, small_world
+from cut_plan import CutSequence, WorldPlan, name_moment
+from cut_records import find_confirmed_slot, name_operation
+from cut_routes import BoardRoute, HubRoute, Route
+from flash_worlds import make_firmware_images, make_small_world
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualWorld
@@ -17,21 +17,21 @@ from taxel_tools.errors import HUB
 from taxel_tools.files import Firmware
 
 OFF_S: Final = 0.03
-"""How long there is no power."""
+"""Duration of a power cut in seconds."""
 RUNS_MAX: Final = 6
-"""Of one command: first, after each of two cuts, and some to spare."""
+"""Limit of runs of one command: the first, one after each of two cuts, and a margin."""
 BRICKED: Final = "bricked"
 DAMAGED: Final = "damaged"
-AGAIN: Final = "cut again"
+CUT_AGAIN: Final = "cut again"
 
 
 class CampaignError(TaxelError):
-    """What must not happen, has."""
+    """A violated requirement of the campaign: a bricked device, damaged data, or an update that never succeeds."""
 
 
 @dataclass(frozen=True)
-class Struck:
-    """A cut that was made: what it struck, at which moment, and what ran or held afterwards."""
+class CutRecord:
+    """A power cut: interrupted operation, phase of the write, and the image or record valid afterwards."""
 
     operation: str
     moment: str
@@ -40,11 +40,11 @@ class Struck:
 
 @dataclass
 class WorldResult:
-    """What came of the sequences of one world. `runs`: of the command, for each sequence."""
+    """Results of the sequences of one world. `runs`: number of command runs for each sequence."""
 
     number: int
-    way: str
-    struck: list[Struck] = field(default_factory=list)
+    route: str
+    cut_records: list[CutRecord] = field(default_factory=list)
     runs: list[int] = field(default_factory=list)
     torn: int = 0
     longest_gap_s: float = 0.0
@@ -53,114 +53,118 @@ class WorldResult:
 
 
 def run_updates(plan: WorldPlan) -> WorldResult:
-    """Every sequence of a world, one after the other on the same flash; it ends with the first that fails."""
-    result = WorldResult(plan.number, plan.way)
-    is_hub = plan.way.startswith("hub")
-    text = small_world(1 if is_hub else 2, [f"boot_listens {int(plan.listens)}"], plan.seed + plan.number)
+    """Run every sequence of a world in turn on the same flash, until the first failure."""
+    result = WorldResult(plan.number, plan.route)
+    is_hub = plan.route.startswith("hub")
+    text = make_small_world(
+        1 if is_hub else 2, [f"boot_listens {int(plan.bootloader_listens)}"], plan.seed + plan.number
+    )
     with VirtualWorld(text) as world:
         world.run(0.3)
-        way: Way = HubWay(world) if is_hub else BoardWay(world, plan.way.endswith("hub"))
-        for place, sequence in enumerate(plan.sequences):
+        route: Route = HubRoute(world) if is_hub else BoardRoute(world, plan.route.endswith("hub"))
+        for index, sequence in enumerate(plan.sequences):
             try:
-                _Update(world, way, plan, place, sequence, result).run()
+                _Update(world, route, plan, index, sequence, result).run()
             except TaxelError as error:
-                result.failures.append(f"world {plan.number}, sequence {place} ({sequence}): {error}")
+                result.failures.append(f"world {plan.number}, sequence {index} ({sequence}): {error}")
                 break
-        if isinstance(way, BoardWay):
-            result.longest_gap_s = way.beside.longest_gap_s
-        result.torn = world.board_flash(way.address).torn
+        if isinstance(route, BoardRoute):
+            result.longest_gap_s = route.neighbour.longest_gap_s
+        result.torn = world.board_flash(route.address).torn
         result.virtual_s = world.now_s
     return result
 
 
 class _Update:
-    """One update with its cuts, from a confirmed image to the next."""
+    """One update with its power cuts, from a confirmed image to the next."""
 
     def __init__(
-        self, world: VirtualWorld, way: Way, plan: WorldPlan, place: int, sequence: CutSequence, result: WorldResult
+        self, world: VirtualWorld, route: Route, plan: WorldPlan, index: int, sequence: CutSequence, result: WorldResult
     ) -> None:
         self.world = world
-        self.way = way
+        self.route = route
         self.sequence = sequence
         self.result = result
-        device = BootDevice.HUB if way.address == HUB else BootDevice.BOARD
+        device = BootDevice.HUB if route.address == HUB else BootDevice.BOARD
         self.layout = LAYOUTS[device]
-        self.version = (1, place // 256, place % 256)
-        self.firmware: Firmware = firmware_of(device, sequence.rows, self.version, plan.seed + plan.number)
-        flash = world.board_flash(way.address).data
-        self.old_slot = confirmed_slot(flash) or 0
-        self.old_image = self._slot(flash, self.old_slot)
-        self.old_version = way.version()
-        self.cuts_before = world.cut_count(way.address)
-        self.judged = 0
+        self.version = (1, index // 256, index % 256)
+        self.firmware: Firmware = make_firmware_images(device, sequence.rows, self.version, plan.seed + plan.number)
+        flash = world.board_flash(route.address).data
+        self.old_slot = find_confirmed_slot(flash) or 0
+        self.old_image = self._slot_content(flash, self.old_slot)
+        self.old_version = route.version()
+        self.cuts_before = world.cut_count(route.address)
+        self.recorded_count = 0
 
-    def _slot(self, flash: bytes, slot: int) -> bytes:
+    def _slot_content(self, flash: bytes, slot: int) -> bytes:
         begin = self.layout.slot_address(slot)
         return flash[begin : begin + self.layout.slot_size]
 
     def run(self) -> None:
         for cut in self.sequence.cuts:
-            self.world.plan_cut(self.way.address, cut.operation, cut.after_s, OFF_S)
+            self.world.plan_cut(self.route.address, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
             failure = self._try()
-            seen = self._judge()
-            if failure is None and seen == len(self.sequence.cuts):
+            cut_count = self._record_outcomes()
+            if failure is None and cut_count == len(self.sequence.cuts):
                 self.result.runs.append(runs)
                 self._check_end()
                 return
-        why = f"the last run ended with: {failure}" if failure else f"only {seen} cuts were made"
-        raise CampaignError(f"{RUNS_MAX} runs of the command did not finish the update; {why}")
+        cause = f"the last run ended with: {failure}" if failure else f"only {cut_count} cuts were made"
+        raise CampaignError(f"{RUNS_MAX} runs of the command did not finish the update; {cause}")
 
     def _try(self) -> str | None:
         try:
-            self.way.update(self.firmware)
+            self.route.update(self.firmware)
         except TaxelError as error:
             return str(error)
         return None
 
-    def _judge(self) -> int:
-        """Look at what runs, and put it down to the cuts since the last look; returns how many there are in all.
+    def _record_outcomes(self) -> int:
+        """Record the outcome of the cuts since the last call; returns the number of cuts so far.
 
-        A look may bring the next cut about: an image confirms itself when it is talked to.
+        Checking the device can trigger the next planned cut, because an image confirms itself when a host communicates
+        with it.
         """
         while True:
-            self.world.run(OFF_S + 0.01)  # the power is back
-            made = self._note_cuts(self.way.version())
+            self.world.run(OFF_S + 0.01)  # Until the power is back.
+            recorded_count = self._record_cuts(self.route.version())
             try:
-                self.way.check_hub()
+                self.route.check_hub()
             except TaxelError:
-                if self._cuts() == made:
+                if self._count_cuts() == recorded_count:
                     raise
-            if self._cuts() == made:
-                return made
+            if self._count_cuts() == recorded_count:
+                return recorded_count
 
-    def _cuts(self) -> int:
-        return self.world.cut_count(self.way.address) - self.cuts_before
+    def _count_cuts(self) -> int:
+        return self.world.cut_count(self.route.address) - self.cuts_before
 
-    def _note_cuts(self, version: tuple[int, int, int] | None) -> int:
-        made = self.world.cuts(self.way.address, self.cuts_before)
-        outcome = self._outcome(version)
-        for place, cut in enumerate(made[self.judged :], start=self.judged):
-            last = place == len(made) - 1
-            self.result.struck.append(Struck(operation_of(cut), moment_of(cut.after_s), outcome if last else AGAIN))
-        self.judged = len(made)
+    def _record_cuts(self, version: tuple[int, int, int] | None) -> int:
+        cuts = self.world.cuts(self.route.address, self.cuts_before)
+        outcome = self._classify_outcome(version)
+        for i, cut in enumerate(cuts[self.recorded_count :], start=self.recorded_count):
+            is_last = i == len(cuts) - 1
+            record = CutRecord(name_operation(cut), name_moment(cut.after_s), outcome if is_last else CUT_AGAIN)
+            self.result.cut_records.append(record)
+        self.recorded_count = len(cuts)
         if outcome in (BRICKED, DAMAGED):
-            raise CampaignError(f"{outcome}: {version} runs, expected {self.old_version} or {self.version}, whole")
-        return len(made)
+            raise CampaignError(f"{outcome}: expected version {self.old_version} or {self.version}, found {version}")
+        return len(cuts)
 
-    def _outcome(self, version: tuple[int, int, int] | None) -> str:
+    def _classify_outcome(self, version: tuple[int, int, int] | None) -> str:
         if version is None:
             return BRICKED
-        flash = self.world.board_flash(self.way.address).data
+        flash = self.world.board_flash(self.route.address).data
         new = self.firmware.image_for(1 - self.old_slot)
         assert new is not None
-        if self._slot(flash, self.old_slot) != self.old_image:
-            return DAMAGED  # nobody may write the slot in use
+        if self._slot_content(flash, self.old_slot) != self.old_image:
+            return DAMAGED  # The slot in use must never be written.
         if version == self.version:
-            return "new" if self._slot(flash, new.slot).startswith(new.data) else DAMAGED
+            return "new" if self._slot_content(flash, new.slot).startswith(new.data) else DAMAGED
         return "old" if version == self.old_version else DAMAGED
 
     def _check_end(self) -> None:
-        flash = self.world.board_flash(self.way.address).data
-        if self._outcome(self.way.version()) != "new" or confirmed_slot(flash) != 1 - self.old_slot:
-            raise CampaignError("the command said that it has succeeded, but the new image does not run confirmed")
+        flash = self.world.board_flash(self.route.address).data
+        if self._classify_outcome(self.route.version()) != "new" or find_confirmed_slot(flash) != 1 - self.old_slot:
+            raise CampaignError("the command reported success, but the new image does not run confirmed")

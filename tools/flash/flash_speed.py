@@ -1,10 +1,10 @@
-"""How long `taxel flash` takes for 17 boards of 12 KiB, and for the hub, in virtual time.
+"""Duration of `taxel flash` for 17 boards of 12 KiB, and for the hub, in virtual time.
 
-python tools/flash/flash_speed.py              the table: a quarter of a minute
-python tools/flash/flash_speed.py --json F     the same as JSON
+    python tools/flash/flash_speed.py              the table, in about 15 seconds
+    python tools/flash/flash_speed.py --json F     the same as JSON
 
-400 kHz, 1 Mbaud; every row is read back as a sum, every image confirms itself. `each way`: the USB adapter holds bytes
-back for so long in both directions; `to the host`: in that one only, as its latency timer does.
+I2C at 400 kHz, UART at 1 Mbaud; every row is read back as a sum, every image confirms itself. `each way`: the USB
+adapter delays bytes in both directions; `to the host`: only in this direction, as its latency timer does.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from flash_worlds import firmware_of, full_hand
+from flash_worlds import make_firmware_images, make_full_hand_world
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
+from taxel_tools.firmware_update import Progress, update_board, update_target
 from taxel_tools.hub_target import HubTarget
-from taxel_tools.interleave import run, run_all
-from taxel_tools.program import Progress, update, update_target
+from taxel_tools.scheduler import run, run_all
 from taxel_tools.wires import HubWire
 
 BOARDS: Final = 17
@@ -38,22 +38,22 @@ NO_LIMIT: Final = 0
 
 @dataclass(frozen=True)
 class Setting:
-    """What stands between host and hub. `window`: bytes of commands under way; 0: as many as the hub allows."""
+    """Connection between host and hub. `window`: limit of command bytes in flight; 0: as many as the hub allows."""
 
     latency: str
-    held: bool
+    has_flow_control: bool
     window: int = NO_LIMIT
 
     @property
     def lines(self) -> list[str]:
         """Lines of the world file."""
         down = LATENCY_MS if self.latency == "each way" else 1.0
-        return [f"usb_latency_down_ms {down}", f"flow_control {int(self.held)}"]
+        return [f"usb_latency_down_ms {down}", f"flow_control {int(self.has_flow_control)}"]
 
 
 @dataclass(frozen=True)
 class Speed:
-    """Virtual seconds: of all boards at once (None with one command under way), and of one of them alone."""
+    """Virtual seconds for all boards at once (None with one command in flight), and for one board."""
 
     setting: Setting
     at_once_s: float | None
@@ -61,74 +61,90 @@ class Speed:
 
     @property
     def serial_s(self) -> float:
-        """One board after the other."""
+        """Virtual seconds for all boards one after the other."""
         return BOARDS * self.alone_s
+
+    def to_json(self) -> dict[str, Any]:
+        """Values of the JSON document."""
+        setting = {
+            "latency": self.setting.latency,
+            "held": self.setting.has_flow_control,
+            "window": self.setting.window,
+        }
+        return {
+            "setting": setting,
+            "at_once_s": self.at_once_s,
+            "alone_s": self.alone_s,
+            "serial_s": self.serial_s,
+        }
 
 
 SETTINGS: Final = (
-    Setting("each way", held=True),
-    Setting("each way", held=False),
-    Setting("each way", held=False, window=1),
-    Setting("to the host", held=True),
-    Setting("to the host", held=False),
-    Setting("to the host", held=False, window=1),
+    Setting("each way", has_flow_control=True),
+    Setting("each way", has_flow_control=False),
+    Setting("each way", has_flow_control=False, window=1),
+    Setting("to the host", has_flow_control=True),
+    Setting("to the host", has_flow_control=False),
+    Setting("to the host", has_flow_control=False, window=1),
 )
 
 
-def ignore(progress: Progress) -> None:
-    """Nobody watches."""
+def ignore_progress(progress: Progress) -> None:
+    """Progress callback without effect."""
 
 
-def seconds_for(setting: Setting, boards: int, rows: int) -> float:
-    """Virtual seconds until so many boards run new firmware. Raises `TaxelError` if one does not."""
-    firmware = firmware_of(BootDevice.BOARD, rows, VERSION, seed=1)
-    with VirtualWorld(full_hand(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
+def measure_boards(setting: Setting, boards: int, rows: int) -> float:
+    """Virtual seconds until `boards` boards run new firmware. Raises `TaxelError` if an update fails."""
+    firmware = make_firmware_images(BootDevice.BOARD, rows, VERSION, seed=1)
+    with VirtualWorld(make_full_hand_world(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
         world.run(BOOT_S)
         wire = HubWire(VirtualMemoryLink(world))
         wire.hub.window = setting.window or wire.hub.window
         addresses = wire.scan()[:boards]
-        began = world.now_s
-        results = run_all(wire, {one: update(one, firmware, wire.now_s, ignore) for one in addresses})
+        start_s = world.now_s
+        results = run_all(
+            wire, {address: update_board(address, firmware, wire.now_s, ignore_progress) for address in addresses}
+        )
         for result in results.values():
             if isinstance(result, TaxelError):
                 raise result
-        return world.now_s - began
+        return world.now_s - start_s
 
 
-def hub_seconds(setting: Setting, rows: int) -> float:
+def measure_hub(setting: Setting, rows: int) -> float:
     """Virtual seconds until the hub runs new firmware and polls its boards."""
-    firmware = firmware_of(BootDevice.HUB, rows, VERSION, seed=1)
-    with VirtualWorld(full_hand(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
+    firmware = make_firmware_images(BootDevice.HUB, rows, VERSION, seed=1)
+    with VirtualWorld(make_full_hand_world(setting.lines, usb_latency_ms=LATENCY_MS)) as world:
         world.run(BOOT_S)
         target = HubTarget(VirtualMemoryLink(world))
-        began = world.now_s
-        run(target.wire, update_target(target, firmware, ignore))
-        return world.now_s - began
+        start_s = world.now_s
+        run(target.wire, update_target(target, firmware, ignore_progress))
+        return world.now_s - start_s
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and print."""
+    """Measure the durations and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rows", type=int, default=LAYOUTS[BootDevice.BOARD].slot_rows, help="of a board's image")
-    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--rows", type=int, default=LAYOUTS[BootDevice.BOARD].slot_rows, help="rows of a board's image")
+    parser.add_argument("--json", type=Path, help="write the results to this file")
     options = parser.parse_args(arguments)
     speeds = []
-    print(f"{'latency 16 ms':<14}{'hub holds back':>15}{'under way':>15}{'17 at once':>12}{'one by one':>12}")
+    print(f"{'latency 16 ms':<14}{'flow control':>15}{'in flight':>15}{'17 at once':>12}{'one by one':>12}")
     for setting in SETTINGS:
-        at_once = None if setting.window == 1 else seconds_for(setting, BOARDS, options.rows)
-        speed = Speed(setting, at_once, seconds_for(setting, 1, options.rows))
+        at_once = None if setting.window == 1 else measure_boards(setting, BOARDS, options.rows)
+        speed = Speed(setting, at_once, measure_boards(setting, 1, options.rows))
         speeds.append(speed)
-        held = "yes" if setting.held else "no"
-        window = "one command" if setting.window == 1 else "3072 bytes" if setting.held else "255 bytes"
-        shown = "" if at_once is None else f"{at_once:.1f} s"
-        print(f"{setting.latency:<14}{held:>15}{window:>15}{shown:>12}{speed.serial_s:>10.1f} s")
+        flow_control = "yes" if setting.has_flow_control else "no"
+        window = "one command" if setting.window == 1 else "3072 bytes" if setting.has_flow_control else "255 bytes"
+        at_once_text = "" if at_once is None else f"{at_once:.1f} s"
+        print(f"{setting.latency:<14}{flow_control:>15}{window:>15}{at_once_text:>12}{speed.serial_s:>10.1f} s")
     hub_rows = min(options.rows + 8, LAYOUTS[BootDevice.HUB].slot_rows)
-    hub = {setting.latency: hub_seconds(setting, hub_rows) for setting in (SETTINGS[0], SETTINGS[3])}
+    hub = {setting.latency: measure_hub(setting, hub_rows) for setting in (SETTINGS[0], SETTINGS[3])}
     for latency, seconds in hub.items():
-        print(f"the hub itself, {latency}: {seconds:.1f} s")
+        print(f"the hub, {latency}: {seconds:.1f} s")
     if options.json is not None:
-        figures = [asdict(speed) | {"serial_s": speed.serial_s} for speed in speeds]
-        options.json.write_text(json.dumps({"boards": figures, "hub": hub}, indent=2) + "\n")
+        results = [speed.to_json() for speed in speeds]
+        options.json.write_text(json.dumps({"boards": results, "hub": hub}, indent=2) + "\n")
     return 0
 
 

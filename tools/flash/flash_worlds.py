@@ -1,4 +1,4 @@
-"""Emulated worlds and firmware of random content, small or large, for what measures and cuts updates."""
+"""Emulated worlds and random firmware images for measurements and power cuts of updates."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from taxel_tools.files.firmware import parse_image
 HEADER = 32
 
 
-def firmware_of(device: BootDevice, rows: int, version: tuple[int, int, int], seed: int) -> Firmware:
-    """Images for both slots that fill `rows` flash rows, nearly; their bytes hang on seed, slot and version."""
+def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int, int], seed: int) -> Firmware:
+    """Images for both slots that almost fill `rows` flash rows; content depends on seed, slot and version."""
     size = rows * BOOT_ROW_SIZE - 40
     images = []
     for slot in (0, 1):
@@ -24,22 +24,22 @@ def firmware_of(device: BootDevice, rows: int, version: tuple[int, int, int], se
     return Firmware(tuple(images))
 
 
-def small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> str:
-    """World file of the first boards of a rig, without noise and quick to boot, with further lines."""
+def make_small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> str:
+    """World file with the first boards of a rig, without noise and with a short boot time, plus `lines`."""
     settings = WorldSettings(seed=seed, noise_counts=0.0, boot_ms=4.0, usb_latency_ms=1.0)
     text = world_text(load_hand("rig4"), settings).splitlines()
-    places = [place for place, line in enumerate(text) if line.startswith("board ")]
-    kept = [line for place, line in enumerate(text) if place not in places[boards:]]
-    return "\n".join([*kept, *lines]) + "\n"
+    board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]
+    kept_lines = [line for i, line in enumerate(text) if i not in board_lines[boards:]]
+    return "\n".join([*kept_lines, *lines]) + "\n"
 
 
-def unique_ids(world: str) -> dict[int, bytes]:
-    """Of each board of a world file, by its address there."""
-    words = [line.split() for line in world.splitlines() if line.startswith("board ")]
-    return {int(one[1], 0): bytes.fromhex(one[7]) for one in words}
+def read_unique_ids(world: str) -> dict[int, bytes]:
+    """Unique id of each board of a world file, by address."""
+    boards = [line.split() for line in world.splitlines() if line.startswith("board ")]
+    return {int(fields[1], 0): bytes.fromhex(fields[7]) for fields in boards}
 
 
-def full_hand(lines: Sequence[str] = (), **settings: float) -> str:
-    """World file of the Allegro hand with its 17 boards, with further lines."""
+def make_full_hand_world(lines: Sequence[str] = (), **settings: float) -> str:
+    """World file of the Allegro hand with its 17 boards, plus `lines`."""
     text = world_text(load_hand("allegro"), WorldSettings(**settings))  # type: ignore[arg-type]
     return text + "".join(f"{line}\n" for line in lines)

@@ -1,14 +1,14 @@
-"""Power cuts in every write of updates: of boards, of the hub, of configurations; nothing may ever be bricked.
+"""Campaign of power cuts in every flash write of updates of boards, of the hub, and of configurations.
 
-python tools/flash/power_cuts.py --cuts 10000 --seed 1 --jobs 2    ten thousand cuts: some minutes
-python tools/flash/power_cuts.py --cuts 300                        a short form
-python tools/flash/power_cuts.py --cuts 10000 --seed 1 --world 7   one world of them again, as it was
-python tools/flash/power_cuts.py --cuts 10000 --seed 1 --page      writes docs/flash-power-cuts.md too
+    python tools/flash/power_cuts.py --cuts 10000 --seed 1 --jobs 2    ten thousand cuts, in some minutes
+    python tools/flash/power_cuts.py --cuts 300                        a short campaign
+    python tools/flash/power_cuts.py --cuts 10000 --seed 1 --world 7   repeats one world of the campaign
+    python tools/flash/power_cuts.py --cuts 10000 --seed 1 --page      also writes docs/flash-power-cuts.md
 
 The updates are those of `taxel flash` and `taxel provision`, in emulated worlds with the real bootloaders. The power is
-cut at each flash operation: before it, in words that are erased and programmed, after it; then again in what follows.
-After each cut the old or the new image must run, whole; the command, given again, must succeed; the hub must go on
-polling the other board. Exit status 1 if any of that fails.
+cut at each flash operation: before the write, while words are erased and programmed, and after the write; then again in
+the writes that follow. After each cut the complete old or new image must run, the repeated command must succeed, and
+the hub must continue to poll the other board. The exit status is 1 if any of these requirements is violated.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cut_configurations import run_configurations
 from cut_plan import WorldPlan, plan_worlds
 from cut_runs import WorldResult, run_updates
-from cut_table import document_of, page_of, tally_of, text_of
+from cut_table import build_document, build_tally, render_page, render_text
 
 PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "flash-power-cuts.md"
 
 
 def run_world(plan: WorldPlan) -> WorldResult:
-    """Every sequence of a world."""
-    return run_configurations(plan) if plan.way.startswith("configuration") else run_updates(plan)
+    """Run every sequence of a world."""
+    return run_configurations(plan) if plan.route.startswith("configuration") else run_updates(plan)
 
 
 def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
-    """Results in any order; they do not hang on it."""
+    """Results in arbitrary order; each result is independent of the order."""
     if jobs == 1:
         yield from map(run_world, plans)
         return
@@ -47,14 +47,18 @@ def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make the cuts and print what came of them."""
+    """Run the campaign and print its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cuts", type=int, default=10_000, help="at least so many (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="draws images, second cuts and torn words")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one a processor)")
+    parser.add_argument("--cuts", type=int, default=10_000, help="least number of cuts (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of images, second cuts and torn words")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one for each processor)"
+    )
     parser.add_argument("--world", type=int, help="only the world with this number")
-    parser.add_argument("--json", type=Path, help="write everything there as JSON")
-    parser.add_argument("--page", nargs="?", type=Path, const=PAGE, help="write the page (default: docs/)")
+    parser.add_argument("--json", type=Path, help="write all results to this file as JSON")
+    parser.add_argument(
+        "--page", nargs="?", type=Path, const=PAGE, help="write the page (default: docs/flash-power-cuts.md)"
+    )
     options = parser.parse_args(arguments)
     plans = plan_worlds(options.cuts, options.seed)
     if options.world is not None:
@@ -64,13 +68,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         results.append(result)
         if sys.stderr.isatty():
             print(f"\r{len(results)} of {len(plans)} worlds", end="", file=sys.stderr, flush=True)
-    tally = tally_of(sorted(results, key=lambda one: one.number))
-    print(text_of(tally, options.seed))
+    tally = build_tally(sorted(results, key=lambda result: result.number))
+    print(render_text(tally, options.seed))
     if options.json is not None:
-        options.json.write_text(json.dumps(document_of(tally, options.seed), indent=2) + "\n")
+        options.json.write_text(json.dumps(build_document(tally, options.seed), indent=2) + "\n")
     if options.page is not None:
         command = f"python tools/flash/power_cuts.py --cuts {options.cuts} --seed {options.seed} --page"
-        options.page.write_text(page_of(tally, options.seed, command))
+        options.page.write_text(render_page(tally, options.seed, command))
     return 1 if tally.failures or not tally.cuts else 0
 
 

@@ -1,1 +1,1 @@
-"""Scan, provision and flash sensor boards: over the hub's UART or an I2C adapter, all boards at once."""
+"""Commands that operate sensor boards: scan, provision, flash and bench, over the hub's UART or an I2C adapter."""

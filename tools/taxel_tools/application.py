@@ -1,4 +1,4 @@
-"""What a running board says of itself: identity, health, and the snapshot that lets a new image confirm itself."""
+"""Register reads of a running board: identity, status, and the snapshot that makes a new image confirm itself."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from taxel_protocol.layout import packer_of, unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, REGISTER_SNAPSHOT, REGISTER_STATUS, WHO_AM_I
 from taxel_protocol.registers import Identity, Status
 from taxel_tools.errors import BoardError, LostError, NackError, TransferError
-from taxel_tools.steps import Clock, Pause, Steps, Transfer
+from taxel_tools.procedure import Clock, Pause, Procedure, Transfer
 
 READ_ATTEMPTS: Final = 3
-AGAIN_S: Final = 0.01
+RETRY_PAUSE_S: Final = 0.01
 SCANS_TO_CONFIRM: Final = 10
-"""Scans that an image completes before it may confirm itself (firmware/bootloader/DESIGN.md)."""
+"""Number of scans that an image completes before it may confirm itself (firmware/bootloader/DESIGN.md)."""
 
 _SIZE: Final = packer_of(Identity).size
 _CRC: Final = _SIZE - 4
 
 
 def is_identity(data: bytes) -> bool:
-    """Whether these bytes are a board's identity, undamaged."""
+    """Whether `data` holds a valid identity block: first byte WHO_AM_I, correct CRC-32."""
     return data[0] == WHO_AM_I and crc32(data[:_CRC]) == int.from_bytes(data[_CRC:_SIZE], "little")
 
 
-def read_identity_bytes(address: int) -> Steps[bytes]:
-    """The identity registers as they are read, damaged or not. Raises `TransferError`."""
+def read_identity_bytes(address: int) -> Procedure[bytes]:
+    """Read the identity registers without checking their CRC-32. Raises `TransferError`."""
     return (yield Transfer(address, bytes([REGISTER_IDENTITY]), _SIZE))
 
 
-def read_identity(address: int) -> Steps[dict[str, Any] | None]:
-    """Fields of `Identity`; None if what answers there is no application of ours. Raises `TransferError`."""
+def read_identity(address: int) -> Procedure[dict[str, Any] | None]:
+    """Read the fields of `Identity`; None if the device does not return a valid identity. Raises `TransferError`."""
     for attempt in range(READ_ATTEMPTS):
         try:
             data = yield from read_identity_bytes(address)
@@ -44,19 +44,19 @@ def read_identity(address: int) -> Steps[dict[str, Any] | None]:
     return None
 
 
-def read_status(address: int) -> Steps[dict[str, Any]]:
-    """Fields of `Status`. Raises `TransferError`."""
+def read_status(address: int) -> Procedure[dict[str, Any]]:
+    """Read the fields of `Status`. Raises `TransferError`."""
     return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), packer_of(Status).size)))[0]
 
 
-def version_of(identity: dict[str, Any]) -> tuple[int, int, int]:
-    """Firmware version of an identity."""
+def firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:
+    """Firmware version (major, minor, patch) of an identity."""
     return identity["firmware_major"], identity["firmware_minor"], identity["firmware_patch"]
 
 
-def wait_for_application(address: int, now_s: Clock, patience_s: float) -> Steps[dict[str, Any] | None]:
-    """Wait until an application answers; None if none does in time."""
-    deadline = now_s() + patience_s
+def wait_for_application(address: int, now_s: Clock, timeout_s: float) -> Procedure[dict[str, Any] | None]:
+    """Wait until an application answers at `address`; None after `timeout_s` seconds."""
+    deadline = now_s() + timeout_s
     while now_s() < deadline:
         try:
             identity = yield from read_identity(address)
@@ -64,13 +64,16 @@ def wait_for_application(address: int, now_s: Clock, patience_s: float) -> Steps
             identity = None
         if identity is not None:
             return identity
-        yield Pause(AGAIN_S)
+        yield Pause(RETRY_PAUSE_S)
     return None
 
 
-def confirm(address: int, now_s: Clock, patience_s: float) -> Steps[None]:
-    """Do what a new image waits for: let it scan, then read a snapshot. Raises `BoardError` if it does not scan."""
-    deadline = now_s() + patience_s
+def trigger_confirmation(address: int, now_s: Clock, timeout_s: float) -> Procedure[None]:
+    """Let a new image scan, then read a snapshot, so that the image confirms itself.
+
+    Raises `BoardError` if the image does not complete `SCANS_TO_CONFIRM` scans within `timeout_s` seconds.
+    """
+    deadline = now_s() + timeout_s
     while now_s() < deadline:
         try:
             status = yield from read_status(address)
@@ -79,9 +82,9 @@ def confirm(address: int, now_s: Clock, patience_s: float) -> Steps[None]:
                 return
         except (NackError, LostError):
             pass
-        yield Pause(5 * AGAIN_S)
+        yield Pause(5 * RETRY_PAUSE_S)
     raise BoardError(
         address,
-        f"the new image does not scan after {patience_s:g} s; it stays unconfirmed and the board goes back to the old "
-        "one by itself",
+        f"the new image does not scan within {timeout_s:g} s and stays unconfirmed; the board returns to the "
+        "previous image by itself",
     )

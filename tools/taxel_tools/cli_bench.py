@@ -30,7 +30,7 @@ from taxel_tools.bench.running import (
     test_board,
 )
 from taxel_tools.bench.station import Station, open_station
-from taxel_tools.cli_words import URL_HELP, address_of, print_json, print_table
+from taxel_tools.cli_common import URL_HELP, parse_address, print_json, print_table
 from taxel_tools.testing.operator import NoOperator, Operator, TerminalOperator
 from taxel_tools.testing.plan import Plan, read_plan
 from taxel_tools.testing.record import Outcome, TestRecord
@@ -70,7 +70,7 @@ def bench_command(
         person = _person(console, chosen, serial, probe)
         history = history or out / "history.sqlite"
         check_place(out, history)
-        address = address_of(board, "--board") if board else None
+        address = parse_address(board, "--board") if board else None
         with open_bench(url) as (wire, emulated):
             kinds = emulated.hand if emulated else load_hand(hand)
             under_test = open_station(wire, only_board(wire) if address is None else address, kinds)

@@ -1,4 +1,4 @@
-"""`taxel flash`."""
+"""The command `taxel flash`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,121 +8,127 @@ from rich.console import Console
 from rich.progress import TaskID
 
 from taxel.errors import TaxelError
-from taxel_tools.cli_flash_hub import check_hub_words, flash_hub
+from taxel_tools.cli_common import URL_HELP, count_boards, parse_address, print_json, print_table, progress_bars
+from taxel_tools.cli_flash_hub import flash_hub, is_hub_update
 from taxel_tools.cli_flash_swd import flash_swd
-from taxel_tools.cli_words import URL_HELP, address_of, boards, print_json, print_table, progress_bars
 from taxel_tools.files import Firmware, load_firmware, slot_name
-from taxel_tools.interleave import run_all
+from taxel_tools.firmware_update import Outcome, Progress, format_version, update_board
 from taxel_tools.open_wire import open_wire
-from taxel_tools.program import Outcome, Progress, dotted, update
-from taxel_tools.scan import Found, scan
+from taxel_tools.scan import BusDevice, scan_bus
+from taxel_tools.scheduler import run_all
 from taxel_tools.wires import BoardWire
 
 
 def flash_command(
-    url: Annotated[str, typer.Argument(help=URL_HELP + " With --swd: the .hex.")],
+    url: Annotated[str, typer.Argument(help=URL_HELP + " With --swd: the .hex file.")],
     files: Annotated[
-        list[Path] | None, typer.Argument(help=".cyacd, .hex, .bin or a manifest; one file a slot.")
+        list[Path] | None, typer.Argument(help=".cyacd, .hex, .bin or a manifest; one file for each slot.")
     ] = None,
     board: Annotated[list[str] | None, typer.Option(help="Address of a board; may be repeated.")] = None,
-    every: Annotated[bool, typer.Option("--all", help="Every board on the bus that the file is for.")] = False,
-    hub: Annotated[bool, typer.Option("--hub", help="The hub itself; the file says so too.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Write also where this very image runs already.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check files and boards, say what would be done.")] = False,
+    all_boards: Annotated[bool, typer.Option("--all", help="Every board on the bus of the file's kind.")] = False,
+    hub: Annotated[bool, typer.Option("--hub", help="The hub; optional, as the file states its device.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Write even if the board runs this image already.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check files and boards; write nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    swd: Annotated[bool, typer.Option("--swd", help="A blank board, by its debug port; no URL.")] = False,
-    swd_tool: Annotated[str | None, typer.Option(help="openocd or pyocd; else whichever is there.")] = None,
-    swd_interface: Annotated[str | None, typer.Option(help="OpenOCD's name of the probe (cmsis-dap).")] = None,
+    swd: Annotated[bool, typer.Option("--swd", help="Program a blank board through its debug port; no URL.")] = False,
+    swd_tool: Annotated[str | None, typer.Option(help="openocd or pyocd; default: the first on the PATH.")] = None,
+    swd_interface: Annotated[str | None, typer.Option(help="OpenOCD's name of the probe; default: cmsis-dap.")] = None,
 ) -> None:
-    """Give boards new firmware, or the hub: many boards at once, read back, started, and seen to work.
+    """Write firmware to boards or to the hub: several boards at once, read back, started and confirmed.
 
-    Only the slot that is not in use is written; what has a new image that does not confirm itself goes back to the old
-    one by itself. An update that was cut off is resumed by running it again. A file for the hub goes to the hub, over
-    its UART. --swd is for a board without a bootloader.
+    Only the slot that is not in use is written. A board whose new image does not confirm itself returns to the previous
+    image by itself. An interrupted update is resumed by running the command again. A file for the hub is written to the
+    hub over its UART. Use --swd for a board without a bootloader.
 
     Example: taxel flash serial:///dev/ttyUSB0 fingertip-a.cyacd fingertip-b.cyacd --all --dry-run
     """
     if swd:
-        if board or every or hub or force:
+        if board or all_boards or hub or force:
             raise TaxelError(
                 "flash: --swd programs the board on the probe; leave --board, --all, --hub and --force out"
             )
         flash_swd([Path(url), *(files or [])], swd_tool, swd_interface, dry_run, as_json)
         return
     if not files:
-        raise TaxelError("flash: expected firmware files after the URL, found none; --swd FILE is for a blank board")
-    if (bool(board) and every) or (hub and (board or every)):
-        raise TaxelError("flash: expected one of --board ADDRESS (as often as wanted), --all and --hub")
+        raise TaxelError("flash: expected firmware files after the URL, found none; use --swd FILE for a blank board")
+    if (bool(board) and all_boards) or (hub and (board or all_boards)):
+        raise TaxelError("flash: expected one of --board ADDRESS (repeatable), --all and --hub, found several")
     firmware = load_firmware(files)
-    if check_hub_words(firmware, hub, board, every):
+    if is_hub_update(firmware, hub, board, all_boards):
         flash_hub(url, firmware, force, dry_run, as_json)
         return
-    if not (board or every):
-        raise TaxelError("flash: expected either --board ADDRESS (as often as wanted) or --all")
+    if not (board or all_boards):
+        raise TaxelError("flash: expected --board ADDRESS (repeatable) or --all, found neither")
     console = Console(stderr=True, soft_wrap=True)
     with open_wire(url) as wire:
-        found = {one.address: one for one in scan(wire)}
-        wanted = _chosen(firmware, found, board)
-        _announce(console, firmware, wanted, found, dry_run)
+        devices = {device.address: device for device in scan_bus(wire)}
+        addresses = _select_boards(firmware, devices, board)
+        _announce(console, firmware, addresses, devices, dry_run)
         if dry_run:
             if as_json:
-                print_json({"boards": [found[address] for address in wanted], "version": dotted(firmware.version)})
+                boards = [devices[address] for address in addresses]
+                print_json({"boards": boards, "version": format_version(firmware.version)})
             return
-        results = _run(wire, firmware, wanted, force, console)
+        results = _run_updates(wire, firmware, addresses, force, console)
     failed = {address: result for address, result in results.items() if isinstance(result, TaxelError)}
-    done = [result for result in results.values() if not isinstance(result, TaxelError)]
+    outcomes = [result for result in results.values() if not isinstance(result, TaxelError)]
     if as_json:
-        print_json({"done": done, "failed": {f"0x{address:02X}": str(why) for address, why in failed.items()}})
+        print_json({"done": outcomes, "failed": {f"0x{address:02X}": str(error) for address, error in failed.items()}})
     else:
-        _print(done)
+        _print_outcomes(outcomes)
     if failed:
-        lines = "; ".join(str(why) for why in failed.values())
-        raise TaxelError(f"not updated: {len(failed)} of {boards(len(results))}: {lines}")
+        lines = "; ".join(str(error) for error in failed.values())
+        raise TaxelError(f"not updated: {len(failed)} of {count_boards(len(results))}: {lines}")
 
 
-def _chosen(firmware: Firmware, found: dict[int, Found], board: list[str] | None) -> list[int]:
-    """The boards that are meant. Raises `TaxelError` for one that is not there or of another kind."""
+def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: list[str] | None) -> list[int]:
+    """Addresses of the boards to update. Raises `TaxelError` for a missing board or a board of another kind."""
     if board is None:
-        ours = [one for one in found.values() if one.runs in ("application", "bootloader")]
-        wanted = [one.address for one in ours if not firmware.kind or one.kind in (0, firmware.kind)]
-        if not wanted:
+        boards = [device for device in devices.values() if device.runs in ("application", "bootloader")]
+        addresses = [one.address for one in boards if not firmware.kind or one.kind in (0, firmware.kind)]
+        if not addresses:
             raise TaxelError(
-                f"{firmware.source}: no board on the bus is of kind {firmware.kind}; taxel scan shows them"
+                f"{firmware.source}: expected a board of kind {firmware.kind} on the bus, found none; run taxel scan"
             )
-        return wanted
-    wanted = list(dict.fromkeys(address_of(text, "--board") for text in board))
-    for address in wanted:
-        one = found.get(address)
-        if one is None or one.runs == "foreign":
-            raise TaxelError(f"board 0x{address:02X}: does not answer; taxel scan shows who does")
-        if one.runs == "shared":
-            raise TaxelError(f"board 0x{address:02X}: several boards answer; renumber them with taxel provision")
-        if firmware.kind and one.kind and one.kind != firmware.kind:
+        return addresses
+    addresses = list(dict.fromkeys(parse_address(text, "--board") for text in board))
+    for address in addresses:
+        device = devices.get(address)
+        if device is None or device.runs == "foreign":
+            raise TaxelError(f"board 0x{address:02X}: does not answer; run taxel scan to list the boards")
+        if device.runs == "shared":
             raise TaxelError(
-                f"board 0x{address:02X}: is of kind {one.kind}, but {firmware.source} is for kind {firmware.kind}; "
-                "give the file of its kind"
+                f"board 0x{address:02X}: several boards answer; assign different addresses with taxel provision"
             )
-    return wanted
+        if firmware.kind and device.kind and device.kind != firmware.kind:
+            raise TaxelError(
+                f"board 0x{address:02X}: the board is of kind {device.kind}, but {firmware.source} is for kind "
+                f"{firmware.kind}; use the file for this kind"
+            )
+    return addresses
 
 
-def _announce(console: Console, firmware: Firmware, wanted: list[int], found: dict[int, Found], dry_run: bool) -> None:
+def _announce(
+    console: Console, firmware: Firmware, addresses: list[int], devices: dict[int, BusDevice], dry_run: bool
+) -> None:
     slots = " and ".join(slot_name(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
+    version = format_version(firmware.version)
     verb = "would be written" if dry_run else "will be written"
     console.print(
-        f"{boards(len(wanted))}: {rows} rows of version {dotted(firmware.version)} (slot {slots}) {verb} into each "
-        "one's free slot; each restarts twice and does not measure meanwhile"
+        f"{count_boards(len(addresses))}: {rows} rows of version {version} (slot {slots}) {verb} to the free slot of "
+        "each board; each board restarts twice and does not measure meanwhile"
     )
-    for address in wanted:
-        console.print(f"  0x{address:02X}  {found[address].version or 'bootloader'} -> {dotted(firmware.version)}")
+    for address in addresses:
+        console.print(f"  0x{address:02X}  {devices[address].version or 'bootloader'} -> {version}")
 
 
-def _run(
-    wire: BoardWire, firmware: Firmware, wanted: list[int], force: bool, console: Console
+def _run_updates(
+    wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
     with progress_bars(console) as bars:
         tasks: dict[int, TaskID] = {
-            address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in wanted
+            address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in addresses
         }
 
         def report(progress: Progress) -> None:
@@ -130,23 +136,23 @@ def _run(
             description = f"0x{progress.address:02X} {progress.stage}"
             bars.update(task, description=description, completed=progress.done, total=progress.total or None)
 
-        talks = {address: update(address, firmware, wire.now_s, report, force) for address in wanted}
-        return run_all(wire, talks)
+        procedures = {address: update_board(address, firmware, wire.now_s, report, force) for address in addresses}
+        return run_all(wire, procedures)
 
 
-def _print(done: list[Outcome]) -> None:
+def _print_outcomes(outcomes: list[Outcome]) -> None:
     rows = [
         (
-            f"0x{one.address:02X}",
-            dotted(one.before),
-            dotted(one.after),
-            slot_name(one.slot),
-            str(one.rows_written),
-            str(one.rows_kept),
-            f"{one.seconds:.2f} s",
-            "confirmed" if one.is_written else "ran it already",
+            f"0x{outcome.address:02X}",
+            format_version(outcome.before),
+            format_version(outcome.after),
+            slot_name(outcome.slot),
+            str(outcome.rows_written),
+            str(outcome.rows_kept),
+            f"{outcome.seconds:.2f} s",
+            "confirmed" if outcome.is_written else "unchanged",
         )
-        for one in sorted(done, key=lambda one: one.address)
+        for outcome in sorted(outcomes, key=lambda outcome: outcome.address)
     ]
     if rows:
         print_table(("board", "from", "to", "slot", "written", "kept", "time", ""), rows)

@@ -1,4 +1,4 @@
-"""`taxel flash` for the hub itself."""
+"""`taxel flash` for the hub."""
 
 from __future__ import annotations
 
@@ -6,25 +6,27 @@ from rich.console import Console
 
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
-from taxel_tools.cli_words import boards, print_json, print_table, progress_bars
+from taxel_tools.cli_common import count_boards, print_json, print_table, progress_bars
 from taxel_tools.errors import HUB
 from taxel_tools.files import Firmware, slot_name
+from taxel_tools.firmware_update import Outcome, Progress, format_version, update_target
 from taxel_tools.hub_target import HubTarget
-from taxel_tools.interleave import run
 from taxel_tools.open_wire import open_hub_link
-from taxel_tools.program import Outcome, Progress, dotted, update_target
+from taxel_tools.scheduler import run
 
 
 def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json: bool) -> None:
-    """Give the hub new firmware over its UART. Raises `TaxelError` of one line."""
+    """Write firmware to the hub over its UART. Raises `TaxelError` as one line."""
     console = Console(stderr=True, soft_wrap=True)
     with open_hub_link(url) as link:
         target = HubTarget(link)
-        before = run(target.wire, target.version())
-        _announce(console, firmware, dotted(before) if before else "bootloader", len(target.boards), dry_run)
+        old_version = run(target.wire, target.read_version())
+        before = format_version(old_version) if old_version else "bootloader"
+        _announce(console, firmware, before, len(target.polled_addresses), dry_run)
         if dry_run:
             if as_json:
-                print_json({"hub": dotted(before), "boards": target.boards, "version": dotted(firmware.version)})
+                document = {"hub": format_version(old_version), "boards": target.polled_addresses}
+                print_json(document | {"version": format_version(firmware.version)})
             return
         with progress_bars(console) as bars:
             task = bars.add_task("hub waiting", total=None)
@@ -35,49 +37,54 @@ def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json:
                 )
 
             try:
-                done = run(target.wire, update_target(target, firmware, report, force))
+                outcome = run(target.wire, update_target(target, firmware, report, force))
             except TaxelError as error:
                 raise TaxelError(f"not updated: {error}") from None
     if as_json:
-        print_json({"done": done, "boards": target.boards})
+        print_json({"done": outcome, "boards": target.polled_addresses})
     else:
-        _print(done, len(target.boards))
+        _print_outcome(outcome, len(target.polled_addresses))
 
 
-def check_hub_words(firmware: Firmware, hub: bool, board: list[str] | None, every: bool) -> bool:
-    """Whether the hub is meant; raises `TaxelError` if file and options do not agree."""
+def is_hub_update(firmware: Firmware, hub: bool, board: list[str] | None, all_boards: bool) -> bool:
+    """Whether the file is for the hub. Raises `TaxelError` if file and options contradict each other."""
     is_for_hub = firmware.device == BootDevice.HUB
     if hub and not is_for_hub:
-        raise TaxelError(f"{firmware.source}: is an image for sensor boards; --hub takes one for the hub")
-    if is_for_hub and (board or every):
         raise TaxelError(
-            f"{firmware.source}: is an image for the hub; leave --board and --all out, and flash boards by themselves"
+            f"{firmware.source}: expected an image for the hub with --hub, found an image for sensor boards; leave "
+            "--hub out"
+        )
+    if is_for_hub and (board or all_boards):
+        raise TaxelError(
+            f"{firmware.source}: expected an image for sensor boards, found an image for the hub; leave --board and "
+            "--all out, and flash boards with a separate command"
         )
     return is_for_hub
 
 
-def _announce(console: Console, firmware: Firmware, before: str, polled: int, dry_run: bool) -> None:
+def _announce(console: Console, firmware: Firmware, old_version: str, board_count: int, dry_run: bool) -> None:
     slots = " and ".join(slot_name(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     assert rows <= LAYOUTS[BootDevice.HUB].slot_rows
     verb = "would be written" if dry_run else "will be written"
+    version = format_version(firmware.version)
     console.print(
-        f"the hub: {rows} rows of version {dotted(firmware.version)} (slot {slots}) {verb} into its free slot; it "
-        f"restarts three times and polls no board meanwhile"
+        f"the hub: {rows} rows of version {version} (slot {slots}) {verb} to its free slot; the hub restarts three "
+        "times and polls no board meanwhile"
     )
-    console.print(f"  {before} -> {dotted(firmware.version)}, {boards(polled)} polled")
+    console.print(f"  {old_version} -> {version}, {count_boards(board_count)} polled")
 
 
-def _print(done: Outcome, polled: int) -> None:
-    assert done.address == HUB
+def _print_outcome(outcome: Outcome, board_count: int) -> None:
+    assert outcome.address == HUB
     row = (
         "hub",
-        dotted(done.before),
-        dotted(done.after),
-        slot_name(done.slot),
-        str(done.rows_written),
-        str(done.rows_kept),
-        f"{done.seconds:.2f} s",
-        f"{'confirmed' if done.is_written else 'ran it already'}, {boards(polled)} polled",
+        format_version(outcome.before),
+        format_version(outcome.after),
+        slot_name(outcome.slot),
+        str(outcome.rows_written),
+        str(outcome.rows_kept),
+        f"{outcome.seconds:.2f} s",
+        f"{'confirmed' if outcome.is_written else 'unchanged'}, {count_boards(board_count)} polled",
     )
     print_table(("", "from", "to", "slot", "written", "kept", "time", ""), [row])

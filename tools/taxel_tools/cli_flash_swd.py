@@ -1,4 +1,4 @@
-"""`taxel flash --swd`."""
+"""`taxel flash --swd`: programs a blank board through its debug port."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from pathlib import Path
 from rich.console import Console
 
 from taxel.errors import TaxelError
-from taxel_tools.cli_words import print_json
-from taxel_tools.swd import INTERFACE, carry_out, check_hex, command_for, find_tool
+from taxel_tools.cli_common import print_json
+from taxel_tools.swd import INTERFACE, build_command, check_hex, find_tool, run_command
 
 
 def flash_swd(files: Sequence[Path], tool: str | None, interface: str | None, dry_run: bool, as_json: bool) -> None:
-    """Program a blank board through its debug port. Raises `TaxelError` of one line."""
+    """Program a blank board through its debug port. Raises `TaxelError` as one line."""
     if len(files) != 1:
         found = ", ".join(map(str, files))
-        raise TaxelError(f"flash: --swd takes one .hex and no URL (a board has one debug port), found {found}")
+        raise TaxelError(f"flash: expected one .hex and no URL with --swd (a board has one debug port), found {found}")
     rows = check_hex(files[0])
-    command = command_for(find_tool(tool), files[0], interface or INTERFACE)
+    command = build_command(find_tool(tool), files[0], interface or INTERFACE)
     console = Console(stderr=True, soft_wrap=True)
     verb = "would be" if dry_run else "are"
     console.print(f"{len(rows)} rows, {rows[0]} to {rows[-1]}, {verb} programmed by SWD (not verified on hardware):")
     console.print(f"  {shlex.join(command)}", markup=False, highlight=False)
     if not dry_run:
-        carry_out(command)
+        run_command(command)
     if as_json:
         print_json({"command": command, "done": not dry_run})
     elif not dry_run:

@@ -1,44 +1,44 @@
-"""`taxel scan`."""
+"""The command `taxel scan`."""
 
 from typing import Annotated
 
 import typer
 
-from taxel_tools.cli_words import URL_HELP, boards, print_json, print_table
+from taxel_tools.cli_common import URL_HELP, count_boards, print_json, print_table
 from taxel_tools.open_wire import open_wire
-from taxel_tools.scan import scan
+from taxel_tools.scan import scan_bus
 
 
 def scan_command(
     url: Annotated[str, typer.Argument(help=URL_HELP)],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show what is on the bus: addresses, kinds, firmware versions, unique ids, health.
+    """List the devices on the bus: addresses, kinds, firmware versions, unique ids, health.
 
-    Changes nothing: it reads registers, and asks bootloaders who they are.
+    Writes nothing to a board: scan reads registers, and sends GET_INFO and SEARCH to bootloaders.
 
     Example: taxel scan emulator:?hand=rig4
     """
     with open_wire(url) as wire:
-        found = scan(wire)
+        devices = scan_bus(wire)
     if as_json:
-        print_json(found)
+        print_json(devices)
         return
     rows = [
         (
-            f"0x{one.address:02X}",
-            one.runs,
-            str(one.kind or ""),
-            one.version,
-            str(one.taxels or ""),
-            one.unique_id,
-            "; ".join(one.notes) or "well",
+            f"0x{device.address:02X}",
+            device.runs,
+            str(device.kind or ""),
+            device.version,
+            str(device.taxels or ""),
+            device.unique_id,
+            "; ".join(device.notes) or "healthy",
         )
-        for one in found
+        for device in devices
     ]
     if not rows:
-        print("nothing answers on the bus: check power and wiring")
+        print("no device answers on the bus; check power and wiring")
         raise typer.Exit(1)
     print_table(("address", "runs", "kind", "version", "taxels", "unique id", "health"), rows)
-    ours = [one for one in found if one.runs != "foreign"]
-    print(f"{boards(len(ours))}, {sum(1 for one in ours if one.notes)} with notes")
+    taxel_boards = [device for device in devices if device.runs != "foreign"]
+    print(f"{count_boards(len(taxel_boards))}, {sum(1 for device in taxel_boards if device.notes)} with notes")

@@ -1,4 +1,4 @@
-"""What goes wrong between a host and boards: each prints as one line that names the wire or the board."""
+"""Errors of the board commands. Each prints as one line that names the bus or the board."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from typing import Final
 from taxel.errors import FieldError, TaxelError
 
 HUB: Final = 0
-"""In place of a board's address: no board has it (I2C's general call)."""
+"""Address that stands for the hub. No board uses 0 (I2C general call)."""
 
 
 class WireError(TaxelError):
-    """The wire itself failed, so that no board can be reached. `wire`: its name; `problem`: what and what to do."""
+    """The connection to the bus failed, so that no board can be reached.
+
+    `wire`: name of the connection; `problem`: what failed and what to do.
+    """
 
     def __init__(self, wire: str, problem: str) -> None:
         super().__init__(wire, problem)
@@ -23,7 +26,10 @@ class WireError(TaxelError):
 
 
 class BoardError(TaxelError):
-    """One board, or the hub, did not do what was asked. `address`: 7-bit, or `HUB`; `problem`: what and what to do."""
+    """A board or the hub did not carry out a request.
+
+    `address`: 7-bit I2C address, or `HUB`; `problem`: what failed and what to do.
+    """
 
     def __init__(self, address: int, problem: str) -> None:
         super().__init__(address, problem)
@@ -35,7 +41,7 @@ class BoardError(TaxelError):
 
 
 class TransferError(BoardError):
-    """A transfer did not run to its end; it may be tried again."""
+    """A transfer failed; it may be repeated."""
 
 
 class NackError(TransferError):
@@ -43,7 +49,7 @@ class NackError(TransferError):
 
 
 class LostError(TransferError):
-    """Nobody knows whether the transfer took place: command or reply were lost on their way."""
+    """Unknown whether the transfer took place: the command or its reply was lost."""
 
 
 class StatusError(BoardError):
@@ -57,7 +63,7 @@ class StatusError(BoardError):
 
 
 class FirmwareFileError(FieldError, ValueError):
-    """A firmware file or manifest that cannot be used; `field` is the line or key."""
+    """A firmware file or manifest that cannot be used; `field` is the line or the key."""
 
 
 class PlanError(FieldError, ValueError):

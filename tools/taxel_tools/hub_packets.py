@@ -1,7 +1,7 @@
-"""The hub's bootloader on its UART, with the manners of a bus: a write sends a packet, a read gives what it answered.
+"""The hub's bootloader on its UART, with the interface of a bus: a write sends a packet, a read returns the response.
 
-So a talk with a board's bootloader (`session.py`) is a talk with the hub's too. The bootloader takes one packet at a
-time: a write ends when its response has come.
+Because of this interface `session.py` serves the bootloaders of the boards and of the hub. The bootloader accepts one
+packet at a time, so a write ends when the response has arrived.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from taxel_protocol.bootloader import (
     parse_packet,
 )
 from taxel_tools.errors import LostError, TransferError
-from taxel_tools.steps import Transfer
-from taxel_tools.wires import GRAIN_S, Ended
+from taxel_tools.procedure import Transfer
+from taxel_tools.wires import WAIT_MIN_S, CompletedTransfer
 
-RESPONSE_S: Final = 0.3
-"""A response that has not come by then is lost: 20 ms for a row, two USB latencies, and the 50 ms after which the
-bootloader has dropped half a packet."""
-SILENT_S: Final = 0.005
-"""What is left to a packet that has no response, before the next one."""
-QUIET_S: Final = 0.02
-DRAIN_S: Final = 0.3
-"""At most so long is waited for QUIET_S of silence."""
+RESPONSE_TIMEOUT_S: Final = 0.3
+"""A response that takes longer is lost: 20 ms for a row, twice the USB latency, and the 50 ms after which the
+bootloader discards an incomplete packet."""
+NO_RESPONSE_PAUSE_S: Final = 0.005
+"""Pause after a packet without a response."""
+DRAIN_QUIET_S: Final = 0.02
+DRAIN_TIMEOUT_S: Final = 0.3
+"""Longest wait for DRAIN_QUIET_S without received bytes."""
 
-_SILENT: Final = {BootCommand.SYNC, BootCommand.EXIT}
+_WITHOUT_RESPONSE: Final = {BootCommand.SYNC, BootCommand.EXIT}
 
 
 class HubPackets:
-    """A wire with one device on it, the hub's bootloader at the address `HUB`. The link stays the caller's."""
+    """A bus with one device, the hub's bootloader at the address `HUB`. The caller owns the link."""
 
     is_queued = False
 
@@ -43,79 +43,80 @@ class HubPackets:
         self.now_s = clock_of(link)
         self._link = link
         self._number = 0
-        self._ended: list[Ended] = []
+        self._completed: list[CompletedTransfer] = []
         self._response = b""
-        self.frames: HubClient | None = None
-        """Who reads the link while the application runs: then time goes by with that, or bytes of frames were lost."""
+        self.frame_client: HubClient | None = None
+        """The client that reads the link while the application runs. Waiting then reads through this client, so that no
+        bytes of frames are lost."""
 
     def submit(self, transfer: Transfer) -> int:
-        """Send the packet and wait for its response now."""
+        """Send the packet and wait for its response."""
         self._number += 1
-        self._ended.append((self._number, self._make(transfer)))
+        self._completed.append((self._number, self._run_transfer(transfer)))
         return self._number
 
-    def collect(self, timeout_s: float) -> list[Ended]:
-        """What has been done; waits if nothing has."""
-        if not self._ended:
-            self._pass(timeout_s)
-        ended, self._ended = self._ended, []
-        return ended
+    def collect(self, timeout_s: float) -> list[CompletedTransfer]:
+        """Transfers that have ended; waits if there are none."""
+        if not self._completed:
+            self._wait(timeout_s)
+        completed, self._completed = self._completed, []
+        return completed
 
     def scan(self) -> list[int]:
-        """There is no bus."""
+        """Empty list: there is no bus."""
         return []
 
     def close(self) -> None:
-        """The link is the caller's."""
+        """Do nothing: the caller owns the link."""
 
     def drain(self) -> None:
-        """Throw away what was still on its way."""
-        deadline = self.now_s() + DRAIN_S
-        while self._link.read(QUIET_S) is not None and self.now_s() < deadline:
+        """Discard bytes that are still in flight."""
+        deadline = self.now_s() + DRAIN_TIMEOUT_S
+        while self._link.read(DRAIN_QUIET_S) is not None and self.now_s() < deadline:
             pass
 
-    def _make(self, transfer: Transfer) -> bytes | TransferError:
+    def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
         if transfer.write and not self._send(transfer.write):
-            return LostError(transfer.address, f"its bootloader does not answer on {self.name}")
+            return LostError(transfer.address, f"the bootloader does not answer on {self.name}")
         return self._response[: transfer.read_size].ljust(transfer.read_size, b"\xff")
 
     def _send(self, packet: bytes) -> bool:
-        """Whether a response came, if there is one."""
+        """Send a packet; whether the expected response arrived."""
         self._response = b""
         while self._link.read(0.0) is not None:
             pass
         self._link.write(packet)
-        if packet[1] in _SILENT:
-            self._pass(SILENT_S)
+        if packet[1] in _WITHOUT_RESPONSE:
+            self._wait(NO_RESPONSE_PAUSE_S)
             return True
         received = b""
-        deadline = self.now_s() + RESPONSE_S
-        while not self._response and (left := deadline - self.now_s()) > 0.0:
-            chunk = self._link.read(max(left, GRAIN_S))
+        deadline = self.now_s() + RESPONSE_TIMEOUT_S
+        while not self._response and (remaining_s := deadline - self.now_s()) > 0.0:
+            chunk = self._link.read(max(remaining_s, WAIT_MIN_S))
             received += chunk.data if chunk is not None else b""
-            self._response = _packet_in(received)
+            self._response = _find_packet(received)
         return bool(self._response)
 
-    def _pass(self, seconds: float) -> None:
-        """Let time go by; what comes meanwhile answers nothing."""
-        if self.frames is not None:
-            self.frames.wait(seconds)
+    def _wait(self, seconds: float) -> None:
+        """Wait, and discard the bytes that arrive meanwhile."""
+        if self.frame_client is not None:
+            self.frame_client.wait(seconds)
             return
-        deadline = self.now_s() + max(seconds, GRAIN_S)
-        while (left := deadline - self.now_s()) > 0.0:
-            self._link.read(max(left, GRAIN_S))
+        deadline = self.now_s() + max(seconds, WAIT_MIN_S)
+        while (remaining_s := deadline - self.now_s()) > 0.0:
+            self._link.read(max(remaining_s, WAIT_MIN_S))
 
 
-def _packet_in(received: bytes) -> bytes:
-    """The first whole packet; nothing if there is none yet. Rubbish before it, such as half a frame, is passed over."""
-    place = received.find(BOOT_PACKET_START)
-    while place >= 0:
-        packet = received[place : place + BOOT_PACKET_MAX]
+def _find_packet(received: bytes) -> bytes:
+    """The first complete packet in `received`, without bytes before it such as half a frame; empty if there is none."""
+    start = received.find(BOOT_PACKET_START)
+    while start >= 0:
+        packet = received[start : start + BOOT_PACKET_MAX]
         if len(packet) >= BOOT_PACKET_OVERHEAD:
             try:
                 data = parse_packet(packet)[1]
                 return packet[: BOOT_PACKET_OVERHEAD + len(data)]
             except ValueError:
-                pass  # not whole yet, or not a packet
-        place = received.find(BOOT_PACKET_START, place + 1)
+                pass  # The packet is still incomplete, or these bytes are not a packet.
+        start = received.find(BOOT_PACKET_START, start + 1)
     return b""

@@ -1,11 +1,11 @@
-"""Transfers through the hub, with several commands on their way at a time.
+"""Transfers through the hub with several commands in flight.
 
-The hub works off one command after the other, and what comes meanwhile waits in a ring of 255 bytes
-(protocol/SPEC.md). A host that waits for each reply pays the USB adapter's latency for every transfer; here it pays for
-every ring-full, or, where the hub holds the host back before the ring is full, for every few KiB.
+The hub executes one command at a time; bytes that arrive meanwhile wait in a ring buffer of 255 bytes
+(protocol/SPEC.md). A host that waits for each reply loses the latency of the USB adapter with every transfer. This
+queue loses the latency once per full ring buffer or, with hardware flow control, once per few KiB.
 
-The adapter also holds back what the hub says until 62 bytes are together or its latency timer (16 ms) has run out.
-Where replies are too short to fill it, GET_TIME commands go after them: their replies push those before them out.
+The adapter also delays replies of the hub until 62 bytes have accumulated or its latency timer (16 ms) has expired.
+When replies are too short to fill a USB packet, the queue sends GET_TIME commands whose replies flush the earlier ones.
 """
 
 from __future__ import annotations
@@ -23,24 +23,30 @@ from taxel_protocol.names import LogCode
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
 from taxel_tools.procedure import Transfer
 
-WINDOW: Final = 255
-"""Bytes of commands without a reply yet: what the hub's receive ring holds."""
-HELD_WINDOW: Final = 3072
-"""The same where the hub makes the host wait: a serial driver's buffer takes 4096, so that a write never blocks while
-replies want to be read."""
-GAP: Final = 16
-"""Bytes of other boards' transfers between two of one board while the first is unanswered: 0.36 ms at 400 kHz, in which
-a bootloader works a packet off. Sooner it would not acknowledge the second."""
-FILL: Final = 62 + 14
-"""Bytes of replies that surely push one out: an adapter's packet, and a reply of which all but a byte is through."""
-LOST_S: Final = 1.0
-"""A command without a reply for so long is lost."""
-GRAIN_S: Final = 0.0005
-"""How long one look at the link lasts while replies are due."""
+RING_WINDOW: Final = 255
+"""Limit of command bytes without a reply: size of the hub's receive ring buffer."""
+FLOW_CONTROL_WINDOW: Final = 3072
+"""Limit of command bytes without a reply under flow control.
+
+A serial driver's buffer takes 4096 bytes, so that a write of this size never blocks while replies have to be read.
+"""
+SAME_BOARD_GAP: Final = 16
+"""Bytes of transfers with other boards between two transfers of one board while the first has no reply.
+
+The gap takes 0.36 ms at 400 kHz, in which a bootloader processes a packet. Earlier, the bootloader would not
+acknowledge the second packet.
+"""
+FLUSH_THRESHOLD: Final = 62 + 14
+"""Bytes of replies that certainly flush an earlier reply: one USB packet, and one reply of which one byte is still
+missing."""
+REPLY_TIMEOUT_S: Final = 1.0
+"""A command without a reply for this time is lost."""
+POLL_STEP_S: Final = 0.0005
+"""Duration of one read of the link while replies are due."""
 
 
-PUSH: Final = 0
-"""Number of a GET_TIME, in place of a transfer's."""
+FLUSH: Final = 0
+"""Transfer number of a GET_TIME command."""
 
 
 def _frame_size(payload: bytes) -> int:
@@ -48,18 +54,18 @@ def _frame_size(payload: bytes) -> int:
 
 
 REPLY_SIZE: Final = _frame_size(bytes(3))
-PUSH_REPLY_SIZE: Final = _frame_size(bytes(3 + packer_of(GetTimeReply).size))
+FLUSH_REPLY_SIZE: Final = _frame_size(bytes(3 + packer_of(GetTimeReply).size))
 TRANSFER_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(4)))
-PUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
+FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 
 
-def _pushes(expected: int) -> int:
-    """How many GET_TIME replies must follow so many bytes of replies."""
-    return max(-((expected - FILL) // PUSH_REPLY_SIZE), 0)
+def _count_flush_commands(expected: int) -> int:
+    """Number of GET_TIME commands whose replies must follow this number of reply bytes."""
+    return max(-((expected - FLUSH_THRESHOLD) // FLUSH_REPLY_SIZE), 0)
 
 
 @dataclass(slots=True)
-class _Sent:
+class _SentCommand:
     number: int
     transfer: Transfer
     tag: int
@@ -70,28 +76,28 @@ class _Sent:
 
 
 class HubQueue(HubClient):
-    """A hub client that also takes transfers ahead of their turn.
+    """Hub client that sends transfers before earlier ones have ended.
 
-    `window`: bytes of commands that may be without a reply. It falls to what the hub's ring holds when the hub says
-    that bytes were lost: then its RTS is not wired, whatever the link was told.
+    `window`: limit of command bytes without a reply. The limit falls to the size of the hub's ring buffer when the hub
+    reports lost bytes: then its RTS line is not connected, although the link was opened with flow control.
     """
 
     def __init__(self, link: Link) -> None:
         super().__init__(link)
         self.now_s = clock_of(link)
-        self.window = HELD_WINDOW if link.holds_back else WINDOW
+        self.window = FLOW_CONTROL_WINDOW if link.holds_back else RING_WINDOW
         self._number = 0
         self._waiting: deque[tuple[int, Transfer]] = deque()
-        self._sent: deque[_Sent] = deque()
-        self._under_way = self._expected = 0
+        self._sent: deque[_SentCommand] = deque()
+        self._bytes_in_flight = self._expected_reply_bytes = 0
         self._bus_bytes = 0
-        self._unanswered: dict[int, tuple[int, int]] = {}
+        self._last_unanswered: dict[int, tuple[int, int]] = {}
         self._handshakes = 0
 
     def _take(self, message: HubMessage) -> None:
         super()._take(message)
         if message.type is FrameType.LOG and message.fields["code"] == LogCode.RECEIVE_OVERRUN:
-            self.window = min(self.window, WINDOW)
+            self.window = min(self.window, RING_WINDOW)
 
     def submit(self, transfer: Transfer) -> int:
         """Queue a transfer; returns its number."""
@@ -105,56 +111,64 @@ class HubQueue(HubClient):
         deadline = self.now_s() + timeout_s
         while True:
             self._send_waiting()
-            ended = self._ended()
-            left = deadline - self.now_s()
-            if ended or left <= 0.0:
-                return ended
+            completed = self._collect_completed()
+            remaining_s = deadline - self.now_s()
+            if completed or remaining_s <= 0.0:
+                return completed
             try:
-                self.stream.poll(min(left, GRAIN_S) if self._sent else left)
+                self.stream.poll(min(remaining_s, POLL_STEP_S) if self._sent else remaining_s)
             except EOFError:
-                raise WireError(self._link.name, "ended while boards were being talked to") from None
+                raise WireError(self._link.name, "the link ended during transfers; check the connection") from None
 
     def _send_waiting(self) -> None:
-        """Send what the hub has room for, and after it what pushes the replies out of the adapter."""
-        while (place := self._next_place()) is not None:
-            number, transfer = self._waiting[place]
-            del self._waiting[place]
+        """Send commands while the window has space, then the GET_TIME commands that flush their replies."""
+        while (index := self._find_sendable()) is not None:
+            number, transfer = self._waiting[index]
+            del self._waiting[index]
             fields = {"address": transfer.address, "read_length": transfer.read_size}
             frame = self._frame(Command.I2C_TRANSFER, pack(TransferArguments, fields, transfer.write))
             self._send_frame(number, transfer, frame, REPLY_SIZE + transfer.read_size)
             self._bus_bytes += len(transfer.write) + transfer.read_size
-            self._unanswered[transfer.address] = (number, self._bus_bytes)
-        while self._unanswered and self._expected < FILL and self._under_way + PUSH_SIZE <= self.window:
-            self._send_frame(PUSH, Transfer(0), self._frame(Command.GET_TIME), PUSH_REPLY_SIZE)
+            self._last_unanswered[transfer.address] = (number, self._bus_bytes)
+        while (
+            self._last_unanswered
+            and self._expected_reply_bytes < FLUSH_THRESHOLD
+            and self._bytes_in_flight + FLUSH_SIZE <= self.window
+        ):
+            self._send_frame(FLUSH, Transfer(0), self._frame(Command.GET_TIME), FLUSH_REPLY_SIZE)
 
-    def _next_place(self) -> int | None:
-        """The first waiting transfer that may be sent now; those of one board keep their order."""
-        passed_over: set[int] = set()
-        for place, (_, transfer) in enumerate(self._waiting):
-            if transfer.address not in passed_over and not self._is_too_soon(transfer) and self._has_room(transfer):
-                return place
-            passed_over.add(transfer.address)
+    def _find_sendable(self) -> int | None:
+        """Index of the first waiting transfer that may be sent now; transfers of one board keep their order."""
+        skipped_addresses: set[int] = set()
+        for index, (_, transfer) in enumerate(self._waiting):
+            if (
+                transfer.address not in skipped_addresses
+                and not self._is_too_soon(transfer)
+                and self._fits_window(transfer)
+            ):
+                return index
+            skipped_addresses.add(transfer.address)
         return None
 
     def _is_too_soon(self, transfer: Transfer) -> bool:
-        last = self._unanswered.get(transfer.address)
-        return last is not None and self._bus_bytes - last[1] < GAP
+        last = self._last_unanswered.get(transfer.address)
+        return last is not None and self._bus_bytes - last[1] < SAME_BOARD_GAP
 
-    def _has_room(self, transfer: Transfer) -> bool:
-        if not self._under_way:
+    def _fits_window(self, transfer: Transfer) -> bool:
+        if not self._bytes_in_flight:
             return True
         reply_size = REPLY_SIZE + transfer.read_size
-        to_push = PUSH_SIZE * _pushes(self._expected + reply_size)
-        return self._under_way + TRANSFER_SIZE + len(transfer.write) + to_push <= self.window
+        flush_bytes = FLUSH_SIZE * _count_flush_commands(self._expected_reply_bytes + reply_size)
+        return self._bytes_in_flight + TRANSFER_SIZE + len(transfer.write) + flush_bytes <= self.window
 
-    def _forget(self) -> _Sent:
-        """Take the oldest command off the list of those that are under way."""
+    def _pop_oldest(self) -> _SentCommand:
+        """Remove the oldest command in flight."""
         sent = self._sent.popleft()
-        self._under_way -= sent.size
-        self._expected -= sent.reply_size
-        last = self._unanswered.get(sent.transfer.address)
+        self._bytes_in_flight -= sent.size
+        self._expected_reply_bytes -= sent.reply_size
+        last = self._last_unanswered.get(sent.transfer.address)
         if last is not None and last[0] == sent.number:
-            del self._unanswered[sent.transfer.address]
+            del self._last_unanswered[sent.transfer.address]
         return sent
 
     def _frame(self, command: Command, arguments: bytes = b"") -> bytes:
@@ -166,28 +180,32 @@ class HubQueue(HubClient):
         self._sequence = (self._sequence + 1) % 65536
         self._replies.pop(tag, None)
         self._link.write(frame)
-        self._sent.append(_Sent(number, transfer, tag, len(frame), reply_size, self.now_s() + LOST_S, self._handshakes))
-        self._under_way += len(frame)
-        self._expected += reply_size
+        self._sent.append(
+            _SentCommand(
+                number, transfer, tag, len(frame), reply_size, self.now_s() + REPLY_TIMEOUT_S, self._handshakes
+            )
+        )
+        self._bytes_in_flight += len(frame)
+        self._expected_reply_bytes += reply_size
 
-    def _ended(self) -> list[tuple[int, bytes | TransferError]]:
-        """The hub answers in order: whatever was sent before something that has been answered is lost."""
-        ended: list[tuple[int, bytes | TransferError]] = []
-        answered = [place for place, sent in enumerate(self._sent) if sent.tag in self._replies]
-        for _ in range(answered[-1] + 1 if answered else 0):
-            sent = self._forget()
+    def _collect_completed(self) -> list[tuple[int, bytes | TransferError]]:
+        """Transfers that have ended. The hub answers in order, so a command before an answered one is lost."""
+        completed: list[tuple[int, bytes | TransferError]] = []
+        answered_indices = [index for index, sent in enumerate(self._sent) if sent.tag in self._replies]
+        for _ in range(answered_indices[-1] + 1 if answered_indices else 0):
+            sent = self._pop_oldest()
             outcome = self._outcome(sent)
-            if sent.number != PUSH:
-                ended.append((sent.number, outcome))
+            if sent.number != FLUSH:
+                completed.append((sent.number, outcome))
         while self._sent and self._sent[0].deadline_s <= self.now_s():
-            sent = self._forget()
-            if sent.number != PUSH:
-                ended.append((sent.number, self._lost(sent, "the hub does not answer")))
-        return ended
+            sent = self._pop_oldest()
+            if sent.number != FLUSH:
+                completed.append((sent.number, self._lost_error(sent, "the hub does not answer")))
+        return completed
 
-    def _outcome(self, sent: _Sent) -> bytes | TransferError:
+    def _outcome(self, sent: _SentCommand) -> bytes | TransferError:
         if sent.tag not in self._replies:
-            return self._lost(sent, "a command was lost on its way")
+            return self._lost_error(sent, "a command was lost")
         reply = self._replies.pop(sent.tag)
         status = reply.fields["status"]
         if status == ReplyStatus.OK:
@@ -198,10 +216,10 @@ class HubQueue(HubClient):
             if sent.handshakes == self._handshakes:  # commands sent before the last handshake need no further handshake
                 self._handshakes += 1
                 self.handshake()
-            return self._lost(sent, "the hub has started anew")
+            return self._lost_error(sent, "the hub has restarted")
         if status in (ReplyStatus.BUSY, ReplyStatus.TIMEOUT, ReplyStatus.BUS_ERROR):
-            return self._lost(sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})")
-        raise WireError(self._link.name, f"the hub refuses transfers (status {status}); update its firmware")
+            return self._lost_error(sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})")
+        raise WireError(self._link.name, f"the hub refuses transfers (status {status}); update the hub's firmware")
 
-    def _lost(self, sent: _Sent, why: str) -> LostError:
-        return LostError(sent.transfer.address, f"{why} on {self._link.name}")
+    def _lost_error(self, sent: _SentCommand, problem: str) -> LostError:
+        return LostError(sent.transfer.address, f"{problem} on {self._link.name}")

@@ -1,4 +1,4 @@
-"""The hub as what is given new firmware: its application speaks frames, its bootloader packets, on one link."""
+"""The hub as a device that receives firmware: on one link, its application uses frames and its bootloader packets."""
 
 from __future__ import annotations
 
@@ -13,118 +13,119 @@ from taxel_protocol.layout import pack
 from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_tools.errors import HUB, BoardError, StatusError, TransferError
 from taxel_tools.hub_packets import HubPackets
-from taxel_tools.session import RESTART_S, BootInfo, BootSession
 from taxel_tools.procedure import Procedure, Version
+from taxel_tools.session import RESTART_TIMEOUT_S, BootInfo, BootSession
 
-POLL_S: Final = 0.02
-POLLED_S: Final = 3.0
-"""Until the hub polls every board that it polled before: it sweeps the bus when it has started."""
-CYCLES_S: Final = 0.1
-"""In which a hub without boards makes some poll cycles."""
+FRAME_WAIT_S: Final = 0.02
+POLL_TIMEOUT_S: Final = 3.0
+"""Time until the hub polls every board again: after a start, the hub first runs a bus scan."""
+POLL_CYCLES_S: Final = 0.1
+"""Time in which a hub without boards completes several poll cycles."""
 
 
 class HubTarget:
-    """A `Target`: frames and packets take turns on `link`, which stays the caller's. Run its steps over `wire`.
+    """A `Target` for the hub. Run its procedures on `wire`.
 
-    `boards`: addresses that the hub polled before; they must be polled afterwards too.
+    Frames and packets alternate on `link`, which the caller owns. `polled_addresses`: boards that the hub polled before
+    the update; the hub must poll them afterwards too.
     """
 
     address = HUB
-    noun = "hub"
+    device_name = "hub"
 
     def __init__(self, link: Link) -> None:
         self.wire = HubPackets(link)
         self.now_s = self.wire.now_s
         self.session = BootSession(HUB, self.now_s)
-        self.session.row_write_s = 0.0  # the response to a row comes by itself when it is written
-        self.boards: list[int] = []
+        self.session.row_write_s = 0.0  # The hub's bootloader responds after the row has been written.
+        self.polled_addresses: list[int] = []
         self._link = link
         self._client: HubClient | None = None
 
-    def version(self) -> Procedure[Version | None]:
-        """Of the application; None if the hub is in its bootloader. Raises `HubError` if nobody answers."""
-        if (yield from self.bootloader()) is not None:
+    def read_version(self) -> Procedure[Version | None]:
+        """Version of the application; None if the hub is in its bootloader. Raises `HubError` without an answer."""
+        if (yield from self.read_bootloader_info()) is not None:
             return None
         client = self._client_after_handshake()
         client.stop()
         client.read_boards()
-        self.boards = sorted(client.boards)
-        return _version_of(client)
+        self.polled_addresses = sorted(client.boards)
+        return _read_firmware_version(client)
 
-    def bootloader(self) -> Procedure[BootInfo | None]:
-        """What the bootloader says, if it runs: an update that was cut off leaves it waiting."""
-        self._packets()
+    def read_bootloader_info(self) -> Procedure[BootInfo | None]:
+        """Information of the bootloader, if it runs: an interrupted update leaves the bootloader active."""
+        self._switch_to_packets()
         for _ in range(2):
             with suppress(BoardError):
-                return (yield from self.session.info())
+                return (yield from self.session.read_info())
         return None
 
     def enter(self) -> Procedure[None]:
-        """Lead the application into its bootloader, and begin a session. Raises `HubError`, `BoardError`."""
+        """Restart the application into its bootloader and start a session. Raises `HubError`, `BoardError`."""
         refusal: HubError | None = None
         if self._client is not None:
             key = pack(EnterBootloaderArguments, {"key": BOOTLOADER_KEY})
             try:
                 self._client.command(Command.ENTER_BOOTLOADER, key)
-            except HubError as error:  # or only its answer was lost: the bootloader tells
+            except HubError as error:  # The command may have worked although its reply was lost.
                 refusal = error
-        self._packets()
-        deadline = self.now_s() + RESTART_S
+        self._switch_to_packets()
+        deadline = self.now_s() + RESTART_TIMEOUT_S
         while True:
             try:
-                yield from self.session.enter_here()
+                yield from self.session.start_session()
                 return
             except (TransferError, BoardError) as error:
                 if isinstance(error, StatusError) or self.now_s() > deadline:
                     raise refusal or error from None
 
-    def wait_for_application(self, patience_s: float) -> Procedure[Version | None]:
-        """Repeat the handshake until a hub answers; None after a timeout."""
+    def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
+        """Repeat the handshake until a hub answers; its version, or None after `timeout_s` seconds."""
         yield from ()
-        deadline = self.now_s() + patience_s
+        deadline = self.now_s() + timeout_s
         while self.now_s() < deadline:
             with suppress(HubError):
-                return _version_of(self._client_after_handshake())
+                return _read_firmware_version(self._client_after_handshake())
         return None
 
-    def confirm(self, patience_s: float) -> Procedure[None]:
-        """Do what a new image waits for: let it poll its boards, and read its UART. Raises `BoardError`, `HubError`."""
+    def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
+        """Start polling and read frames, so that a new image confirms itself. Raises `BoardError`, `HubError`."""
         yield from ()
         client = self._client_after_handshake()
-        missing = set(self.boards)
-        deadline = self.now_s() + min(patience_s, POLLED_S)
+        missing = set(self.polled_addresses)
+        deadline = self.now_s() + min(timeout_s, POLL_TIMEOUT_S)
         client.start()
-        client.wait(CYCLES_S)
+        client.wait(POLL_CYCLES_S)
         while True:
             missing -= {frame.address for frame in client.stream.frames}
             client.stream.frames.clear()
             if not missing or self.now_s() > deadline:
                 break
-            client.stream.poll(POLL_S)
+            client.stream.poll(FRAME_WAIT_S)
         client.stop()
         if missing:
             names = ", ".join(f"0x{address:02X}" for address in sorted(missing))
-            raise BoardError(HUB, f"does not poll {names} any more; look at taxel scan, and at the boards' power")
+            raise BoardError(HUB, f"does not poll {names} any more; check the power of these boards with taxel scan")
 
-    def settle(self) -> Procedure[None]:
-        """See the boards polled again."""
-        return self.confirm(POLLED_S)
+    def check_operation(self) -> Procedure[None]:
+        """Check that the hub polls its boards again."""
+        return self.trigger_confirmation(POLL_TIMEOUT_S)
 
     def _client_after_handshake(self) -> HubClient:
         if self._client is None:
-            self._client = self.wire.frames = HubClient(self._link)
+            self._client = self.wire.frame_client = HubClient(self._link)
         if not self._client.has_handshake:
             self._client.handshake()
         return self._client
 
-    def _packets(self) -> None:
+    def _switch_to_packets(self) -> None:
         if self._client is not None:
             self._client.stream.release()
-            self._client = self.wire.frames = None
+            self._client = self.wire.frame_client = None
         self.wire.drain()
 
 
-def _version_of(client: HubClient) -> Version:
+def _read_firmware_version(client: HubClient) -> Version:
     handshake = client.last_handshake
     assert handshake is not None
     return handshake["firmware_major"], handshake["firmware_minor"], handshake["firmware_patch"]

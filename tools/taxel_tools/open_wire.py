@@ -1,4 +1,4 @@
-"""From a URL to a wire."""
+"""Opening of the bus that a URL names."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from taxel.hand.world import WorldSettings, world_text
 from taxel.link import Link, LinkError, open_i2c, open_link
 from taxel.link.url import split_url
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
-from taxel_tools.cli_words import address_of
+from taxel_tools.cli_common import parse_address
 from taxel_tools.wires import BoardWire, HubWire, SmbusWire
 
 I2C_PREFIX: Final = "/dev/i2c-"
-NO_HUB: Final = "leads to the boards' bus; the hub takes firmware on its UART only, such as serial:///dev/ttyUSB0"
+NO_HUB: Final = "is the boards' bus; the hub accepts firmware only on its UART, such as serial:///dev/ttyUSB0"
 BOOT_S: Final = 0.5
-"""World seconds until every emulated board answers and the hub knows it."""
-LINES: Final = {"usb_latency_down_ms", "flow_control"}
-OPTIONS: Final = {"board", "hand", "wire", "seed", "usb_latency_ms", "scl_hz", "baud", "word"} | LINES
+"""World seconds until every emulated board answers and the hub has completed its bus scan."""
+WORLD_FILE_OPTIONS: Final = {"usb_latency_down_ms", "flow_control"}
+OPTIONS: Final = {"board", "hand", "wire", "seed", "usb_latency_ms", "scl_hz", "baud", "word"} | WORLD_FILE_OPTIONS
 
 
 @dataclass(frozen=True)
 class EmulatedBench:
-    """What is behind an emulated wire: the world, and the boards that are plugged into it."""
+    """The emulated world of a connection, and the boards plugged into that world."""
 
     world: VirtualWorld
     hand: Hand
@@ -34,13 +34,13 @@ class EmulatedBench:
 
 @contextmanager
 def open_wire(url: str) -> Iterator[BoardWire]:
-    """The wire that `url` names, closed at the end.
+    """Open the bus that `url` names, and close the bus at the end of the context.
 
-    `serial:///dev/ttyUSB0` and every other link: through the hub. `/dev/i2c-1` or `i2c:///dev/i2c-1`: an adapter.
-    `emulator:`: an emulated hand in virtual time, options `hand`, `board=ADDRESS` (only those plugged in, as often as
-    wanted), `wire=hub` or `wire=i2c`, `seed`, `usb_latency_ms`, `usb_latency_down_ms`, `flow_control`, `scl_hz`,
-    `baud`, and `word=LINE` (as often as wanted) for lines of the world file, such as `word=blank 0x21`.
-    Raises `LinkError`, `WireError`, `HubError`.
+    `serial:///dev/ttyUSB0` and every other link lead through the hub. `/dev/i2c-1` and `i2c:///dev/i2c-1` are I2C
+    adapters. `emulator:` is an emulated hand in virtual time with the options `hand`, `board=ADDRESS` (only these
+    boards are plugged in; repeatable), `wire=hub` or `wire=i2c`, `seed`, `usb_latency_ms`, `usb_latency_down_ms`,
+    `flow_control`, `scl_hz`, `baud`, and `word=LINE` (repeatable) for lines of the world file, such as `word=blank
+    0x21`. Raises `LinkError`, `WireError`, `HubError`.
     """
     path = url.removeprefix("i2c://")
     if path.startswith(I2C_PREFIX):
@@ -59,12 +59,12 @@ def open_wire(url: str) -> Iterator[BoardWire]:
 
 @contextmanager
 def open_hub_link(url: str) -> Iterator[Link]:
-    """The hub's UART that `url` names, closed at the end. Raises `LinkError`, also for an I2C adapter."""
+    """Open the hub's UART that `url` names. Raises `LinkError`, also for an I2C adapter."""
     if url.removeprefix("i2c://").startswith(I2C_PREFIX):
         raise LinkError(url, NO_HUB)
     if url.startswith("emulator:"):
-        with _emulated(url) as (bench, baud, kind):
-            if kind != "hub":
+        with _start_emulated_bench(url) as (bench, baud, wire_kind):
+            if wire_kind != "hub":
                 raise LinkError(url, NO_HUB)
             yield VirtualMemoryLink(bench.world, baud)
         return
@@ -77,11 +77,11 @@ def open_hub_link(url: str) -> Iterator[Link]:
 
 @contextmanager
 def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
-    """An emulated bench and a wire to it; for `emulator:` URLs only. Raises `LinkError`."""
-    with _emulated(url) as (bench, baud, kind):
+    """Open an emulated bench and a connection to its bus, for `emulator:` URLs only. Raises `LinkError`."""
+    with _start_emulated_bench(url) as (bench, baud, wire_kind):
         world = bench.world
         wire: BoardWire
-        if kind == "hub":
+        if wire_kind == "hub":
             wire = HubWire(VirtualMemoryLink(world, baud))
         else:
             wire = SmbusWire(VirtualSMBus(world), "emulator:", lambda: world.now_s, world.run)
@@ -89,41 +89,45 @@ def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
 
 
 @contextmanager
-def _emulated(url: str) -> Iterator[tuple[EmulatedBench, float, str]]:
-    """A bench that has booted, the baud rate of its UART, and which wire is meant."""
-    words = parse_qs(split_url(url).query)
-    unknown = sorted(set(words) - OPTIONS)
+def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]]:
+    """A booted bench, the baud rate of its UART, and the kind of connection: `hub` or `i2c`."""
+    query = parse_qs(split_url(url).query)
+    unknown = sorted(set(query) - OPTIONS)
     if unknown:
-        raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted(OPTIONS))}")
-    options = {name: values[-1] for name, values in words.items()}
+        raise LinkError(url, f"unknown option '{unknown[0]}', expected one of {', '.join(sorted(OPTIONS))}")
+    options = {name: values[-1] for name, values in query.items()}
     numbers: dict[str, Any] = {
-        name: _number(url, name, options[name]) for name in ("usb_latency_ms", "scl_hz", "baud") if name in options
+        name: _parse_number(url, name, options[name])
+        for name in ("usb_latency_ms", "scl_hz", "baud")
+        if name in options
     }
-    seed = int(_number(url, "seed", options.get("seed", "1")))
+    seed = int(_parse_number(url, "seed", options.get("seed", "1")))
     settings = WorldSettings(seed=seed, **numbers)
-    kind = options.get("wire", "hub")
-    if kind not in {"hub", "i2c"}:
-        raise LinkError(url, f"option 'wire' must be hub or i2c, found '{kind}'")
-    hand = _with_boards(load_hand(options.get("hand", "allegro")), words.get("board", ()))
+    wire_kind = options.get("wire", "hub")
+    if wire_kind not in {"hub", "i2c"}:
+        raise LinkError(url, f"option 'wire' must be hub or i2c, found '{wire_kind}'")
+    hand = _select_boards(load_hand(options.get("hand", "allegro")), query.get("board", ()))
     text = world_text(hand, settings)
-    lines = [f"{name} {_number(url, name, options[name]):g}" for name in sorted(LINES & set(options))]
-    text += "".join(f"{line}\n" for line in [*lines, *words.get("word", ())])
+    lines = [
+        f"{name} {_parse_number(url, name, options[name]):g}" for name in sorted(WORLD_FILE_OPTIONS & set(options))
+    ]
+    text += "".join(f"{line}\n" for line in [*lines, *query.get("word", ())])
     with VirtualWorld(text) as world:
         world.run(BOOT_S)
-        yield EmulatedBench(world, hand), settings.baud, kind
+        yield EmulatedBench(world, hand), settings.baud, wire_kind
 
 
-def _with_boards(hand: Hand, wanted: Sequence[str]) -> Hand:
-    """The hand with nothing but the boards at these addresses; with all of them if none is named."""
-    if not wanted:
+def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
+    """The hand with only the boards at these addresses; with all boards if no address is given."""
+    if not texts:
         return hand
-    addresses = {address_of(text, "board") for text in wanted}
+    addresses = {parse_address(text, "board") for text in texts}
     for address in addresses:
-        hand.board(address)  # raises UnknownBoardError
+        hand.board(address)  # Raises UnknownBoardError for an address without a board.
     return replace(hand, boards=tuple(board for board in hand.boards if board.address in addresses))
 
 
-def _number(url: str, name: str, text: str) -> float:
+def _parse_number(url: str, name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:

@@ -1,7 +1,7 @@
-"""Give boards who they are: address, kind, serial number, calibration. Boards that share an address are told apart.
+"""Configuration of boards: address, kind, serial number, calibration.
 
-All that share it are brought into their bootloaders, found by their unique ids (SEARCH), chosen one at a time,
-configured, and restarted, which makes them leave the shared address.
+Boards that share an address are restarted into their bootloaders, identified by unique id (SEARCH), selected one at a
+time, configured and restarted; the restart moves each board to its own address.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_VERSION, search
 from taxel_protocol.limits import REGISTER_COMMAND
 from taxel_protocol.names import BoardCommand
 from taxel_tools.errors import BoardError, TransferError
-from taxel_tools.interleave import run
-from taxel_tools.plan import IDAC_COUNT, SERIAL_SIZE, Entry
+from taxel_tools.procedure import Pause, Procedure, Transfer
+from taxel_tools.provisioning_plan import IDAC_COUNT, SERIAL_SIZE, Entry
+from taxel_tools.scheduler import run
 from taxel_tools.session import BootSession
-from taxel_tools.steps import Pause, Steps, Transfer
 from taxel_tools.wires import BoardWire
 
-ALL: Final = 64
+UNIQUE_ID_BITS: Final = 64
 SLOTS: Final = (0, 1)
 RESTART_S: Final = 0.15
-"""From a restart until the bootloader listens at its address."""
+"""Time from a restart until the bootloader answers at its address."""
 ENTER_ATTEMPTS: Final = 3
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A board in its bootloader: where it answers, its id, and the fields of its `Configuration` (None: blank)."""
+    """A board in its bootloader: address, unique id, and the fields of its `Configuration` (None: blank)."""
 
     address: int
     unique_id: bytes
@@ -40,51 +40,52 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Change:
-    """What will be written to a board: the new configuration beside what it was."""
+    """A configuration to be written, and the board that receives the configuration."""
 
     candidate: Candidate
     configuration: dict[str, Any]
 
     @property
     def address(self) -> int:
-        """Where the board will answer."""
+        """Address of the board after the change."""
         return int(self.configuration["address"])
 
 
 def provision(
     wire: BoardWire,
-    places: Sequence[int],
+    addresses: Sequence[int],
     entries: Sequence[Entry],
-    tell: Callable[[Change], None] = lambda change: None,
+    on_change: Callable[[Change], None] = lambda change: None,
     write: bool = True,
 ) -> tuple[list[Candidate], list[Change]]:
-    """Carry entries out on the boards at these addresses: who was found, and what was (or would be) written.
+    """Configure the boards at `addresses` as `entries` state; returns the boards found and the changes.
 
-    A run that was cut off is completed by running it again. Boards that are not meant are let go. Raises `BoardError`.
+    `on_change` is called before each change; with `write` False nothing is written. An interrupted run is completed by
+    running the command again. Boards without an entry are restarted unchanged. Raises `BoardError`.
     """
     in_use = wire.scan()
-    candidates = gather(wire, places, entries)
+    candidates = collect_boards(wire, addresses, entries)
     try:
-        changes = changes_of(candidates, entries, in_use)
+        changes = plan_changes(candidates, entries, in_use)
         for change in changes:
-            tell(change)
+            on_change(change)
         if write:
-            apply(wire, changes)
+            write_changes(wire, changes)
     except TaxelError:
         with suppress(TaxelError):
-            release(wire, candidates)
+            release_boards(wire, candidates)
         raise
     changed = {change.candidate.unique_id for change in changes} if write else set()
-    release(wire, [one for one in candidates if one.unique_id not in changed])
+    release_boards(wire, [board for board in candidates if board.unique_id not in changed])
     return candidates, changes
 
 
-def open_bootloaders(wire: BoardWire, address: int) -> None:
-    """Bring every board at `address` into its bootloader. Those that are there already stay."""
-    run(wire, _ask_for_bootloader(address))
+def enter_bootloaders(wire: BoardWire, address: int) -> None:
+    """Restart every board at `address` into its bootloader. Boards in their bootloader stay there."""
+    run(wire, _request_bootloader(address))
 
 
-def _ask_for_bootloader(address: int) -> Steps[None]:
+def _request_bootloader(address: int) -> Procedure[None]:
     command = BoardCommand.ENTER_BOOTLOADER
     for _ in range(ENTER_ATTEMPTS):
         try:
@@ -94,60 +95,69 @@ def _ask_for_bootloader(address: int) -> Steps[None]:
             continue
         yield Pause(RESTART_S)
         return
-    raise BoardError(address, "nobody answers there; check power and address")
+    raise BoardError(address, "no board answers at this address; check power and address")
 
 
-def find(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Candidate]:
-    """Every board in its bootloader at `address`, by unique id; afterwards all of them listen again.
+def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Candidate]:
+    """Every board in its bootloader at `address`, sorted by unique id; afterwards all of them listen again.
 
-    Writes nothing. Raises `BoardError` if the answers contradict each other, as on a bad wire.
+    Writes nothing. Raises `BoardError` if the replies contradict each other, as on faulty wiring.
     """
     session = BootSession(address, wire.now_s)
     try:
         ids = search_ids(lambda bits, prefix: run(wire, session.search(bits, prefix)))
-        found = [Candidate(address, unique_id, _configuration(wire, session, unique_id)) for unique_id in sorted(ids)]
-        if found:
+        boards = [
+            Candidate(address, unique_id, _read_configuration(wire, session, unique_id)) for unique_id in sorted(ids)
+        ]
+        if boards:
             run(wire, session.search(0, bytes(8)))
     except ValueError as error:
-        raise BoardError(address, f"the boards there contradict each other ({error}); check the wiring") from None
-    return found
+        problem = f"the replies of the boards contradict each other ({error}); check the wiring"
+        raise BoardError(address, problem) from None
+    return boards
 
 
-def gather(wire: BoardWire, places: Sequence[int], entries: Sequence[Entry]) -> list[Candidate]:
-    """Every board at these addresses, in its bootloader, and those of the entries that have left them already.
+def collect_boards(wire: BoardWire, addresses: Sequence[int], entries: Sequence[Entry]) -> list[Candidate]:
+    """Every board at `addresses`, in its bootloader, and boards of `entries` that have moved already.
 
-    An earlier run may have been cut off when some boards had their new addresses: who is named by unique id is looked
-    for there too. Raises `BoardError` if nobody answers at an address, and nobody has left it.
+    An earlier run may have been interrupted after some boards received their new addresses. A board whose entry names a
+    unique id is therefore also searched at its new address. Raises `BoardError` if no board answers at an address and
+    no board has moved.
     """
-    found: list[Candidate] = []
-    silent: BoardError | None = None
-    for place in places:
+    boards: list[Candidate] = []
+    first_error: BoardError | None = None
+    for address in addresses:
         try:
-            open_bootloaders(wire, place)
+            enter_bootloaders(wire, address)
         except BoardError as error:
-            silent = silent or error
+            first_error = first_error or error
             continue
-        found += find(wire, place)
-    moved = [board for entry in entries for board in _moved(wire, entry, found)]
-    if silent is not None and not moved:
-        release(wire, found)
-        raise silent
-    return found + moved
+        boards += find_boards(wire, address)
+    moved = [board for entry in entries for board in _find_moved_board(wire, entry, boards)]
+    if first_error is not None and not moved:
+        release_boards(wire, boards)
+        raise first_error
+    return boards + moved
 
 
-def _moved(wire: BoardWire, entry: Entry, found: Sequence[Candidate]) -> list[Candidate]:
-    """The entry's board, if it is not among those found, but answers at its new address."""
-    is_found = any(board.unique_id == entry.unique_id for board in found)
-    if entry.unique_id is None or entry.address is None or is_found or not _answers(wire, entry.address):
+def _find_moved_board(wire: BoardWire, entry: Entry, boards: Sequence[Candidate]) -> list[Candidate]:
+    """The board of `entry` if the board is missing in `boards` but answers at its new address."""
+    is_at_old_address = any(board.unique_id == entry.unique_id for board in boards)
+    if (
+        entry.unique_id is None
+        or entry.address is None
+        or is_at_old_address
+        or not _is_acknowledged(wire, entry.address)
+    ):
         return []
-    open_bootloaders(wire, entry.address)
-    there = find(wire, entry.address)
-    release(wire, [board for board in there if board.unique_id != entry.unique_id])
-    return [board for board in there if board.unique_id == entry.unique_id]
+    enter_bootloaders(wire, entry.address)
+    boards = find_boards(wire, entry.address)
+    release_boards(wire, [board for board in boards if board.unique_id != entry.unique_id])
+    return [board for board in boards if board.unique_id == entry.unique_id]
 
 
-def _answers(wire: BoardWire, address: int) -> bool:
-    def probe() -> Steps[bool]:
+def _is_acknowledged(wire: BoardWire, address: int) -> bool:
+    def probe() -> Procedure[bool]:
         try:
             yield Transfer(address)
         except TransferError:
@@ -157,61 +167,66 @@ def _answers(wire: BoardWire, address: int) -> bool:
     return run(wire, probe())
 
 
-def _choose(wire: BoardWire, session: BootSession, unique_id: bytes) -> None:
-    """Let nobody but this board listen."""
-    if run(wire, session.search(ALL, unique_id)) is None:
-        raise BoardError(session.address, f"the board with id {unique_id.hex()} has gone; search again")
+def _select_board(wire: BoardWire, session: BootSession, unique_id: bytes) -> None:
+    """Make only this board listen."""
+    if run(wire, session.search(UNIQUE_ID_BITS, unique_id)) is None:
+        raise BoardError(session.address, f"the board with id {unique_id.hex()} does not answer any more; search again")
 
 
-def _configuration(wire: BoardWire, session: BootSession, unique_id: bytes) -> dict[str, Any] | None:
-    _choose(wire, session, unique_id)
-    return run(wire, session.configuration())
+def _read_configuration(wire: BoardWire, session: BootSession, unique_id: bytes) -> dict[str, Any] | None:
+    _select_board(wire, session, unique_id)
+    return run(wire, session.read_configuration())
 
 
-def changes_of(candidates: Sequence[Candidate], entries: Sequence[Entry], in_use: Sequence[int]) -> list[Change]:
-    """What the entries ask of the boards that were found. in_use: addresses where other boards answer.
+def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_use: Sequence[int]) -> list[Change]:
+    """Changes that configure `candidates` as `entries` state. `in_use`: addresses where other boards answer.
 
-    Raises `BoardError`: a board that was not found, one that stays without an address, an address in use.
+    Raises `BoardError` for a board that was not found, a board without an address, and an address in use.
     """
     changes: list[Change] = []
     for entry in entries:
         candidate = _candidate_for(entry, candidates)
-        change = Change(candidate, _configured(candidate, entry))
+        change = Change(candidate, _merge_configuration(candidate, entry))
         changes.append(change)
-    moving = {change.candidate.unique_id for change in changes}
-    staying = {c.configuration["address"] for c in candidates if c.configuration and c.unique_id not in moving}
-    for place, change in enumerate(changes):
-        others = {other.address for other in changes[:place]} | staying
-        is_taken = change.address in in_use and change.address != change.candidate.address
-        if is_taken or change.address in others:
+    moving_ids = {change.candidate.unique_id for change in changes}
+    kept_addresses = {
+        c.configuration["address"] for c in candidates if c.configuration and c.unique_id not in moving_ids
+    }
+    for i, change in enumerate(changes):
+        assigned = {earlier.address for earlier in changes[:i]} | kept_addresses
+        is_in_use = change.address in in_use and change.address != change.candidate.address
+        if is_in_use or change.address in assigned:
             raise BoardError(
                 change.address,
-                f"is in use already, so the board with id {change.candidate.unique_id.hex()} cannot have that address; "
-                "choose another one",
+                f"the address is in use already, so the board with id {change.candidate.unique_id.hex()} cannot get "
+                "this address; choose a free address",
             )
     return changes
 
 
 def _candidate_for(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
-    shown = ", ".join(candidate.unique_id.hex() for candidate in candidates)
+    ids = ", ".join(candidate.unique_id.hex() for candidate in candidates)
     if entry.unique_id is None:
         if len(candidates) == 1:
             return candidates[0]
-        where = candidates[0].address if candidates else BOOT_DEFAULT_ADDRESS
-        found = f"{len(candidates)} boards answer ({shown}); name one by --id" if candidates else "nobody answers there"
-        raise BoardError(where, found)
+        address = candidates[0].address if candidates else BOOT_DEFAULT_ADDRESS
+        problem = f"{len(candidates)} boards answer ({ids})" if candidates else "no board answers at this address"
+        remedy = "select one with --id" if candidates else "check power and address"
+        raise BoardError(address, f"{problem}; {remedy}")
     for candidate in candidates:
         if candidate.unique_id == entry.unique_id:
             return candidate
-    where = candidates[0].address if candidates else BOOT_DEFAULT_ADDRESS
-    raise BoardError(where, f"no board with id {entry.unique_id.hex()} answers there; found {shown or 'none'}")
+    address = candidates[0].address if candidates else BOOT_DEFAULT_ADDRESS
+    problem = f"expected the board with id {entry.unique_id.hex()}, found {ids or 'none'}; check the id"
+    raise BoardError(address, problem)
 
 
-def _configured(candidate: Candidate, entry: Entry) -> dict[str, Any]:
+def _merge_configuration(candidate: Candidate, entry: Entry) -> dict[str, Any]:
     old = candidate.configuration or {}
     address = entry.address if entry.address is not None else old.get("address")
     if address is None:
-        raise BoardError(candidate.address, f"board {candidate.unique_id.hex()} is blank; give it an address")
+        problem = f"board {candidate.unique_id.hex()} is blank; assign an address with --address"
+        raise BoardError(candidate.address, problem)
     serial = old.get("serial_number", bytes(SERIAL_SIZE))
     idac = old.get("idac_codes", bytes(IDAC_COUNT))
     return {
@@ -224,43 +239,45 @@ def _configured(candidate: Candidate, entry: Entry) -> dict[str, Any]:
     }
 
 
-def apply(wire: BoardWire, changes: Sequence[Change]) -> None:
+def write_changes(wire: BoardWire, changes: Sequence[Change]) -> None:
     """Write the configurations, read each back, and restart the boards. Raises `BoardError`.
 
-    All boards must be in their bootloaders, as `find` leaves them.
+    All boards must be in their bootloaders, as after `find_boards`.
     """
     for change in changes:
         session = BootSession(change.candidate.address, wire.now_s)
         unique_id = change.candidate.unique_id
-        _choose(wire, session, unique_id)
-        run(wire, session.enter_here())
+        _select_board(wire, session, unique_id)
+        run(wire, session.start_session())
         run(wire, session.write_configuration(unique_id, change.configuration))
-        if run(wire, session.configuration()) != change.configuration:
-            raise BoardError(session.address, f"board {unique_id.hex()} does not keep its configuration; exchange it")
-        run(wire, _renew_tries(session))
+        if run(wire, session.read_configuration()) != change.configuration:
+            problem = f"board {unique_id.hex()} does not keep its configuration; replace the board"
+            raise BoardError(session.address, problem)
+        run(wire, _reset_boot_attempts(session))
         run(wire, session.exit())
+    # A search for zero bits makes the boards that stay at the address listen again.
     for address in {change.candidate.address for change in changes}:
-        run(wire, BootSession(address, wire.now_s).search(0, bytes(8)))  # whoever is left there listens again
+        run(wire, BootSession(address, wire.now_s).search(0, bytes(8)))
 
 
-def _renew_tries(session: BootSession) -> Steps[None]:
-    """Let the image of a board that has confirmed none be tried anew.
+def _reset_boot_attempts(session: BootSession) -> Procedure[None]:
+    """Restore the boot attempts of the image of a board without a confirmed image.
 
-    Without a configuration it could not confirm itself, and every power-up has cost one of its tries.
+    Without a configuration the image could not confirm itself, and every power-up used one boot attempt.
     """
-    info = yield from session.info()
+    info = yield from session.read_info()
     if info.confirmed in SLOTS:
         return
-    for slot in (*(one for one in SLOTS if one == info.pending), *SLOTS):
-        if (yield from session.metadata(slot)) is not None:
+    for slot in (*(slot for slot in SLOTS if slot == info.pending), *SLOTS):
+        if (yield from session.read_metadata(slot)) is not None:
             yield from session.set_active(slot)
             return
 
 
-def release(wire: BoardWire, candidates: Sequence[Candidate]) -> None:
-    """Restart boards that stay as they are, so that their applications run again. Those that have gone are let be."""
+def release_boards(wire: BoardWire, candidates: Sequence[Candidate]) -> None:
+    """Restart boards that stay unchanged, so that their applications run again. Missing boards are skipped."""
     for candidate in candidates:
         session = BootSession(candidate.address, wire.now_s)
-        if run(wire, session.search(ALL, candidate.unique_id)) is not None:
-            run(wire, session.enter_here())
+        if run(wire, session.search(UNIQUE_ID_BITS, candidate.unique_id)) is not None:
+            run(wire, session.start_session())
             run(wire, session.exit())

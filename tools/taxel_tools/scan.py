@@ -1,4 +1,4 @@
-"""What is on a bus: applications with version and health, bootloaders, addresses that several boards share."""
+"""Bus scan: applications with version and health, bootloaders, addresses that several boards share."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from taxel_protocol.layout import unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, WHO_AM_I
 from taxel_protocol.names import BoardErrorFlag, ResetCause
 from taxel_protocol.registers import Identity
-from taxel_tools.application import READ_ATTEMPTS, is_identity, read_status, version_of
+from taxel_tools.application import READ_ATTEMPTS, firmware_version, is_identity, read_status
 from taxel_tools.errors import BoardError, TransferError
-from taxel_tools.interleave import run_all
-from taxel_tools.program import dotted
+from taxel_tools.firmware_update import format_version
+from taxel_tools.procedure import Clock, Procedure, Transfer
+from taxel_tools.scheduler import run_all
 from taxel_tools.session import BootInfo, BootSession
-from taxel_tools.steps import Clock, Steps, Transfer
 from taxel_tools.wires import BoardWire
 
 IDENTITY_SIZE: Final = 58
@@ -24,11 +24,12 @@ SHARED: Final = "shared"
 
 
 @dataclass(frozen=True)
-class Found:
-    """What answers at an address.
+class BusDevice:
+    """A device that answers at an address.
 
-    `runs`: `application`, `bootloader`, `shared` (several boards, or one whose bytes arrive damaged) or `foreign` (no
-    board of ours). `version` is that of the application, `notes` is what is not as it should be.
+    `runs`: `application`, `bootloader`, `shared` (several boards, or a board whose bytes arrive damaged) or `foreign`
+    (not a taxel board). `version` is the version of the application; `notes` lists every deviation from a healthy
+    board.
     """
 
     address: int
@@ -41,41 +42,45 @@ class Found:
     counters: dict[str, int] = field(default_factory=dict)
 
 
-def scan(wire: BoardWire) -> list[Found]:
-    """Everything on the bus, by address. Writes nothing but register pointers, and to a bootloader a question."""
-    results = run_all(wire, {address: look(address, wire.now_s) for address in wire.scan()})
+def scan_bus(wire: BoardWire) -> list[BusDevice]:
+    """Every device on the bus, sorted by address.
+
+    Writes only register pointers, and SEARCH packets to bootloaders.
+    """
+    results = run_all(wire, {address: identify_device(address, wire.now_s) for address in wire.scan()})
     return [
-        Found(address, "foreign", notes=(str(result),)) if isinstance(result, TaxelError) else result
+        BusDevice(address, "foreign", notes=(str(result),)) if isinstance(result, TaxelError) else result
         for address, result in sorted(results.items())
     ]
 
 
-def look(address: int, now_s: Clock) -> Steps[Found]:
-    """What answers at one address."""
+def identify_device(address: int, now_s: Clock) -> Procedure[BusDevice]:
+    """Identify the device at one address."""
     data = b"\xff"
-    looks_like_ours = False
+    has_taxel_signature = False
     for _ in range(READ_ATTEMPTS):
         try:
             data = yield Transfer(address, bytes([REGISTER_IDENTITY]), IDENTITY_SIZE)
         except TransferError:
             continue
         if is_identity(data):
-            return (yield from _application(address, unpack(Identity, data)[0]))
-        looks_like_ours = looks_like_ours or data[0] == WHO_AM_I
-    if looks_like_ours:
-        note = "several boards answer, or the wire is bad: see taxel provision --search"
-        return Found(address, SHARED, notes=(note,))
-    if _may_be_bootloader(data, address == BOOT_DEFAULT_ADDRESS):
-        return (yield from _bootloader(address, now_s))
-    return Found(address, "foreign", notes=("no board of ours",))
+            return (yield from _describe_application(address, unpack(Identity, data)[0]))
+        has_taxel_signature = has_taxel_signature or data[0] == WHO_AM_I
+    if has_taxel_signature:
+        note = "several boards answer, or the wiring is faulty; run taxel provision --search"
+        return BusDevice(address, SHARED, notes=(note,))
+    if _can_be_bootloader(data, address == BOOT_DEFAULT_ADDRESS):
+        return (yield from _identify_bootloader(address, now_s))
+    return BusDevice(address, "foreign", notes=("not a taxel board",))
 
 
-def _may_be_bootloader(data: bytes, may_be_several: bool) -> bool:
-    """Nothing but FF, or a response that is left from before: other devices are not sent packets.
+def _can_be_bootloader(data: bytes, can_be_several: bool) -> bool:
+    """Whether an unknown response can come from a bootloader; other devices receive no packets.
 
-    Responses of several boards lie over one another: of them only the first byte is sure.
+    A bootloader returns only FF bytes, or the response to an earlier packet. The responses of several boards overlap on
+    the bus: only their first byte is reliable.
     """
-    if set(data) == {0xFF} or (may_be_several and data[0] == BOOT_PACKET_START):
+    if set(data) == {0xFF} or (can_be_several and data[0] == BOOT_PACKET_START):
         return True
     try:
         parse_packet(data)
@@ -84,24 +89,24 @@ def _may_be_bootloader(data: bytes, may_be_several: bool) -> bool:
     return True
 
 
-def _application(address: int, identity: dict[str, Any]) -> Steps[Found]:
+def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[BusDevice]:
     status = yield from read_status(address)
     notes = []
     if identity["address"] != address:
-        notes.append(f"says that its address is 0x{identity['address']:02X}")
+        notes.append(f"reports the address 0x{identity['address']:02X}")
     if address == BOOT_DEFAULT_ADDRESS:
-        notes.append("has no configuration: taxel provision gives it one")
+        notes.append("has no configuration; assign one with taxel provision")
     notes += [flag.name.lower().replace("_", " ") for flag in BoardErrorFlag if status["error_flags"] & flag]
     if status["reset_cause"] in (ResetCause.WATCHDOG, ResetCause.BROWN_OUT):
         notes.append(f"last start after a {ResetCause(status['reset_cause']).name.lower().replace('_', '-')}")
     if not status["scans"]:
         notes.append("does not scan")
     counters = ("scans", "scan_time_us", "bus_errors", "rejected_writes", "saturated_conversions")
-    return Found(
+    return BusDevice(
         address,
         "application",
         identity["kind"],
-        dotted(version_of(identity)),
+        format_version(firmware_version(identity)),
         identity["unique_id"].hex(),
         identity["taxel_count"],
         tuple(notes),
@@ -109,33 +114,36 @@ def _application(address: int, identity: dict[str, Any]) -> Steps[Found]:
     )
 
 
-def _bootloader(address: int, now_s: Clock) -> Steps[Found]:
-    """GET_INFO and SEARCH may be asked before a session; several boards give answers that lie over one another."""
+def _identify_bootloader(address: int, now_s: Clock) -> Procedure[BusDevice]:
+    """Send SEARCH and GET_INFO, which a bootloader accepts without a session.
+
+    Overlapping replies of several boards are detected by their second half, which repeats the id inverted.
+    """
     session = BootSession(address, now_s)
     try:
         reply = yield from session.search(0, bytes(8))
         if reply is None:
-            return Found(address, "foreign", notes=("no board of ours",))
-        if any(one ^ other != 0xFF for one, other in zip(reply[:8], reply[8:], strict=True)):
-            note = "several boards answer: taxel provision --search lists them"
-            return Found(address, SHARED, notes=(note,))
-        info = yield from session.info()
+            return BusDevice(address, "foreign", notes=("not a taxel board",))
+        if any(first ^ second != 0xFF for first, second in zip(reply[:8], reply[8:], strict=True)):
+            note = "several boards answer; list them with taxel provision --search"
+            return BusDevice(address, SHARED, notes=(note,))
+        info = yield from session.read_info()
     except BoardError:
-        return Found(address, "foreign", notes=("no board of ours",))
-    return Found(address, "bootloader", info.kind, "", info.unique_id.hex(), notes=describe(info))
+        return BusDevice(address, "foreign", notes=("not a taxel board",))
+    return BusDevice(address, "bootloader", info.kind, "", info.unique_id.hex(), notes=describe_bootloader(info))
 
 
-def describe(info: BootInfo) -> tuple[str, ...]:
-    """Notes on a bootloader: why no image runs, which slot is confirmed, what is on trial."""
+def describe_bootloader(info: BootInfo) -> tuple[str, ...]:
+    """Notes on a bootloader: the reason why no image runs, the missing configuration, the image on trial."""
     reasons = {
         BootStay.LISTENING: "waits for a host",
-        BootStay.REQUESTED: "asked for by the application",
-        BootStay.NO_IMAGE: "no image that can start: flash it",
-        BootStay.HOST: "held by a host",
+        BootStay.REQUESTED: "entered on request of the application",
+        BootStay.NO_IMAGE: "no startable image; flash the board",
+        BootStay.HOST: "kept active by a host",
     }
     notes = [reasons.get(BootStay(info.stay), "") if info.stay in BootStay._value2member_map_ else f"stay {info.stay}"]
     if info.address == BOOT_DEFAULT_ADDRESS:
-        notes.append("no configuration: provision it")
+        notes.append("no configuration; provision the board")
     if info.pending != BOOT_SLOT_NONE:
-        notes.append(f"slot {'AB'[info.pending & 1]} on trial, {info.tries[info.pending & 1]} tries left")
+        notes.append(f"slot {'AB'[info.pending & 1]} on trial, {info.tries[info.pending & 1]} boot attempts left")
     return tuple(note for note in notes if note)

@@ -1,7 +1,8 @@
-"""The first firmware of a blank board, through its debug port (SWD) by OpenOCD or pyOCD. Not verified on hardware.
+"""Programming of a blank board through its debug port (SWD) with OpenOCD or pyOCD. Not verified on hardware.
 
-OpenOCD has a flash driver for PSoC 4 (`target/psoc4.cfg`), so it comes first. pyOCD knows these processors from a CMSIS
-pack only (`pyocd pack install CY8C4245AXI-483`), and its issue 1728 tells of packs whose target does not halt.
+OpenOCD has a flash driver for PSoC 4 (`target/psoc4.cfg`) and is therefore preferred. pyOCD supports these processors
+only with a CMSIS pack (`pyocd pack install CY8C4245AXI-483`), and pyOCD issue 1728 reports packs whose target does not
+halt.
 """
 
 from __future__ import annotations
@@ -20,52 +21,57 @@ from taxel_tools.files.intel_hex import rows_of_intel_hex
 
 PYOCD_TARGET: Final = "cy8c4245axi-483"
 INTERFACE: Final = "cmsis-dap"
-"""OpenOCD's file for the probe: KitProg, MiniProg4, DAPLink and their like."""
-PATIENCE_S: Final = 180.0
-INSTALL: Final = {"openocd": "sudo apt install openocd", "pyocd": "pip install pyocd"}
-TCL_WORDS: Final = set('{}[]"\\$;\n')
-"""What would end a word in a script of OpenOCD."""
+"""OpenOCD's configuration file for CMSIS-DAP probes: KitProg, MiniProg4, DAPLink."""
+TIMEOUT_S: Final = 180.0
+INSTALL_COMMANDS: Final = {"openocd": "sudo apt install openocd", "pyocd": "pip install pyocd"}
+TCL_SPECIAL: Final = set('{}[]"\\$;\n')
+"""Characters that would end or change a word in an OpenOCD (Tcl) script."""
 
 
-def find_tool(wanted: str | None) -> str:
-    """The wanted tool, or whichever is on the PATH, OpenOCD first. Raises `TaxelError` that says how to install one."""
-    if wanted is not None and wanted not in INSTALL:
-        raise TaxelError(f"--swd-tool: expected openocd or pyocd, found '{wanted}'")
-    for tool in [wanted] if wanted else list(INSTALL):
+def find_tool(requested: str | None) -> str:
+    """The requested tool, or the first on the PATH (OpenOCD before pyOCD).
+
+    Raises `TaxelError` with the installation command.
+    """
+    if requested is not None and requested not in INSTALL_COMMANDS:
+        raise TaxelError(f"--swd-tool: expected openocd or pyocd, found '{requested}'")
+    for tool in [requested] if requested else list(INSTALL_COMMANDS):
         if shutil.which(tool):
             return tool
-    if wanted:
-        raise TaxelError(f"--swd-tool: {wanted} is not on the PATH; install it: {INSTALL[wanted]}")
-    raise TaxelError(f"--swd: neither openocd nor pyocd is on the PATH; install one: {INSTALL['openocd']}")
+    if requested:
+        raise TaxelError(f"--swd-tool: {requested} is not on the PATH; install it: {INSTALL_COMMANDS[requested]}")
+    raise TaxelError(f"--swd: neither openocd nor pyocd is on the PATH; install one: {INSTALL_COMMANDS['openocd']}")
 
 
 def check_hex(path: Path) -> list[int]:
-    """The flash rows that the file sets; it must bring a bootloader. Raises `FirmwareFileError`, OSError."""
+    """Flash rows that the file sets; the file must contain a bootloader. Raises `FirmwareFileError`, OSError."""
     source = str(path)
     if path.suffix not in {".hex", ".ihex"}:
-        raise FirmwareFileError(source, "file name", ".hex", repr(path.suffix), "give the bootloader as Intel HEX")
+        raise FirmwareFileError(source, "file name", ".hex", repr(path.suffix), "provide the bootloader as Intel HEX")
     try:
         text = path.read_bytes().decode("ascii")
     except UnicodeDecodeError:
-        raise FirmwareFileError(source, "file", "ASCII text", "other bytes", "the file is damaged; copy it") from None
+        raise FirmwareFileError(
+            source, "file", "ASCII text", "other bytes", "the file is damaged; copy it again"
+        ) from None
     rows = sorted(rows_of_intel_hex(text, source))
     if not rows or rows[0] != 0:
         found = f"row {rows[0]} first" if rows else "none"
-        remedy = "give the bootloader's file; images go over the wire, without --swd"
+        remedy = "use the bootloader's file; write images without --swd"
         raise FirmwareFileError(
             source, "rows", f"a bootloader, from row 0 to {BOOT_BOOTLOADER_ROWS - 1}", found, remedy
         )
     return rows
 
 
-def command_for(tool: str, path: Path, interface: str = INTERFACE) -> list[str]:
-    """The command, word by word, that programs the file, verifies it and starts the board. Raises `TaxelError`."""
+def build_command(tool: str, path: Path, interface: str = INTERFACE) -> list[str]:
+    """Argument list of the command that programs and verifies the file and starts the board. Raises `TaxelError`."""
     if tool == "pyocd":
         return ["pyocd", "load", "--target", PYOCD_TARGET, str(path)]
     if not re.fullmatch(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*", interface):
         raise TaxelError(f"--swd-interface: expected a name such as cmsis-dap or jlink, found '{interface}'")
-    if TCL_WORDS & set(str(path)):
-        raise TaxelError(f"{path}: openocd takes no braces, quotes, $ or backslashes in a file name; rename the file")
+    if TCL_SPECIAL & set(str(path)):
+        raise TaxelError(f"{path}: openocd accepts no braces, quotes, $ or backslashes in a file name; rename the file")
     script = f"program {{{path}}} verify reset exit"
     return [
         *("openocd", "-f", f"interface/{interface}.cfg", "-c", "transport select swd"),
@@ -73,17 +79,19 @@ def command_for(tool: str, path: Path, interface: str = INTERFACE) -> list[str]:
     ]
 
 
-def carry_out(command: Sequence[str]) -> None:
-    """Run it without a shell. Raises `TaxelError` with its last words."""
+def run_command(command: Sequence[str]) -> None:
+    """Run a command without a shell. Raises `TaxelError` with the last line of its output."""
     try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        completed = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
         )
     except subprocess.TimeoutExpired:
-        raise TaxelError(f"{command[0]}: has not ended in {PATIENCE_S:g} s; check probe and power") from None
+        raise TaxelError(f"{command[0]}: did not end within {TIMEOUT_S:g} s; check probe and power") from None
     except OSError as error:
         raise TaxelError(f"{command[0]}: cannot be started ({error.strerror})") from None
-    if done.returncode:
-        lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-        last = lines[-1] if lines else "it said nothing"
-        raise TaxelError(f"{command[0]}: ended with status {done.returncode}: {last}; check probe, wires and power")
+    if completed.returncode:
+        lines = [line.strip() for line in (completed.stdout + completed.stderr).splitlines() if line.strip()]
+        last = lines[-1] if lines else "no output"
+        raise TaxelError(
+            f"{command[0]}: ended with status {completed.returncode}: {last}; check probe, wires and power"
+        )

@@ -1,75 +1,75 @@
-"""What is given new firmware: how it is asked for its bootloader, and how its application shows that it works."""
+"""Devices that receive firmware: how to start the bootloader, and how to check the new application."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
-from taxel_tools.application import confirm, read_identity, version_of, wait_for_application
+from taxel_tools.application import firmware_version, read_identity, trigger_confirmation, wait_for_application
 from taxel_tools.errors import TransferError
+from taxel_tools.procedure import Clock, Procedure, Version
 from taxel_tools.session import BootSession
-from taxel_tools.steps import Clock, Steps, Version
 
 
 class Target(Protocol):
-    """A board on the bus, or the hub. `noun`: what messages call it."""
+    """A board on the bus, or the hub. `device_name`: name of the device in messages."""
 
     address: int
-    noun: str
+    device_name: str
     now_s: Clock
     session: BootSession
 
-    def version(self) -> Steps[Version | None]:
-        """Of the application that runs; None if none answers."""
+    def read_version(self) -> Procedure[Version | None]:
+        """Version of the running application; None if no application answers."""
         ...
 
-    def enter(self) -> Steps[None]:
-        """Lead it into its bootloader, and begin a session."""
+    def enter(self) -> Procedure[None]:
+        """Restart the device into its bootloader and start a session."""
         ...
 
-    def wait_for_application(self, patience_s: float) -> Steps[Version | None]:
-        """Wait until an application answers; its version, or None if none does in time."""
+    def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
+        """Wait until an application answers; its version, or None after `timeout_s` seconds."""
         ...
 
-    def confirm(self, patience_s: float) -> Steps[None]:
-        """Do what a new image waits for before it confirms itself. Raises `BoardError`."""
+    def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
+        """Fulfil the condition under which a new image confirms itself. Raises `BoardError`."""
         ...
 
-    def settle(self) -> Steps[None]:
-        """Look whether everything is as it was before. Raises `BoardError`."""
+    def check_operation(self) -> Procedure[None]:
+        """Check that the device works as before the update. Raises `BoardError`."""
         ...
 
 
 class BoardTarget:
     """A board on the bus."""
 
-    noun = "board"
+    device_name = "board"
 
     def __init__(self, address: int, now_s: Clock) -> None:
         self.address = address
         self.now_s = now_s
         self.session = BootSession(address, now_s)
 
-    def version(self) -> Steps[Version | None]:
-        """Of its application; None also while it writes or restarts."""
+    def read_version(self) -> Procedure[Version | None]:
+        """Version from the identity registers; None also while the board writes its flash or restarts."""
         try:
             identity = yield from read_identity(self.address)
         except TransferError:
             return None
-        return None if identity is None else version_of(identity)
+        return None if identity is None else firmware_version(identity)
 
-    def enter(self) -> Steps[None]:
-        """Through its command register."""
+    def enter(self) -> Procedure[None]:
+        """Write the command register and start a bootloader session."""
         yield from self.session.enter()
 
-    def wait_for_application(self, patience_s: float) -> Steps[Version | None]:
-        """Read its identity until there is one."""
-        identity = yield from wait_for_application(self.address, self.now_s, patience_s)
-        return None if identity is None else version_of(identity)
+    def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
+        """Read the identity until it is valid."""
+        identity = yield from wait_for_application(self.address, self.now_s, timeout_s)
+        return None if identity is None else firmware_version(identity)
 
-    def confirm(self, patience_s: float) -> Steps[None]:
-        """Let it scan, and read a snapshot."""
-        yield from confirm(self.address, self.now_s, patience_s)
+    def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
+        """Wait for scans, then read a snapshot."""
+        yield from trigger_confirmation(self.address, self.now_s, timeout_s)
 
-    def settle(self) -> Steps[None]:
-        """Nothing else hangs on a board."""
+    def check_operation(self) -> Procedure[None]:
+        """Nothing to check: no other device depends on a board."""
         yield from ()

@@ -1,41 +1,43 @@
-"""Where transfers go: an I2C adapter, or the hub's pass-through."""
+"""Connections to the bus of boards: an I2C adapter, or the hub's I2C pass-through."""
 
 from __future__ import annotations
 
 import errno
 import time
 from collections.abc import Callable
-from typing import Final, Protocol
-
-from smbus2 import i2c_msg
+from typing import TYPE_CHECKING, Final, Protocol
 
 from taxel.link import Link
+from taxel.optional import optional_import
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
 from taxel_tools.hub_queue import HubQueue
 from taxel_tools.procedure import Transfer
 
+if TYPE_CHECKING:
+    from smbus2 import i2c_msg
+
 CompletedTransfer = tuple[int, bytes | TransferError]
-"""A transfer's number, and what was read or what went wrong."""
+"""Number of a transfer, and the bytes read or the error."""
 
-GRAIN_S: Final = 1e-6
-"""The least that is waited: less could be lost in rounding, and time would stand still."""
+WAIT_MIN_S: Final = 1e-6
+"""Shortest wait: a shorter time could be lost in rounding, and virtual time would not advance."""
 
-_NACKS: Final = {errno.ENXIO, errno.EREMOTEIO}
-_AGAIN: Final = {errno.EAGAIN, errno.EIO, errno.ETIMEDOUT, errno.EBUSY}
+_NACK_ERRNOS: Final = {errno.ENXIO, errno.EREMOTEIO}
+_LOST_ERRNOS: Final = {errno.EAGAIN, errno.EIO, errno.ETIMEDOUT, errno.EBUSY}
 
 
 class BoardWire(Protocol):
-    """A bus of boards. `name` goes into messages; `is_queued`: several transfers may be under way at a time."""
+    """A bus of boards. `name`: name in messages; `is_queued`: several transfers may be in flight."""
 
     name: str
     is_queued: bool
 
     def now_s(self) -> float:
-        """Seconds of the wire's own clock."""
+        """Seconds of the clock of this bus."""
         ...
 
     def submit(self, transfer: Transfer) -> int:
-        """Begin a transfer, after those begun before; returns its number."""
+        """Start a transfer after the transfers started earlier; returns the number of the transfer."""
         ...
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
@@ -47,24 +49,24 @@ class BoardWire(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the port. May be called twice."""
+        """Close the port. May be called twice."""
         ...
 
 
 class SmbusBus(Protocol):
-    """What this room needs of `smbus2.SMBus`."""
+    """The methods of `smbus2.SMBus` that this package uses."""
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """One transfer."""
+        """Run one transfer."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         ...
 
 
 class SmbusWire:
-    """An I2C adapter of Linux, or anything with the interface of `smbus2.SMBus`."""
+    """A Linux I2C adapter, or any object with the interface of `smbus2.SMBus`."""
 
     is_queued = False
 
@@ -80,49 +82,51 @@ class SmbusWire:
         self._now_s = now_s
         self._wait = wait
         self._number = 0
-        self._ended: list[CompletedTransfer] = []
+        self._completed: list[CompletedTransfer] = []
 
     def now_s(self) -> float:
         """Seconds of the adapter's clock."""
         return self._now_s()
 
     def submit(self, transfer: Transfer) -> int:
-        """Make the transfer now."""
+        """Run the transfer immediately."""
         self._number += 1
-        self._ended.append((self._number, self._make(transfer)))
+        self._completed.append((self._number, self._run_transfer(transfer)))
         return self._number
 
-    def _make(self, transfer: Transfer) -> bytes | TransferError:
+    def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
+        with optional_import("smbus2", f"the I2C adapter {self.name}"):
+            from smbus2 import i2c_msg
         messages = [i2c_msg.write(transfer.address, transfer.write)] if transfer.write or not transfer.read_size else []
         read = i2c_msg.read(transfer.address, transfer.read_size)
         try:
             self._bus.i2c_rdwr(*messages, *([read] if transfer.read_size else []))
         except OSError as error:
-            if error.errno in _NACKS:
+            if error.errno in _NACK_ERRNOS:
                 return NackError(transfer.address, f"does not acknowledge on {self.name}")
-            if error.errno in _AGAIN:
+            if error.errno in _LOST_ERRNOS:
                 return LostError(transfer.address, f"a transfer failed on {self.name} ({error.strerror})")
             raise WireError(self.name, f"{error.strerror}; check the adapter and its driver") from None
         return bytes(read) if transfer.read_size else b""
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """What has been made; waits if nothing has."""
-        if not self._ended:
-            self._wait(max(timeout_s, GRAIN_S))
-        ended, self._ended = self._ended, []
-        return ended
+        """Transfers that have ended; waits if there are none."""
+        if not self._completed:
+            self._wait(max(timeout_s, WAIT_MIN_S))
+        completed, self._completed = self._completed, []
+        return completed
 
     def scan(self) -> list[int]:
-        """Every address that acknowledges a write of nothing."""
-        return [address for address in range(0x08, 0x78) if self._make(Transfer(address)) == b""]
+        """Every address that acknowledges an empty write."""
+        return [address for address in range(0x08, 0x78) if self._run_transfer(Transfer(address)) == b""]
 
     def close(self) -> None:
-        """Let go of the adapter."""
+        """Close the adapter."""
         self._bus.close()
 
 
 class HubWire:
-    """The hub's I2C_TRANSFER over its UART: several commands are on their way at a time."""
+    """Command I2C_TRANSFER over the hub's UART, with several commands in flight."""
 
     is_queued = True
 
@@ -141,15 +145,15 @@ class HubWire:
         return self.hub.now_s()
 
     def submit(self, transfer: Transfer) -> int:
-        """Queue the transfer; it is sent as soon as the hub has room."""
+        """Queue the transfer; the transfer is sent once the hub has space in its receive buffer."""
         return self.hub.submit(transfer)
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """Replies that have come."""
+        """Transfers whose replies have arrived."""
         return self.hub.collect(timeout_s)
 
     def scan(self) -> list[int]:
-        """Every address that acknowledges, by the hub's own sweep."""
+        """Every address that acknowledges the hub's bus scan."""
         return self.hub.scan_bus()
 
     def close(self) -> None:

@@ -13,8 +13,8 @@ from taxel_protocol.limits import REGISTER_SETTINGS
 from taxel_tools.bench import running
 from taxel_tools.bench.station import open_station
 from taxel_tools.errors import BoardError, PlanError
-from taxel_tools.interleave import run
-from taxel_tools.steps import Transfer
+from taxel_tools.procedure import Transfer
+from taxel_tools.scheduler import run
 from taxel_tools.testing.plan import parse_plan
 from taxel_tools.testing.record import Outcome
 

@@ -1,4 +1,4 @@
-"""What the tests of the board tools share: worlds, wires, images."""
+"""Fixtures for the tests of the board commands: worlds, bus connections, firmware images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HANG = bytes(8) + b"HANG"
 
 @pytest.fixture
 def make_image() -> Callable[..., FirmwareImage]:
-    """An image of random content for a slot of a board; `size` is that of the whole image."""
+    """Factory of images with random content for one slot of a board; `size` is the size of the whole image."""
 
     def make(slot: int, version=(1, 2, 3), size=1000, kind=0, device=BootDevice.BOARD, content=None) -> FirmwareImage:
         random_bytes = random.Random(f"{slot} {version}").randbytes(size - 32)
@@ -31,31 +31,31 @@ def make_image() -> Callable[..., FirmwareImage]:
 
 @pytest.fixture
 def make_firmware(make_image) -> Callable[..., Firmware]:
-    """Images for both slots."""
+    """Factory of images for both slots."""
     return lambda **options: Firmware((make_image(0, **options), make_image(1, **options)))
 
 
 @pytest.fixture
 def worlds() -> Iterator[Callable[..., VirtualWorld]]:
-    """Worlds of a hand, with further lines of the world file; running since 0.3 s. Closed at the end."""
-    opened: list[VirtualWorld] = []
+    """Factory of worlds of a hand, with additional lines of the world file, 0.3 s after power-up; closed at the end."""
+    open_worlds: list[VirtualWorld] = []
 
     def make(*lines: str, hand: str = "rig4", boards: int | None = None, **settings) -> VirtualWorld:
         text = world_text(load_hand(hand), WorldSettings(**settings)).splitlines()
-        places = [place for place, line in enumerate(text) if line.startswith("board ")]
-        left_out = set(places[boards:]) if boards is not None else set()
-        kept = [line for place, line in enumerate(text) if place not in left_out]
-        world = VirtualWorld("\n".join([*kept, *lines]) + "\n")
-        opened.append(world)
+        board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]
+        removed_lines = set(board_lines[boards:]) if boards is not None else set()
+        kept_lines = [line for i, line in enumerate(text) if i not in removed_lines]
+        world = VirtualWorld("\n".join([*kept_lines, *lines]) + "\n")
+        open_worlds.append(world)
         world.run(0.3)
         return world
 
     yield make
-    for world in opened:
+    for world in open_worlds:
         world.close()
 
 
-def wire_of(world: VirtualWorld, kind: str) -> BoardWire:
+def connect(world: VirtualWorld, kind: str) -> BoardWire:
     """The hub's pass-through, or an adapter on the same bus."""
     if kind == "hub":
         return HubWire(VirtualMemoryLink(world))
@@ -64,17 +64,17 @@ def wire_of(world: VirtualWorld, kind: str) -> BoardWire:
 
 @pytest.fixture(params=["hub", "i2c"])
 def open_wire(request) -> Callable[[VirtualWorld], BoardWire]:
-    """A wire to a world: each test that takes it runs over both kinds."""
-    return lambda world: wire_of(world, request.param)
+    """Connection to a world; each test runs with both kinds."""
+    return lambda world: connect(world, request.param)
 
 
 @pytest.fixture
 def adapter() -> Callable[[VirtualWorld], BoardWire]:
-    """An I2C adapter on a world's bus."""
-    return lambda world: wire_of(world, "i2c")
+    """I2C adapter on the bus of a world."""
+    return lambda world: connect(world, "i2c")
 
 
 @pytest.fixture
 def hub() -> Callable[[VirtualWorld], BoardWire]:
     """The hub's pass-through."""
-    return lambda world: wire_of(world, "hub")
+    return lambda world: connect(world, "hub")

@@ -1,4 +1,4 @@
-"""`taxel scan`, `taxel provision`, `taxel flash`: what they print, and what they refuse with one line."""
+"""`taxel scan`, `taxel provision`, `taxel flash`: printed output, and refusals with one error line."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ BLANK = f"{URL}&word=blank 0x50"
 
 @pytest.fixture
 def run(capsys):
-    """Runs `taxel`: exit status, output, complaints."""
+    """Runs `taxel`; returns exit status, standard output and standard error."""
 
     def call(*arguments):
         status = exit_status(*arguments)
-        told = capsys.readouterr()
-        return status, told.out, told.err
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
 
     return call
 
 
 @pytest.fixture
 def files(tmp_path, make_image):
-    """Files of both slots."""
+    """Writes the firmware files of both slots."""
 
     def write(name="fw", **options):
         paths = []
@@ -42,7 +42,7 @@ def files(tmp_path, make_image):
 
 
 @pytest.mark.parametrize("name", ["scan", "provision", "flash"])
-def test_each_command_explains_itself_with_an_example(run, name):
+def test_the_help_of_each_command_contains_an_example(run, name):
     status, out, _ = run(name, "--help")
     assert status == 0
     assert f"Example: taxel {name} " in " ".join(out.split())
@@ -59,27 +59,27 @@ def test_scan_prints_a_line_for_each_board(run, wire):
 
 
 def test_scan_prints_json(run):
-    found = json.loads(run("scan", URL, "--json")[1])
-    assert [one["address"] for one in found] == [0x50, 0x51, 0x52, 0x53]
+    devices = json.loads(run("scan", URL, "--json")[1])
+    assert [device["address"] for device in devices] == [0x50, 0x51, 0x52, 0x53]
 
 
-def test_flash_updates_all_boards_and_says_so(run, files):
+def test_flash_updates_all_boards_and_prints_a_table(run, files):
     status, out, err = run("flash", URL, *files(), "--all")
     assert status == 0, err
-    assert "4 boards: 8 rows of version 1.2.3 (slot A and B) will be written into each one's free slot" in err
+    assert "4 boards: 8 rows of version 1.2.3 (slot A and B) will be written to the free slot of each board" in err
     assert [line.split()[:6] for line in out.splitlines()[1:]] == [
         [f"0x{address:02X}", "0.1.0", "1.2.3", "B", "8", "0"] for address in (0x50, 0x51, 0x52, 0x53)
     ]
 
 
-def test_flash_takes_a_list_of_boards_and_prints_json(run, files):
+def test_flash_updates_a_list_of_boards_and_prints_json(run, files):
     status, out, _ = run("flash", URL, *files(), "--board", "0x51", "--board", "83", "--json")
     document = json.loads(out)
     assert status == 0
     assert [(one["address"], one["after"]) for one in document["done"]] == [(0x51, [1, 2, 3]), (0x53, [1, 2, 3])]
 
 
-def test_a_dry_run_of_flash_says_what_would_be_done_and_does_not_do_it(run, files):
+def test_a_dry_run_of_flash_prints_the_changes_and_writes_nothing(run, files):
     status, out, err = run("flash", URL, *files(), "--board", "0x51", "--dry-run")
     assert (status, out) == (0, "")
     assert "1 board: 8 rows of version 1.2.3 (slot A and B) would be written" in err
@@ -87,49 +87,52 @@ def test_a_dry_run_of_flash_says_what_would_be_done_and_does_not_do_it(run, file
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "expected_text"),
     [
-        (["--board", "0x60"], "board 0x60: does not answer; taxel scan shows who does"),
+        (["--board", "0x60"], "board 0x60: does not answer; run taxel scan to list the boards"),
         (["--board", "x"], "--board: expected an I2C address from 0x08 to 0x77, found 'x'"),
-        ([], "flash: expected either --board ADDRESS (as often as wanted) or --all"),
-        (["--all", "--board", "0x50"], "flash: expected one of --board ADDRESS (as often as wanted), --all and --hub"),
-        (["--all", "--hub"], "flash: expected one of --board ADDRESS (as often as wanted), --all and --hub"),
+        ([], "flash: expected --board ADDRESS (repeatable) or --all, found neither"),
+        (
+            ["--all", "--board", "0x50"],
+            "flash: expected one of --board ADDRESS (repeatable), --all and --hub, found several",
+        ),
+        (["--all", "--hub"], "flash: expected one of --board ADDRESS (repeatable), --all and --hub, found several"),
     ],
 )
-def test_flash_refuses_boards_that_cannot_be_meant(run, files, arguments, words):
+def test_flash_refuses_missing_boards_and_contradicting_options(run, files, arguments, expected_text):
     status, out, err = run("flash", URL, *files(), *arguments)
     assert (status, out) == (1, "")
-    assert err.startswith(f"taxel: {words}")
+    assert err.startswith(f"taxel: {expected_text}")
     assert err.count("\n") == 1
 
 
 def test_flash_refuses_a_file_of_another_kind(run, files):
     status, _, err = run("flash", URL, *files(kind=77), "--all")
     assert status == 1
-    assert "no board on the bus is of kind 77" in err
-    assert "board 0x50: is of kind 9, but " in run("flash", URL, *files(kind=77), "--board", "0x50")[2]
+    assert "expected a board of kind 77 on the bus, found none" in err
+    assert "board 0x50: the board is of kind 9, but " in run("flash", URL, *files(kind=77), "--board", "0x50")[2]
 
 
-def test_flash_refuses_a_damaged_file_and_one_that_is_not_there(run, files, tmp_path):
+def test_flash_refuses_a_damaged_file_and_a_missing_file(run, files, tmp_path):
     path = files()[0]
     path.write_text(path.read_text()[:-31])
     status, _, err = run("flash", URL, path, "--all")
     assert status == 1
-    assert f"{path}: line 9: expected 128 bytes of data, found 113; the line is cut short" in err
+    assert f"{path}: line 9: expected 128 bytes of data, found 113; the line is truncated" in err
     assert "No such file" in run("flash", URL, tmp_path / "none.hex", "--all")[2]
 
 
-def test_flash_that_fails_on_a_board_ends_with_its_line(run, files):
+def test_flash_that_fails_on_a_board_ends_with_the_error_of_the_board(run, files):
     status, _, err = run("flash", URL, files()[0], "--board", "0x50")
     assert status == 1
-    assert "taxel: not updated: 1 of 1 board: board 0x50: its free slot is B, but " in err
+    assert "taxel: not updated: 1 of 1 board: board 0x50: the free slot is B, but " in err
 
 
-@pytest.mark.parametrize("words", [[], ["--hub"]])
-def test_flash_of_a_file_for_the_hub_updates_the_hub(run, files, words):
-    status, out, err = run("flash", URL, *files("hub", device=BootDevice.HUB), *words)
+@pytest.mark.parametrize("expected_text", [[], ["--hub"]])
+def test_flash_of_a_file_for_the_hub_updates_the_hub(run, files, expected_text):
+    status, out, err = run("flash", URL, *files("hub", device=BootDevice.HUB), *expected_text)
     assert status == 0, err
-    assert "the hub: 8 rows of version 1.2.3 (slot A and B) will be written into its free slot" in err
+    assert "the hub: 8 rows of version 1.2.3 (slot A and B) will be written to its free slot" in err
     assert "0.1.0 -> 1.2.3, 4 boards polled" in err
     assert out.splitlines()[1].split()[:6] == ["hub", "0.1.0", "1.2.3", "B", "8", "0"]
     assert out.splitlines()[1].endswith("confirmed, 4 boards polled")
@@ -142,11 +145,11 @@ def test_flash_of_the_hub_prints_json(run, files):
     assert (document["done"]["after"], document["boards"]) == ([1, 2, 3], [0x50, 0x51, 0x52, 0x53])
 
 
-def test_a_dry_run_for_the_hub_says_what_would_be_done_and_does_not_do_it(run, files):
+def test_a_dry_run_for_the_hub_prints_the_changes_and_writes_nothing(run, files):
     hub = files("hub", device=BootDevice.HUB)
     status, out, err = run("flash", URL, *hub, "--dry-run")
     assert (status, out) == (0, "")
-    assert "the hub: 8 rows of version 1.2.3 (slot A and B) would be written into its free slot" in err
+    assert "the hub: 8 rows of version 1.2.3 (slot A and B) would be written to its free slot" in err
     document = json.loads(run("flash", URL, *hub, "--dry-run", "--json")[1])
     assert document == {"hub": "0.1.0", "boards": [0x50, 0x51, 0x52, 0x53], "version": "1.2.3"}
 
@@ -155,36 +158,36 @@ def test_boards_and_the_hub_are_not_flashed_by_one_command(run, files):
     both = [files()[0], files("hub", device=BootDevice.HUB)[1]]
     status, out, err = run("flash", URL, *both, "--all")
     assert (status, out) == (1, "")
-    assert err.endswith("found hub; flash boards and the hub one after the other\n")
+    assert err.endswith("found hub; flash boards and the hub with separate commands\n")
     assert f"{both[1]}: image device: expected board, as in {both[0]}" in err
     assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("device", "url", "words", "problem"),
+    ("device", "url", "expected_text", "problem"),
     [
-        (BootDevice.HUB, URL, ["--all"], "is an image for the hub; leave --board and --all out"),
-        (BootDevice.HUB, URL, ["--board", "0x50"], "is an image for the hub; leave --board and --all out"),
-        (BootDevice.BOARD, URL, ["--hub"], "is an image for sensor boards; --hub takes one for the hub"),
-        (BootDevice.HUB, f"{URL}&wire=i2c", [], "leads to the boards' bus; the hub takes firmware on its UART only"),
-        (BootDevice.HUB, "/dev/i2c-1", [], "/dev/i2c-1: leads to the boards' bus"),
+        (BootDevice.HUB, URL, ["--all"], "found an image for the hub; leave --board and --all out"),
+        (BootDevice.HUB, URL, ["--board", "0x50"], "found an image for the hub; leave --board and --all out"),
+        (BootDevice.BOARD, URL, ["--hub"], "found an image for sensor boards; leave --hub out"),
+        (BootDevice.HUB, f"{URL}&wire=i2c", [], "is the boards' bus; the hub accepts firmware only on its UART"),
+        (BootDevice.HUB, "/dev/i2c-1", [], "/dev/i2c-1: is the boards' bus"),
         (BootDevice.HUB, "serial:///dev/ttyNONE", [], "/dev/ttyNONE: cannot be opened"),
     ],
 )
-def test_flash_refuses_what_does_not_fit_the_hub(run, files, device, url, words, problem):
-    status, out, err = run("flash", url, *files(device=device), *words)
+def test_flash_refuses_files_options_and_urls_that_do_not_fit_the_hub(run, files, device, url, expected_text, problem):
+    status, out, err = run("flash", url, *files(device=device), *expected_text)
     assert (status, out) == (1, "")
     assert problem in err
     assert err.count("\n") == 1
 
 
-def test_flash_of_the_hub_that_fails_ends_with_its_line(run, files):
+def test_flash_of_the_hub_that_fails_ends_with_the_error_of_the_hub(run, files):
     status, _, err = run("flash", URL, files("hub", device=BootDevice.HUB)[0])
     assert status == 1
-    assert err.splitlines()[-1].startswith("taxel: not updated: hub: its free slot is B, but ")
+    assert err.splitlines()[-1].startswith("taxel: not updated: hub: the free slot is B, but ")
 
 
-def test_provision_gives_a_blank_board_its_address(run):
+def test_provision_assigns_an_address_to_a_blank_board(run):
     status, out, err = run(
         "provision", BLANK, "--address", "0x50", "--kind", "1", "--serial", "FT-7", "--idac", "16,17"
     )
@@ -195,42 +198,40 @@ def test_provision_gives_a_blank_board_its_address(run):
     assert out.splitlines()[-1] == "1 board found, 1 changed"
 
 
-def test_provision_searches_and_rehearses_without_writing(run):
-    searched = run("provision", f"{BLANK}&word=blank 0x51", "--search")[1]
-    assert "2 boards found, 0 changed" in searched
-    identity = searched.splitlines()[1].split()[0]
-    rehearsed = run(
-        "provision", f"{BLANK}&word=blank 0x51", "--id", identity, "--address", "0x30", "--dry-run", "--json"
-    )
-    document = json.loads(rehearsed[1])
+def test_provision_search_and_dry_run_write_nothing(run):
+    search_output = run("provision", f"{BLANK}&word=blank 0x51", "--search")[1]
+    assert "2 boards found, 0 changed" in search_output
+    identity = search_output.splitlines()[1].split()[0]
+    dry_run = run("provision", f"{BLANK}&word=blank 0x51", "--id", identity, "--address", "0x30", "--dry-run", "--json")
+    document = json.loads(dry_run[1])
     assert (document["written"], document["changes"][0]["configuration"]["address"]) == (False, 0x30)
 
 
 @pytest.mark.parametrize(
-    ("url", "arguments", "words"),
+    ("url", "arguments", "expected_text"),
     [
-        (URL, ["--address", "0x30"], "board 0x77: nobody answers there; check power and address"),
-        (BLANK, ["--address", "0x51"], "board 0x51: is in use already"),
-        (BLANK, [], "provision: say what to write"),
+        (URL, ["--address", "0x30"], "board 0x77: no board answers at this address; check power and address"),
+        (BLANK, ["--address", "0x51"], "board 0x51: the address is in use already"),
+        (BLANK, [], "provision: expected values to write"),
         (BLANK, ["--address", "0x99"], "--address: expected an I2C address from 0x08 to 0x77, found '0x99'"),
         (BLANK, ["--kind", "999"], "provision: --kind: expected 0 to 255, found 999"),
         (BLANK, ["--idac", "1,x"], "provision: --idac_codes: expected at most 16 numbers"),
         (BLANK, ["--plan", "none.toml"], "none.toml: No such file"),
-        (BLANK, ["--plan", "none.toml", "--kind", "1"], "--plan: expected alone"),
+        (BLANK, ["--plan", "none.toml", "--kind", "1"], "--plan: expected no other values"),
         (f"{BLANK}&word=blank 0x51", ["--address", "0x30"], "board 0x77: 2 boards answer ("),
     ],
 )
-def test_provision_refuses_what_cannot_be_given(run, url, arguments, words):
+def test_provision_refuses_invalid_values_and_missing_boards(run, url, arguments, expected_text):
     status, out, err = run("provision", url, *arguments)
     assert (status, out) == (1, "")
-    assert err.splitlines()[-1].startswith(f"taxel: {words}")
+    assert err.splitlines()[-1].startswith(f"taxel: {expected_text}")
 
 
 @pytest.mark.parametrize(
-    ("url", "words"),
+    ("url", "expected_text"),
     [
         ("nothing", "nothing: is not a URL that can be opened"),
-        ("/dev/i2c-99", "/dev/i2c-99: cannot be opened (No such file or directory); is the adapter there"),
+        ("/dev/i2c-99", "/dev/i2c-99: cannot be opened (No such file or directory); "),
         ("serial:///dev/ttyNONE", "/dev/ttyNONE: "),
         ("emulator:?colour=1", "unknown option 'colour'"),
         ("emulator:?wire=x", "option 'wire' must be hub or i2c"),
@@ -239,8 +240,8 @@ def test_provision_refuses_what_cannot_be_given(run, url, arguments, words):
         ("emulator:?hand=none", "none"),
     ],
 )
-def test_a_wire_that_cannot_be_opened_is_one_line(run, url, words):
+def test_a_bus_that_cannot_be_opened_gives_one_error_line(run, url, expected_text):
     status, out, err = run("scan", url)
     assert (status, out) == (1, "")
-    assert words in err
+    assert expected_text in err
     assert err.count("\n") == 1

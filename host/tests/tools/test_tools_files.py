@@ -1,4 +1,4 @@
-"""Firmware files: what is read back as written, and the line that each kind of damage gets."""
+"""Firmware files: files are read back as written, and each kind of damage has its own error message."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cyacd_row(row: int, data: bytes, array: int = 0) -> str:
     return ":" + (body + bytes([-sum(body) & 0xFF])).hex().upper()
 
 
-def refusal_of(lines: list[str]) -> str:
+def read_error(lines: list[str]) -> str:
     with pytest.raises(FirmwareFileError) as error:
         read_cyacd("\n".join(lines), "f.cyacd")
     assert "\n" not in str(error.value)
@@ -32,31 +32,36 @@ def refusal_of(lines: list[str]) -> str:
 
 @pytest.fixture
 def lines(make_image) -> list[str]:
-    """A good `.cyacd` of slot A, in lines."""
+    """Lines of a valid `.cyacd` file for slot A."""
     return write_cyacd(make_image(0), 32).splitlines()
 
 
 @pytest.mark.parametrize("slot", [0, 1])
 @pytest.mark.parametrize("size", [40, 128, 1000, 12288])
-def test_a_cyacd_is_read_as_it_was_written(make_image, slot, size):
+def test_a_cyacd_file_is_read_back_as_written(make_image, slot, size):
     image = make_image(slot, size=size)
-    found = read_cyacd(write_cyacd(image, FIRST_ROWS[slot], BootChecksum.CRC), "f")
-    assert (found.data, found.slot, found.version, found.crc) == (image.data, slot, (1, 2, 3), image.crc)
+    read_image = read_cyacd(write_cyacd(image, FIRST_ROWS[slot], BootChecksum.CRC), "f")
+    assert (read_image.data, read_image.slot, read_image.version, read_image.crc) == (
+        image.data,
+        slot,
+        (1, 2, 3),
+        image.crc,
+    )
 
 
 @pytest.mark.parametrize("slot", [0, 1])
-def test_an_intel_hex_file_is_read_as_it_was_written(make_image, slot):
+def test_an_intel_hex_file_is_read_back_as_written(make_image, slot):
     image = make_image(slot)
     assert read_intel_hex(write_intel_hex(image.data, 128 * FIRST_ROWS[slot]), "f").data == image.data
 
 
-def test_slot_b_of_a_hub_lies_elsewhere(make_image):
+def test_slot_b_of_a_hub_begins_at_another_row(make_image):
     image = make_image(1, device=BootDevice.HUB)
     assert read_cyacd(write_cyacd(image, 136), "f").device == BootDevice.HUB
 
 
 @pytest.mark.parametrize(
-    ("damage", "words"),
+    ("damage", "expected_text"),
     [
         (lambda lines: [], "line 1: expected a header of 12 digits, found 0"),
         (lambda lines: ["04C81193"], "line 1: expected a header of 12 digits, found 8"),
@@ -65,17 +70,23 @@ def test_slot_b_of_a_hub_lies_elsewhere(make_image):
         (lambda lines: lines[:1], "file: expected rows after the header, found none"),
         (lambda lines: [*lines[:3], lines[3][:-2] + "00", *lines[4:]], "line 4: expected checksum "),
         (lambda lines: [*lines[:3], lines[3].replace("0", "G", 1), *lines[4:]], "line 4: expected hexadecimal digits"),
-        (lambda lines: [*lines[:3], lines[3][:-1], *lines[4:]], "line 4: expected two hexadecimal digits a byte"),
+        (
+            lambda lines: [*lines[:3], lines[3][:-1], *lines[4:]],
+            "line 4: expected two hexadecimal digits for each byte",
+        ),
         (lambda lines: [*lines[:3], lines[3][:-10], *lines[4:]], "line 4: expected 128 bytes of data, found 123"),
         (lambda lines: [*lines[:3], lines[3][1:], *lines[4:]], "line 4: expected a row that begins with ':'"),
         (lambda lines: [*lines[:3], ":0000", *lines[4:]], "line 4: expected at least 6 bytes"),
-        (lambda lines: [*lines, lines[3]], "line 10: expected each row once, found row 34 again (first in line 4)"),
-        (lambda lines: lines[:-1], "f.cyacd: image: expected 1000 bytes, as its header says, found 896; the file is"),
+        (
+            lambda lines: [*lines, lines[3]],
+            "line 10: expected each row once, found row 34 a second time (first in line 4)",
+        ),
+        (lambda lines: lines[:-1], "f.cyacd: image: expected 1000 bytes, as its header states, found 896; the file is"),
         (
             lambda lines: [*lines, cyacd_row(0, bytes(128))],
             "line 10: expected rows from 32 on, found row 0 of the boot",
         ),
-        (lambda lines: [*lines, cyacd_row(31, bytes(128))], "the bootloader does not replace itself"),
+        (lambda lines: [*lines, cyacd_row(31, bytes(128))], "the bootloader cannot replace itself"),
         (
             lambda lines: [*lines, cyacd_row(254, bytes(128))],
             "line 10: expected rows 32 to 127 or 128 to 223, found ro",
@@ -91,51 +102,51 @@ def test_slot_b_of_a_hub_lies_elsewhere(make_image):
         ),
     ],
 )
-def test_each_damage_of_a_cyacd_has_its_own_line(lines, damage, words):
-    told = refusal_of(damage(lines))
-    assert words in told
-    assert told.startswith("f.cyacd: ")
+def test_each_kind_of_damage_of_a_cyacd_file_has_its_own_message(lines, damage, expected_text):
+    message = read_error(damage(lines))
+    assert expected_text in message
+    assert message.startswith("f.cyacd: ")
 
 
 def test_an_image_linked_for_the_other_slot_is_refused(make_image):
-    told = refusal_of(write_cyacd(make_image(1), 32).splitlines())
-    assert "image header slot: expected row 128, where slot B begins, found row 32" in told
+    message = read_error(write_cyacd(make_image(1), 32).splitlines())
+    assert "image header slot: expected row 128, where slot B begins, found row 32" in message
 
 
 @pytest.mark.parametrize(
-    ("damage", "words"),
+    ("damage", "expected_text"),
     [
         (lambda lines: lines[:-1], "file: expected an end record (:00000001FF), found none"),
         (lambda lines: [lines[0][:-2] + "00", *lines[1:]], "line 1: expected checksum "),
         (lambda lines: [lines[0][:-4], *lines[1:]], "line 1: expected 16 bytes of data, found 14"),
         (lambda lines: ["x" + lines[0], *lines[1:]], "line 1: expected a record that begins with ':'"),
-        (lambda lines: [":zz", *lines[1:]], "line 1: expected hexadecimal digits"),
+        (lambda lines: [":zz", *lines[1:]], "line 1: expected two hexadecimal digits for each byte"),
         (lambda lines: [*lines, lines[0]], "expected nothing after the end record"),
-        (lambda lines: [lines[0], *lines], "line 2: expected each byte once, found address 0x1000 again"),
+        (lambda lines: [lines[0], *lines], "line 2: expected each byte once, found address 0x1000 a second time"),
         (lambda lines: [":0100000000FF", *lines], "line 1: expected rows from 32 on, found row 0 of the bootloader"),
         (lambda lines: [":020000049030" + "3A", ":0100000000FF", *lines], "beyond the flash"),
         (lambda lines: [":00000007F9", *lines], "line 1: expected record type 0 to 5, found 7"),
         (lambda lines: [*lines[:5], *lines[6:]], "image CRC-32: expected "),
     ],
 )
-def test_each_damage_of_an_intel_hex_file_has_its_own_line(make_image, damage, words):
+def test_each_kind_of_damage_of_an_intel_hex_file_has_its_own_message(make_image, damage, expected_text):
     lines = write_intel_hex(make_image(0).data, 32 * 128).splitlines()
     with pytest.raises(FirmwareFileError) as error:
         read_intel_hex("\n".join(damage(lines)), "f.hex")
-    assert words in str(error.value)
+    assert expected_text in str(error.value)
 
 
-def test_a_raw_image_that_is_cut_short_is_refused(tmp_path, make_image):
+def test_a_truncated_raw_image_is_refused(tmp_path, make_image):
     path = tmp_path / "f.bin"
     for size in (0, 39, 500):
         path.write_bytes(make_image(0).data[:size])
-        with pytest.raises(FirmwareFileError, match="the file is cut short; copy it anew"):
+        with pytest.raises(FirmwareFileError, match="the file is truncated; copy it again"):
             load_firmware([path])
 
 
-def test_no_damaged_byte_of_any_form_gets_through(tmp_path, make_image):
+def test_a_damaged_byte_is_detected_in_every_format(tmp_path, make_image):
     image = make_image(0)
-    forms = {
+    contents = {
         "f.bin": image.data,
         "f.cyacd": write_cyacd(image, 32).encode(),
         "f.hex": write_intel_hex(image.data, 32 * 128).encode(),
@@ -143,23 +154,23 @@ def test_no_damaged_byte_of_any_form_gets_through(tmp_path, make_image):
     seed = 5
     print(f"seed {seed}")
     generator = random.Random(seed)
-    for name, data in forms.items():
+    for name, data in contents.items():
         for _ in range(150):
             damaged = bytearray(data)
             damaged[generator.randrange(len(data))] ^= 1 << generator.randrange(8)
             path = tmp_path / name
             path.write_bytes(damaged)
             with suppress(FirmwareFileError):
-                # What is taken: a letter in lower case, another line end, a revision that nobody looks at.
+                # Accepted changes: a letter in lower case, another line end, the revision, which is not checked.
                 assert load_firmware([path]).images[0].data == image.data
 
 
 @pytest.fixture
 def manifest(tmp_path, make_image):
-    """Writes a manifest over a `.cyacd` of slot A and a bare image of slot B; its path."""
-    image, other = make_image(0, kind=3), make_image(1, kind=3)
+    """Writes a manifest with a `.cyacd` file for slot A and a raw image for slot B; returns its path."""
+    image, other_image = make_image(0, kind=3), make_image(1, kind=3)
     (tmp_path / "a.cyacd").write_text(write_cyacd(image, 32))
-    (tmp_path / "b.bin").write_bytes(other.data[32:])
+    (tmp_path / "b.bin").write_bytes(other_image.data[32:])
 
     def write(**changes):
         entries = [
@@ -167,10 +178,10 @@ def manifest(tmp_path, make_image):
             {"file": "b.bin", "device": "board", "kind": 3, "slot": "B", "version": "1.2.3"},
         ]
         for key, value in changes.items():
-            place, name = int(key[-1]), key[:-1]
-            entries[place][name] = value
+            index, name = int(key[-1]), key[:-1]
+            entries[index][name] = value
             if value is None:
-                del entries[place][name]
+                del entries[index][name]
         path = tmp_path / "m.json"
         path.write_text(json.dumps({"taxel_firmware": 1, "image": entries}))
         return path
@@ -178,7 +189,7 @@ def manifest(tmp_path, make_image):
     return write
 
 
-def test_a_manifest_carries_both_slots_and_gives_a_bare_image_its_header(manifest, make_image):
+def test_a_manifest_names_both_slots_and_adds_the_header_of_a_raw_image(manifest, make_image):
     firmware = load_firmware([manifest()])
     assert [image.slot for image in firmware.images] == [0, 1]
     assert firmware.images[1].data == make_image(1, kind=3).data
@@ -191,7 +202,7 @@ def test_a_manifest_may_be_toml(tmp_path, make_image):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "expected_text"),
     [
         ({"sha2560": "00"}, "image[0].sha256: expected 00, found "),
         ({"slot1": None}, "image[1].slot: expected a value, as the raw image has no header, found none; add slot"),
@@ -205,17 +216,17 @@ def test_a_manifest_may_be_toml(tmp_path, make_image):
         ({"version0": "9.9.9"}, "image[0].version: expected 9.9.9, found 1.2.3 in "),
         ({"colour0": 1}, "image[0].colour: expected one of device, file, kind, sha256, slot, version"),
         ({"file0": 5}, "image[0].file: expected a file name, found 5"),
-        ({"slot1": "A"}, "expected one image for slot A, found another one"),
+        ({"slot1": "A"}, "expected one image for slot A, found a second one"),
     ],
 )
-def test_a_manifest_that_claims_otherwise_is_refused(manifest, changes, words):
+def test_a_manifest_that_contradicts_its_files_is_refused(manifest, changes, expected_text):
     with pytest.raises(FirmwareFileError) as error:
         load_firmware([manifest(**changes)])
-    assert words in str(error.value)
+    assert expected_text in str(error.value)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"taxel_firmware": 2}', '{"taxel_firmware": 1, "image": []}'])
-def test_a_file_that_is_no_manifest_is_refused(tmp_path, text):
+def test_a_file_that_is_not_a_manifest_is_refused(tmp_path, text):
     (tmp_path / "m.json").write_text(text)
     with pytest.raises(FirmwareFileError, match=r"m\.json: "):
         load_firmware([tmp_path / "m.json"])
@@ -228,7 +239,7 @@ def test_files_of_two_versions_are_refused(tmp_path, make_image):
         load_firmware([tmp_path / "a.bin", tmp_path / "b.bin"])
 
 
-def test_a_file_of_another_form_is_refused(tmp_path):
+def test_a_file_of_an_unsupported_format_is_refused(tmp_path):
     (tmp_path / "f.elf").write_bytes(b"\x7fELF")
     (tmp_path / "f.cyacd").write_bytes(b"04C811930000\n:\xff\n")
     with pytest.raises(FirmwareFileError, match=r"found '\.elf'; rename or convert it"):

@@ -1,4 +1,4 @@
-"""A hub that makes the host wait: many commands under way, none lost, boards flashed as fast as their bus allows."""
+"""Flow control of the hub: many commands in flight without loss, and flashing at the speed of the bus."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualMemoryLink
 from taxel_tools.application import read_identity
 from taxel_tools.errors import LostError, NackError
-from taxel_tools.hub_queue import HELD_WINDOW, WINDOW
-from taxel_tools.scheduler import run, run_all
-from taxel_tools.firmware_update import update
+from taxel_tools.firmware_update import update_board
+from taxel_tools.hub_queue import FLOW_CONTROL_WINDOW, RING_WINDOW
 from taxel_tools.procedure import Burst, Transfer
+from taxel_tools.scheduler import run, run_all
 from taxel_tools.wires import HubWire
 
 BOTH_WAYS = ("usb_latency_down_ms 16",)
-HELD = (*BOTH_WAYS, "flow_control 1")
+FLOW_CONTROL = (*BOTH_WAYS, "flow_control 1")
 
 
 def update_all(wire, firmware, addresses, report=lambda progress: None):
-    return run_all(wire, {address: update(address, firmware, wire.now_s, report) for address in addresses})
+    return run_all(wire, {address: update_board(address, firmware, wire.now_s, report) for address in addresses})
 
 
 def read_often(address: int, times: int):
@@ -30,31 +30,31 @@ def read_often(address: int, times: int):
         yield Transfer(address, bytes([0x60]) + bytes(11), 12)
 
 
-def burst_of(*transfers: Transfer):
+def run_burst(*transfers: Transfer):
     burst = Burst(transfers)
     yield burst
     return burst.outcomes
 
 
-def test_17_boards_of_12_kib_are_flashed_within_15_s_with_16_ms_each_way(worlds, hub, make_firmware):
-    """400 kHz, 1 Mbaud; each row is summed up by its board again."""
-    world = worlds(*HELD, hand="allegro", usb_latency_ms=16.0)
+def test_17_boards_of_12_kib_are_flashed_within_15_s_with_16_ms_latency_each_way(worlds, hub, make_firmware):
+    """I2C at 400 kHz, UART at 1 Mbaud; each board computes the sum of every row."""
+    world = worlds(*FLOW_CONTROL, hand="allegro", usb_latency_ms=16.0)
     wire = hub(world)
-    began = world.now_s
+    start_s = world.now_s
     results = update_all(wire, make_firmware(size=12288), wire.scan())
-    print(f"17 boards of 12 KiB through the hub, 16 ms each way, hub holds back: {world.now_s - began:.2f} s")
+    print(f"17 boards of 12 KiB through the hub, 16 ms each way, flow control: {world.now_s - start_s:.2f} s")
     assert [(r.rows_written, r.after) for r in results.values()] == [(96, (1, 2, 3))] * 17
-    assert world.now_s - began < 15.0
+    assert world.now_s - start_s < 15.0
     assert not wire.hub.logs
 
 
-def test_only_a_link_that_holds_back_gets_more_than_the_hubs_ring_holds(worlds, hub):
-    assert hub(worlds(boards=1)).hub.window == WINDOW
-    assert hub(worlds(*HELD, boards=1)).hub.window == HELD_WINDOW
+def test_only_a_link_with_flow_control_gets_a_window_larger_than_the_ring_buffer(worlds, hub):
+    assert hub(worlds(boards=1)).hub.window == RING_WINDOW
+    assert hub(worlds(*FLOW_CONTROL, boards=1)).hub.window == FLOW_CONTROL_WINDOW
 
 
-@pytest.mark.parametrize("lines", [BOTH_WAYS, HELD])
-def test_no_byte_is_lost_however_many_commands_wait(worlds, hub, lines):
+@pytest.mark.parametrize("lines", [BOTH_WAYS, FLOW_CONTROL])
+def test_no_byte_is_lost_with_many_commands_in_flight(worlds, hub, lines):
     world = worlds(*lines, hand="allegro")
     wire = hub(world)
     results = run_all(wire, {address: read_often(address, 30) for address in wire.scan()})
@@ -62,7 +62,7 @@ def test_no_byte_is_lost_however_many_commands_wait(worlds, hub, lines):
     assert not wire.hub.logs
 
 
-def test_a_hub_whose_processor_is_away_loses_nothing(worlds, hub):
+def test_a_hub_whose_processor_stalls_loses_no_command(worlds, hub):
     world = worlds("flow_control 1", hand="allegro")
     wire = hub(world)
     addresses = wire.scan()
@@ -78,109 +78,109 @@ def test_a_hub_whose_processor_is_away_loses_nothing(worlds, hub):
     assert not wire.hub.logs
 
 
-def test_a_line_that_is_not_wired_is_found_out_and_costs_time_only(worlds, make_firmware):
-    """The user said rtscts=1, but the hub's bytes are lost: it says so, and the host asks for less at a time."""
+def test_an_unconnected_rts_line_is_detected_and_costs_only_time(worlds, make_firmware):
+    """The link was opened with rtscts=1, but the hub reports lost bytes, and the host reduces its window."""
     world = worlds(*BOTH_WAYS, boards=4)
     link = VirtualMemoryLink(world)
     link.holds_back = True
     wire = HubWire(link)
-    assert wire.hub.window == HELD_WINDOW
+    assert wire.hub.window == FLOW_CONTROL_WINDOW
     run_all(wire, {address: read_often(address, 30) for address in range(0x50, 0x54)})
-    assert wire.hub.window == HELD_WINDOW, "four boards alone have no more under way than the ring holds"
-    run_all(wire, {place: burst_of(*(Transfer(0x50 + place % 4, b"\x00", 60),) * 3) for place in range(40)})
+    assert wire.hub.window == FLOW_CONTROL_WINDOW, "four boards alone have no more under way than the ring holds"
+    run_all(wire, {i: run_burst(*(Transfer(0x50 + i % 4, b"\x00", 60),) * 3) for i in range(40)})
     assert "bytes lost" in wire.hub.logs
-    assert wire.hub.window == WINDOW
+    assert wire.hub.window == RING_WINDOW
     results = update_all(wire, make_firmware(), range(0x50, 0x54))
     assert {result.after for result in results.values()} == {(1, 2, 3)}
 
 
 def test_a_restarted_hub_needs_one_handshake_for_all_pending_commands(worlds, hub, make_firmware):
-    world = worlds(*HELD, hand="allegro")
+    world = worlds(*FLOW_CONTROL, hand="allegro")
     wire = hub(world)
     handshake_times = []
     perform_handshake = wire.hub.handshake
     wire.hub.handshake = lambda: handshake_times.append(world.now_s) or perform_handshake()
     restarts = iter([True])
 
-    def hurt(progress) -> None:
+    def disturb(progress) -> None:
         if progress.stage == "writing" and progress.done == 3 and next(restarts, False):
             world.inject("hub_restart")
 
-    results = update_all(wire, make_firmware(), wire.scan(), hurt)
+    results = update_all(wire, make_firmware(), wire.scan(), disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
     assert len(handshake_times) <= 2
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])
-def test_damage_on_the_wire_costs_time_and_nothing_else(worlds, hub, make_firmware, fault):
+def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
     seed = 60
     print(f"seed {seed}")
     generator = random.Random(seed)
-    world = worlds(*HELD, hand="allegro")
+    world = worlds(*FLOW_CONTROL, hand="allegro")
     wire = hub(world)
 
-    def hurt(progress) -> None:
+    def disturb(progress) -> None:
         if progress.stage == "writing" and progress.done % 3 == 1:
             world.inject(fault, 0, generator.randrange(200), 1)
 
     firmware = make_firmware()
-    results = update_all(wire, firmware, wire.scan(), hurt)
+    results = update_all(wire, firmware, wire.scan(), disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
     for address in results:
         assert world.board_flash(address).data[128 * 128 :].startswith(firmware.image_for(1).data)
 
 
-def test_a_burst_gives_every_outcome_in_order(worlds, open_wire):
+def test_a_burst_returns_every_outcome_in_order(worlds, open_wire):
     wire = open_wire(worlds(boards=2))
     reads = (Transfer(0x50, b"\x00", 1), Transfer(0x50, b"\x06", 1), Transfer(0x50, b"\x01", 1))
-    assert run(wire, burst_of(*reads)) == [b"\x54", b"\x50", b"\x02"]
+    assert run(wire, run_burst(*reads)) == [b"\x54", b"\x50", b"\x02"]
 
 
-def test_an_adapter_ends_a_burst_with_the_first_that_fails(worlds, adapter):
+def test_an_adapter_ends_a_burst_with_the_first_failure(worlds, adapter):
     wire = adapter(worlds(boards=1))
-    outcomes = run(wire, burst_of(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
+    outcomes = run(wire, run_burst(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
     assert outcomes[0] == b"\x54"
     assert [type(outcome) for outcome in outcomes] == [bytes, NackError]
 
 
-def test_the_hub_makes_every_transfer_of_a_burst(worlds, hub):
+def test_the_hub_runs_every_transfer_of_a_burst(worlds, hub):
     wire = hub(worlds(boards=1))
-    outcomes = run(wire, burst_of(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
+    outcomes = run(wire, run_burst(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
     assert [type(outcome) for outcome in outcomes] == [bytes, NackError, bytes]
 
 
-def test_a_burst_whose_command_is_lost_says_so(worlds, hub):
+def test_a_burst_reports_a_lost_command(worlds, hub):
     world = worlds(boards=2)
     wire = hub(world)
 
     def lose(address):
         world.inject("down_drop", 0, 2, 1)
-        return (yield from burst_of(*(Transfer(address, b"\x00", 1) for _ in range(3))))
+        return (yield from run_burst(*(Transfer(address, b"\x00", 1) for _ in range(3))))
 
     outcomes = run_all(wire, {0: lose(0x50), 1: read_identity(0x51)})[0]
     assert [type(outcome) for outcome in outcomes].count(LostError) == 1
 
 
-def test_two_transfers_with_one_board_are_sent_apart_unless_another_lies_between(worlds, hub):
-    """A bootloader does not acknowledge a packet while it works the one before off."""
-    wire = hub(worlds(*HELD, boards=4))
+def test_transfers_with_one_board_are_separated_by_transfers_with_others(worlds, hub):
+    """A bootloader does not acknowledge a packet while it processes the previous one."""
+    wire = hub(worlds(*FLOW_CONTROL, boards=4))
     sent = []
     send_frame = wire.hub._send_frame
 
-    def note(number, transfer, *rest):
+    def record_transfer(number, transfer, *rest):
         if number:
             sent.append((transfer.address, len(wire.hub._sent)))
         send_frame(number, transfer, *rest)
 
-    wire.hub._send_frame = note
-    one = (Transfer(0x50, bytes([0x60]) + bytes(11), 12), Transfer(0x50, b"\x00", 1))
-    run(wire, burst_of(*one))
+    wire.hub._send_frame = record_transfer
+    transfers = (Transfer(0x50, bytes([0x60]) + bytes(11), 12), Transfer(0x50, b"\x00", 1))
+    run(wire, run_burst(*transfers))
     assert [address for address, _ in sent] == [0x50, 0x50]
     sent.clear()
-    many = {
-        address: burst_of(*(Transfer(address, bytes([0x60]) + bytes(11), 12),) * 3) for address in range(0x50, 0x54)
+    bursts = {
+        address: run_burst(*(Transfer(address, bytes([0x60]) + bytes(11), 12),) * 3) for address in range(0x50, 0x54)
     }
-    run_all(wire, many)
+    run_all(wire, bursts)
     addresses = [address for address, _ in sent]
     assert all(first != second for first, second in itertools.pairwise(addresses))
     assert sent[-1][1] > 4, "the second and third of each board did not wait for answers"

@@ -1,4 +1,4 @@
-"""docs/how-to-flash-boards.md: every command of it runs, on the emulated hand."""
+"""docs/how-to-flash-boards.md: every command of the page runs on the emulated hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from taxel_tools.files.intel_hex import write_intel_hex
 ROOT = Path(__file__).resolve().parents[3]
 GUIDE = ROOT / "docs" / "how-to-flash-boards.md"
 BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
-NAMED = re.compile(r"`([\w.-]+\.toml)`")
+TOML_NAME = re.compile(r"`([\w.-]+\.toml)`")
 
 
 def commands():
@@ -30,12 +30,12 @@ def commands():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, make_image):
-    """The files that the guide speaks of, in the present folder; an OpenOCD on the PATH."""
+    """The files that the guide uses, in the current folder, and a fake OpenOCD on the PATH."""
     monkeypatch.chdir(tmp_path)
     text = GUIDE.read_text()
-    for found in BLOCK.finditer(text):
-        if found[1] == "toml":
-            (tmp_path / NAMED.findall(text[: found.start()])[-1]).write_text(found[2])
+    for block in BLOCK.finditer(text):
+        if block[1] == "toml":
+            (tmp_path / TOML_NAME.findall(text[: block.start()])[-1]).write_text(block[2])
     for name, device in (("board", BootDevice.BOARD), ("hub", BootDevice.HUB)):
         for slot in (0, 1):
             image = make_image(slot, version=(1, 2, 0), device=device, size=300)
@@ -48,31 +48,31 @@ def folder(tmp_path, monkeypatch, make_image):
     return tmp_path
 
 
-def call(words):
-    """Exit status of a command of the guide, in this process."""
-    if words[0] == "taxel":
-        return exit_status(*words[1:])
-    assert words[0] == "python"
-    script = ROOT / words[1]
+def run_command(arguments):
+    """Exit status of a command of the guide, run in this process."""
+    if arguments[0] == "taxel":
+        return exit_status(*arguments[1:])
+    assert arguments[0] == "python"
+    script = ROOT / arguments[1]
     sys.path.insert(0, str(script.parent))
     try:
-        return importlib.import_module(script.stem).main(words[2:])
+        return importlib.import_module(script.stem).main(arguments[2:])
     finally:
         sys.path.remove(str(script.parent))
 
 
 @pytest.mark.parametrize("line", commands())
-def test_a_command_of_the_guide_runs(folder, capsys, line):
-    status = call(shlex.split(line))
-    told = capsys.readouterr()
-    assert status == 0, told.err
-    assert "Traceback" not in told.err
+def test_each_command_of_the_guide_runs(folder, capsys, line):
+    status = run_command(shlex.split(line))
+    captured = capsys.readouterr()
+    assert status == 0, captured.err
+    assert "Traceback" not in captured.err
 
 
-def test_the_guide_shows_every_command_and_the_plans_board_is_in_the_hand():
-    shown = "\n".join(commands())
+def test_the_guide_shows_every_command_and_its_plan_names_a_board_of_the_hand():
+    guide_commands = "\n".join(commands())
     for part in ("taxel scan", "taxel provision", "taxel flash", "--hub", "--swd", "--dry-run", "power_cuts.py"):
-        assert part in shown
+        assert part in guide_commands
     plan = next(text for kind, text in BLOCK.findall(GUIDE.read_text()) if "taxel_provisioning" in text)
     unique_id = re.search(r'unique_id = "(\w+)"', plan)[1]
     assert unique_id in world_text(load_hand("allegro"), WorldSettings())

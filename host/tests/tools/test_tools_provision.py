@@ -1,148 +1,157 @@
-"""Blank boards get who they are, duplicates another address; who is not meant keeps everything."""
+"""Configuration of blank boards and of boards with duplicate addresses; other boards stay unchanged."""
 
 from __future__ import annotations
 
 import pytest
 
 from taxel_tools.errors import BoardError, PlanError
-from taxel_tools.interleave import run, run_all
-from taxel_tools.plan import Entry, read_plan
-from taxel_tools.program import update
-from taxel_tools.provision import apply, changes_of, find, gather, open_bootloaders, release
-from taxel_tools.scan import scan
+from taxel_tools.firmware_update import update_board
+from taxel_tools.provision import (
+    collect_boards,
+    enter_bootloaders,
+    find_boards,
+    plan_changes,
+    release_boards,
+    write_changes,
+)
+from taxel_tools.provisioning_plan import Entry, read_plan
+from taxel_tools.scan import scan_bus
+from taxel_tools.scheduler import run, run_all
 from taxel_tools.session import BootSession
 
 BLANK = 0x77
 
 
-def boards_of(wire):
-    return {one.address: one for one in scan(wire)}
+def boards_by_address(wire):
+    return {device.address: device for device in scan_bus(wire)}
 
 
-def give_address(wire, old: int, new: int) -> None:
+def change_address(wire, old: int, new: int) -> None:
     session = BootSession(old, wire.now_s)
 
-    def steps():
+    def procedure():
         yield from session.enter()
-        info = yield from session.info()
-        configuration = yield from session.configuration()
+        info = yield from session.read_info()
+        configuration = yield from session.read_configuration()
         yield from session.write_configuration(info.unique_id, configuration | {"address": new})
         yield from session.exit()
 
-    run(wire, steps())
+    run(wire, procedure())
     wire.collect(0.1)
 
 
-def test_one_blank_board_gets_everything_and_keeps_it_through_an_update(worlds, open_wire, make_firmware):
+def test_the_configuration_of_a_blank_board_survives_an_update(worlds, open_wire, make_firmware):
     world = worlds("blank 0x50", boards=2)
     wire = open_wire(world)
-    candidates = find(wire)
-    changes = changes_of(candidates, [Entry(None, 0x30, 9, "FT-0007", (16, 17))], wire.scan())
-    apply(wire, changes)
+    candidates = find_boards(wire)
+    changes = plan_changes(candidates, [Entry(None, 0x30, 9, "FT-0007", (16, 17))], wire.scan())
+    write_changes(wire, changes)
     firmware = make_firmware()
-    results = run_all(wire, {0x30: update(0x30, firmware, wire.now_s, lambda progress: None)})
+    results = run_all(wire, {0x30: update_board(0x30, firmware, wire.now_s, lambda progress: None)})
     assert results[0x30].after == (1, 2, 3)
-    one = boards_of(wire)[0x30]
-    assert (one.runs, one.kind, one.unique_id) == ("application", 9, candidates[0].unique_id.hex())
+    board = boards_by_address(wire)[0x30]
+    assert (board.runs, board.kind, board.unique_id) == ("application", 9, candidates[0].unique_id.hex())
     session = BootSession(0x30, wire.now_s)
     run(wire, session.enter())
-    configuration = run(wire, session.configuration())
+    configuration = run(wire, session.read_configuration())
     assert configuration["serial_number"] == b"FT-0007".ljust(16, b"\0")
     assert configuration["idac_codes"] == bytes([16, 17]).ljust(16, b"\0")
 
 
-def test_an_image_whose_tries_went_by_while_the_board_was_blank_is_tried_again(worlds, open_wire, make_firmware):
+def test_provisioning_restores_the_boot_attempts_used_by_a_blank_board(worlds, open_wire, make_firmware):
     world = worlds("blank 0x50", boards=2)
     wire = open_wire(world)
     image = make_firmware().images[0]
     session = BootSession(BLANK, wire.now_s)
 
-    def steps():
-        yield from session.enter_here()
-        first, _ = yield from session.free_rows()
+    def procedure():
+        yield from session.start_session()
+        first, _ = yield from session.read_free_rows()
         for place, row in enumerate(image.rows()):
             yield from session.write_row(first + place, row)
         assert (yield from session.verify_application())
         yield from session.exit()
 
-    run(wire, steps())
+    run(wire, procedure())
     for _ in range(4):
         world.inject("unplug", 0x50)
         wire.collect(0.05)
         world.inject("plug", 0x50)
         wire.collect(0.3)
-    candidates = find(wire)
-    assert run(wire, session.info()).tries[0] == 0
-    apply(wire, changes_of(candidates, [Entry(None, 0x30, 9)], wire.scan()))
+    candidates = find_boards(wire)
+    assert run(wire, session.read_info()).tries[0] == 0
+    write_changes(wire, plan_changes(candidates, [Entry(None, 0x30, 9)], wire.scan()))
     wire.collect(1.0)
-    assert boards_of(wire)[0x30].runs == "application"
+    assert boards_by_address(wire)[0x30].runs == "application"
 
 
 @pytest.mark.parametrize("count", [2, 4])
-def test_blank_boards_are_told_apart(worlds, open_wire, count):
-    world = worlds(*(f"blank 0x{0x50 + place:02X}" for place in range(count)))
+def test_blank_boards_at_one_address_are_distinguished(worlds, open_wire, count):
+    world = worlds(*(f"blank 0x{0x50 + i:02X}" for i in range(count)))
     wire = open_wire(world)
-    candidates = find(wire)
+    candidates = find_boards(wire)
     assert len(candidates) == count
-    entries = [Entry(c.unique_id, 0x20 + place, 1 + place, f"S{place}") for place, c in enumerate(candidates)]
-    apply(wire, changes_of(candidates, entries, wire.scan()))
-    found = boards_of(wire)
+    entries = [Entry(c.unique_id, 0x20 + i, 1 + i, f"S{i}") for i, c in enumerate(candidates)]
+    write_changes(wire, plan_changes(candidates, entries, wire.scan()))
+    found = boards_by_address(wire)
     assert BLANK not in found
-    assert {(0x20 + place, c.unique_id.hex()) for place, c in enumerate(candidates)} <= {
+    assert {(0x20 + i, c.unique_id.hex()) for i, c in enumerate(candidates)} <= {
         (one.address, one.unique_id) for one in found.values()
     }
 
 
-def test_17_blank_boards_at_one_address_are_told_apart(worlds, adapter):
+def test_17_blank_boards_at_one_address_are_distinguished(worlds, adapter):
     world = worlds(*(f"blank 0x{address:02X}" for address in range(0x20, 0x31)), hand="allegro")
     wire = adapter(world)
-    candidates = find(wire)
+    candidates = find_boards(wire)
     assert len(candidates) == 17
-    entries = [Entry(c.unique_id, 0x20 + place, 1) for place, c in enumerate(candidates)]
-    apply(wire, changes_of(candidates, entries, wire.scan()))
-    assert {one.address: one.unique_id for one in scan(wire)} == {
-        0x20 + place: c.unique_id.hex() for place, c in enumerate(candidates)
+    entries = [Entry(c.unique_id, 0x20 + i, 1) for i, c in enumerate(candidates)]
+    write_changes(wire, plan_changes(candidates, entries, wire.scan()))
+    assert {device.address: device.unique_id for device in scan_bus(wire)} == {
+        0x20 + i: c.unique_id.hex() for i, c in enumerate(candidates)
     }
 
 
-def test_boards_that_are_not_meant_stay_blank_and_listen_again(worlds, open_wire):
+def test_boards_without_an_entry_stay_blank_and_listen_again(worlds, open_wire):
     wire = open_wire(worlds("blank 0x50", "blank 0x51", "blank 0x52"))
-    candidates = find(wire)
-    apply(wire, changes_of(candidates, [Entry(candidates[1].unique_id, 0x30, 1)], wire.scan()))
-    assert [c.unique_id for c in find(wire)] == [candidates[0].unique_id, candidates[2].unique_id]
+    candidates = find_boards(wire)
+    write_changes(wire, plan_changes(candidates, [Entry(candidates[1].unique_id, 0x30, 1)], wire.scan()))
+    assert [c.unique_id for c in find_boards(wire)] == [candidates[0].unique_id, candidates[2].unique_id]
 
 
-def test_a_plan_that_was_cut_off_is_carried_out_by_running_it_again(worlds, open_wire):
+def test_an_interrupted_plan_is_completed_by_running_it_again(worlds, open_wire):
     wire = open_wire(worlds("blank 0x50", "blank 0x51", "blank 0x52"))
-    entries = [Entry(c.unique_id, 0x20 + place, 1) for place, c in enumerate(gather(wire, [BLANK], []))]
-    apply(wire, changes_of(gather(wire, [BLANK], entries), entries, wire.scan())[:2])  # the third was not reached
+    entries = [Entry(c.unique_id, 0x20 + i, 1) for i, c in enumerate(collect_boards(wire, [BLANK], []))]
+    write_changes(
+        wire, plan_changes(collect_boards(wire, [BLANK], entries), entries, wire.scan())[:2]
+    )  # The third board was not reached.
     in_use = wire.scan()
-    candidates = gather(wire, [BLANK], entries)
+    candidates = collect_boards(wire, [BLANK], entries)
     assert sorted(c.address for c in candidates) == [0x20, 0x21, BLANK]
-    apply(wire, changes_of(candidates, entries, in_use))
-    assert [c.address for c in gather(wire, [BLANK], entries)] == [0x20, 0x21, 0x22], "all have moved already"
+    write_changes(wire, plan_changes(candidates, entries, in_use))
+    assert [c.address for c in collect_boards(wire, [BLANK], entries)] == [0x20, 0x21, 0x22], "all have moved already"
 
 
-def test_who_answers_at_a_new_address_but_is_not_meant_is_let_go_again(worlds, open_wire):
+def test_a_different_board_at_the_new_address_is_restarted_unchanged(worlds, open_wire):
     wire = open_wire(worlds())
-    with pytest.raises(BoardError, match="board 0x77: nobody answers there"):
-        gather(wire, [BLANK], [Entry(bytes(8), 0x51)])
+    with pytest.raises(BoardError, match="board 0x77: no board answers at this address"):
+        collect_boards(wire, [BLANK], [Entry(bytes(8), 0x51)])
     wire.collect(0.2)
-    assert boards_of(wire)[0x51].runs == "application"
+    assert boards_by_address(wire)[0x51].runs == "application"
 
 
-def test_duplicates_get_addresses_of_their_own(worlds, open_wire):
+def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wire):
     wire = open_wire(worlds())
-    give_address(wire, 0x51, 0x50)
-    open_bootloaders(wire, 0x50)
-    candidates = find(wire, 0x50)
+    change_address(wire, 0x51, 0x50)
+    enter_bootloaders(wire, 0x50)
+    candidates = find_boards(wire, 0x50)
     assert [c.configuration["kind"] for c in candidates] in ([9, 10], [10, 9])
     moved = next(c for c in candidates if c.configuration["kind"] == 10)
-    changes = changes_of(candidates, [Entry(moved.unique_id, 0x55)], wire.scan())
-    apply(wire, changes)
-    release(wire, [c for c in candidates if c is not moved])
+    changes = plan_changes(candidates, [Entry(moved.unique_id, 0x55)], wire.scan())
+    write_changes(wire, changes)
+    release_boards(wire, [c for c in candidates if c is not moved])
     wire.collect(0.1)
-    found = boards_of(wire)
+    found = boards_by_address(wire)
     assert {(one.address, one.runs, one.kind) for one in found.values()} == {
         (0x50, "application", 9),
         (0x55, "application", 10),
@@ -152,41 +161,41 @@ def test_duplicates_get_addresses_of_their_own(worlds, open_wire):
 
 
 @pytest.mark.parametrize(
-    ("entry", "words"),
+    ("entry", "expected_text"),
     [
-        (Entry(None, 0x51, 1), "board 0x51: is in use already"),
-        (Entry(bytes(8), 0x30, 1), "board 0x77: no board with id 0000000000000000 answers there; found "),
-        (Entry(None, None, 1), "is blank; give it an address"),
+        (Entry(None, 0x51, 1), "board 0x51: the address is in use already"),
+        (Entry(bytes(8), 0x30, 1), "board 0x77: expected the board with id 0000000000000000, found "),
+        (Entry(None, None, 1), "is blank; assign an address"),
     ],
 )
-def test_what_cannot_be_given_is_refused_before_anything_is_written(worlds, adapter, entry, words):
+def test_invalid_entries_are_refused_before_any_write(worlds, adapter, entry, expected_text):
     world = worlds("blank 0x50")
     wire = adapter(world)
     before = world.board_flash(0x50).data
     with pytest.raises(BoardError) as error:
-        changes_of(find(wire), [entry], wire.scan())
-    assert words in str(error.value)
+        plan_changes(find_boards(wire), [entry], wire.scan())
+    assert expected_text in str(error.value)
     assert world.board_flash(0x50).data == before
 
 
-def test_several_boards_need_a_name(worlds, adapter):
+def test_several_boards_require_a_unique_id(worlds, adapter):
     wire = adapter(worlds("blank 0x50", "blank 0x51"))
-    with pytest.raises(BoardError, match=r"2 boards answer .*; name one by --id"):
-        changes_of(find(wire), [Entry(None, 0x30, 1)], wire.scan())
+    with pytest.raises(BoardError, match=r"2 boards answer .*; select one with --id"):
+        plan_changes(find_boards(wire), [Entry(None, 0x30, 1)], wire.scan())
 
 
-def test_two_boards_cannot_get_one_address(worlds, adapter):
+def test_two_boards_cannot_get_the_same_address(worlds, adapter):
     wire = adapter(worlds("blank 0x50", "blank 0x51"))
-    candidates = find(wire)
-    with pytest.raises(BoardError, match="0x30: is in use already"):
-        changes_of(candidates, [Entry(c.unique_id, 0x30, 1) for c in candidates], wire.scan())
+    candidates = find_boards(wire)
+    with pytest.raises(BoardError, match="0x30: the address is in use already"):
+        plan_changes(candidates, [Entry(c.unique_id, 0x30, 1) for c in candidates], wire.scan())
 
 
-def test_nobody_there_is_one_line(worlds, adapter):
+def test_a_bus_without_boards_gives_one_error_line(worlds, adapter):
     wire = adapter(worlds())
-    assert find(wire) == []
-    with pytest.raises(BoardError, match="board 0x77: nobody answers there"):
-        changes_of([], [Entry(None, 0x30, 1)], wire.scan())
+    assert find_boards(wire) == []
+    with pytest.raises(BoardError, match="board 0x77: no board answers at this address"):
+        plan_changes([], [Entry(None, 0x30, 1)], wire.scan())
 
 
 PLAN = """taxel_provisioning = 1
@@ -199,13 +208,13 @@ idac_codes = [16, 17]
 """
 
 
-def test_a_plan_is_read(tmp_path):
+def test_a_valid_plan_is_read(tmp_path):
     (tmp_path / "p.toml").write_text(PLAN)
     assert read_plan(tmp_path / "p.toml") == [Entry(bytes.fromhex("0011223344556677"), 0x21, 1, "FT-0007", (16, 17))]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "expected_text"),
     [
         ("taxel_provisioning = 1", "", "taxel_provisioning: expected 1, found None"),
         ("[[board]]", "[[bored]]", "board: expected one table or more, found none"),
@@ -218,12 +227,16 @@ def test_a_plan_is_read(tmp_path):
         ("[16, 17]", '"16"', "board[0].idac_codes: expected at most 16 numbers"),
         ("kind = 1", "colour = 1", "board[0].colour: expected one of "),
         ("kind = 1", "kind =", "file: expected TOML"),
-        ("[[board]]", '[[board]]\nunique_id = "0011223344556677"\n[[board]]', "board[1].unique_id: expected each once"),
+        (
+            "[[board]]",
+            '[[board]]\nunique_id = "0011223344556677"\n[[board]]',
+            "board[1].unique_id: expected a value used once",
+        ),
     ],
 )
-def test_a_plan_that_cannot_be_used_is_refused_with_one_line(tmp_path, old, new, words):
+def test_an_invalid_plan_is_refused_with_one_error_line(tmp_path, old, new, expected_text):
     (tmp_path / "p.toml").write_text(PLAN.replace(old, new))
     with pytest.raises(PlanError) as error:
         read_plan(tmp_path / "p.toml")
-    assert words in str(error.value)
+    assert expected_text in str(error.value)
     assert "\n" not in str(error.value)

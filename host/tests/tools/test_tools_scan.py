@@ -1,76 +1,76 @@
-"""What a scan says of a bus."""
+"""`taxel scan`: devices listed by a bus scan."""
 
 from __future__ import annotations
 
-from taxel_tools.interleave import run
-from taxel_tools.scan import scan
+from taxel_tools.scan import scan_bus
+from taxel_tools.scheduler import run
 from taxel_tools.session import BootSession
 
 
 def test_running_boards_are_listed_with_version_kind_id_and_health(worlds, open_wire):
-    found = scan(open_wire(worlds("firmware 0x51 3 4 5")))
-    assert [(one.address, one.runs, one.version) for one in found] == [
+    devices = scan_bus(open_wire(worlds("firmware 0x51 3 4 5")))
+    assert [(device.address, device.runs, device.version) for device in devices] == [
         (0x50, "application", "0.1.0"),
         (0x51, "application", "3.4.5"),
         (0x52, "application", "0.1.0"),
         (0x53, "application", "0.1.0"),
     ]
-    assert len({one.unique_id for one in found}) == 4
-    assert all(one.notes == () and one.counters["scans"] > 0 and one.taxels for one in found)
+    assert len({device.unique_id for device in devices}) == 4
+    assert all(device.notes == () and device.counters["scans"] > 0 and device.taxels for device in devices)
 
 
-def test_all_17_boards_of_the_hand_are_found(worlds, open_wire):
-    assert len(scan(open_wire(worlds(hand="allegro")))) == 17
+def test_all_17_boards_of_the_hand_are_listed(worlds, open_wire):
+    assert len(scan_bus(open_wire(worlds(hand="allegro")))) == 17
 
 
-def test_a_blank_board_is_found_in_its_bootloader(worlds, open_wire):
-    found = {one.address: one for one in scan(open_wire(worlds("blank 0x50")))}
-    assert found[0x77].runs == "bootloader"
-    assert found[0x77].notes == ("no image that can start: flash it", "no configuration: provision it")
-    assert len(found[0x77].unique_id) == 16
+def test_a_blank_board_is_listed_as_a_bootloader(worlds, open_wire):
+    devices = {device.address: device for device in scan_bus(open_wire(worlds("blank 0x50")))}
+    assert devices[0x77].runs == "bootloader"
+    assert devices[0x77].notes == ("no startable image; flash the board", "no configuration; provision the board")
+    assert len(devices[0x77].unique_id) == 16
 
 
-def test_blank_boards_that_share_an_address_are_told_to_be_several(worlds, open_wire):
-    found = {one.address: one for one in scan(open_wire(worlds("blank 0x50", "blank 0x51")))}
-    assert (found[0x77].runs, found[0x77].unique_id) == ("shared", "")
+def test_blank_boards_at_one_address_are_reported_as_shared(worlds, open_wire):
+    devices = {device.address: device for device in scan_bus(open_wire(worlds("blank 0x50", "blank 0x51")))}
+    assert (devices[0x77].runs, devices[0x77].unique_id) == ("shared", "")
 
 
-def test_running_boards_that_share_an_address_are_told_to_be_several(worlds, open_wire):
+def test_running_boards_at_one_address_are_reported_as_shared(worlds, open_wire):
     world = worlds()
     wire = open_wire(world)
-    give_address(wire, 0x51, 0x50)
-    found = {one.address: one for one in scan(wire)}
-    assert found[0x50].runs == "shared"
-    assert 0x51 not in found
+    change_address(wire, 0x51, 0x50)
+    devices = {device.address: device for device in scan_bus(wire)}
+    assert devices[0x50].runs == "shared"
+    assert 0x51 not in devices
 
 
-def test_a_board_held_in_its_bootloader_says_why(worlds, open_wire):
+def test_a_board_in_its_bootloader_is_listed_with_the_reason(worlds, open_wire):
     world = worlds()
     wire = open_wire(world)
     run(wire, BootSession(0x50, wire.now_s).enter())
-    found = {one.address: one for one in scan(wire)}
-    assert (found[0x50].runs, found[0x50].notes) == ("bootloader", ("asked for by the application",))
-    assert found[0x50].kind == 9
+    devices = {device.address: device for device in scan_bus(wire)}
+    assert (devices[0x50].runs, devices[0x50].notes) == ("bootloader", ("entered on request of the application",))
+    assert devices[0x50].kind == 9
 
 
-def test_a_board_that_browned_out_says_so(worlds, open_wire):
+def test_a_brown_out_is_reported(worlds, open_wire):
     world = worlds()
     world.inject("restart", 0x52)
     world.run(0.3)
-    found = {one.address: one for one in scan(open_wire(world))}
-    assert found[0x52].notes == ("last start after a brown-out",)
+    devices = {device.address: device for device in scan_bus(open_wire(world))}
+    assert devices[0x52].notes == ("last start after a brown-out",)
 
 
-def give_address(wire, old: int, new: int) -> None:
-    """Configure a board onto an address that another one has, as a careless host would."""
+def change_address(wire, old: int, new: int) -> None:
+    """Assign an address that another board uses already."""
     session = BootSession(old, wire.now_s)
 
-    def steps():
+    def procedure():
         yield from session.enter()
-        info = yield from session.info()
-        configuration = yield from session.configuration()
+        info = yield from session.read_info()
+        configuration = yield from session.read_configuration()
         yield from session.write_configuration(info.unique_id, configuration | {"address": new})
         yield from session.exit()
 
-    run(wire, steps())
+    run(wire, procedure())
     wire.collect(0.1)

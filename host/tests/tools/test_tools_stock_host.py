@@ -1,7 +1,7 @@
-"""The packets of a stock Cypress host tool, rebuilt from the published facts, program a board of ours.
+"""A stock Cypress host tool, rebuilt from published facts, programs a taxel board.
 
-It knows nothing of slots, of this project's commands, or of its row checks: enter, ask for the rows, send each row in
-pieces, have each summed up, verify the application, leave.
+The tool does not use slots, commands of this project, or its row checks. It enters the bootloader, reads the row range,
+sends each row in pieces, verifies each row sum, verifies the application, and exits.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from smbus2 import i2c_msg
 
 from taxel.link.virtual import VirtualSMBus
 from taxel_protocol.bootloader import BootChecksum, build_packet, parse_packet
-from taxel_tools.application import read_identity, version_of
+from taxel_tools.application import firmware_version, read_identity
 from taxel_tools.files.cyacd import write_cyacd
-from taxel_tools.interleave import run
+from taxel_tools.scheduler import run
 
 BOARD = 0x50
 ENTER, FLASH_SIZE, SEND, PROGRAM, VERIFY_ROW, VERIFY, EXIT = 0x38, 0x32, 0x37, 0x39, 0x3A, 0x31, 0x3B
@@ -23,7 +23,7 @@ TRANSFER_MAX, PROGRAM_OVERHEAD, SEND_OVERHEAD = 64, 10, 7
 
 
 class StockHost:
-    """One packet a write; reads of 64 bytes until the first byte is no FF."""
+    """Sends one packet for each write, and reads 64 bytes until the first byte differs from FF."""
 
     def __init__(self, world, checksum: BootChecksum) -> None:
         self.world, self.bus, self.checksum = world, VirtualSMBus(world), checksum
@@ -42,9 +42,9 @@ class StockHost:
             except OSError:
                 continue
             if bytes(reply)[0] != 0xFF:
-                status, answer = parse_packet(bytes(reply), self.checksum)
+                status, reply_data = parse_packet(bytes(reply), self.checksum)
                 assert status == 0, f"{command:02X} was refused with {status:02X}"
-                return answer
+                return reply_data
         raise AssertionError(f"no answer to {command:02X}")
 
     def program(self, cyacd: str) -> None:
@@ -58,20 +58,20 @@ class StockHost:
             array, row, size = record[0], int.from_bytes(record[1:3], "big"), int.from_bytes(record[3:5], "big")
             if not first <= row <= last:
                 raise ValueError(f"row {row} is not between {first} and {last}")
-            rest = record[5:-1]
-            while len(rest) + PROGRAM_OVERHEAD > TRANSFER_MAX:
-                self.send(SEND, rest[: TRANSFER_MAX - SEND_OVERHEAD])
-                rest = rest[TRANSFER_MAX - SEND_OVERHEAD :]
-            place = bytes([array]) + row.to_bytes(2, "little")
-            self.send(PROGRAM, place + rest)
+            data = record[5:-1]
+            while len(data) + PROGRAM_OVERHEAD > TRANSFER_MAX:
+                self.send(SEND, data[: TRANSFER_MAX - SEND_OVERHEAD])
+                data = data[TRANSFER_MAX - SEND_OVERHEAD :]
+            row_address = bytes([array]) + row.to_bytes(2, "little")
+            self.send(PROGRAM, row_address + data)
             expected = record[-1] + array + row + (row >> 8) + size + (size >> 8) & 0xFF
-            assert self.send(VERIFY_ROW, place) == bytes([expected])
+            assert self.send(VERIFY_ROW, row_address) == bytes([expected])
         assert self.send(VERIFY) == b"\x01"
         self.send(EXIT)
 
 
 @pytest.mark.parametrize("checksum", [BootChecksum.SUM, BootChecksum.CRC])
-def test_a_stock_host_tool_programs_our_bootloader(worlds, adapter, make_image, checksum):
+def test_a_stock_host_tool_programs_the_taxel_bootloader(worlds, adapter, make_image, checksum):
     world = worlds(boards=1)
     host = StockHost(world, checksum)
     host.bus.i2c_rdwr(i2c_msg.write(BOARD, [0x70, 5, 0xFA]))
@@ -79,10 +79,10 @@ def test_a_stock_host_tool_programs_our_bootloader(worlds, adapter, make_image, 
     host.program(write_cyacd(make_image(1, size=1024), 128, checksum))
     assert host.sent == [ENTER, FLASH_SIZE, *[SEND, SEND, PROGRAM, VERIFY_ROW] * 8, VERIFY, EXIT]
     world.run(0.2)
-    assert version_of(run(adapter(world), read_identity(BOARD))) == (1, 2, 3)
+    assert firmware_version(run(adapter(world), read_identity(BOARD))) == (1, 2, 3)
 
 
-def test_a_stock_host_tool_refuses_a_file_for_the_slot_in_use_by_itself(worlds, make_image):
+def test_a_stock_host_tool_refuses_a_file_for_the_slot_in_use(worlds, make_image):
     world = worlds(boards=1)
     host = StockHost(world, BootChecksum.SUM)
     host.bus.i2c_rdwr(i2c_msg.write(BOARD, [0x70, 5, 0xFA]))

@@ -1,4 +1,4 @@
-"""Blank boards through OpenOCD or pyOCD: the exact command, and what is said when it cannot be made."""
+"""Programming of blank boards through OpenOCD or pyOCD: the exact command, and the refusals."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ OPENOCD = ["openocd", "-f", "interface/cmsis-dap.cfg", "-c", "transport select s
 
 @pytest.fixture
 def run(capsys):
-    """Runs `taxel flash --swd`: exit status, output, complaints."""
+    """Runs `taxel flash --swd`; returns exit status, standard output and standard error."""
 
     def call(*arguments):
         status = exit_status("flash", "--swd", *arguments)
-        told = capsys.readouterr()
-        return status, told.out, told.err
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
 
     return call
 
 
 @pytest.fixture
-def tools(tmp_path, monkeypatch):
-    """Puts fake executables on an otherwise empty PATH; each writes its words to a file."""
+def install_tools(tmp_path, monkeypatch):
+    """Puts fake executables on an otherwise empty PATH; each writes its arguments to a file."""
     folder = tmp_path / "bin"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
 
-    def make(*names, body="exit 0"):
-        for name in names:
+    def make(*tool_names, body="exit 0"):
+        for name in tool_names:
             path = folder / name
             path.write_text(f'#!/bin/sh\nfor word in "$@"; do echo "$word"; done > {tmp_path}/{name}.words\n{body}\n')
             path.chmod(0o755)
@@ -44,58 +44,58 @@ def tools(tmp_path, monkeypatch):
 
 @pytest.fixture
 def bootloader(tmp_path):
-    """A file of 32 rows from address 0 on."""
+    """A file with 32 rows from address 0."""
     path = tmp_path / "boot loader.hex"
     path.write_text(write_intel_hex(bytes(range(256)) * 16, 0))
     return path
 
 
-def words(tmp_path, name):
+def recorded_arguments(tmp_path, name):
     return (tmp_path / f"{name}.words").read_text().splitlines()
 
 
-def test_openocd_is_given_the_file_and_told_to_verify(run, tools, bootloader, tmp_path):
-    tools("openocd", "pyocd")
+def test_openocd_programs_and_verifies_the_file(run, install_tools, bootloader, tmp_path):
+    install_tools("openocd", "pyocd")
     status, out, err = run(bootloader)
     assert status == 0, err
-    assert words(tmp_path, "openocd") == [*OPENOCD[1:], f"program {{{bootloader}}} verify reset exit"]
+    assert recorded_arguments(tmp_path, "openocd") == [*OPENOCD[1:], f"program {{{bootloader}}} verify reset exit"]
     assert not (tmp_path / "pyocd.words").exists()
     assert "32 rows, 0 to 31, are programmed by SWD (not verified on hardware):" in err
     assert out == "programmed; provision the board, then flash its application over the wire\n"
 
 
-def test_pyocd_is_taken_where_openocd_is_not(run, tools, bootloader, tmp_path):
-    tools("pyocd")
+def test_pyocd_is_used_without_openocd(run, install_tools, bootloader, tmp_path):
+    install_tools("pyocd")
     assert run(bootloader)[0] == 0
-    assert words(tmp_path, "pyocd") == ["load", "--target", "cy8c4245axi-483", str(bootloader)]
+    assert recorded_arguments(tmp_path, "pyocd") == ["load", "--target", "cy8c4245axi-483", str(bootloader)]
 
 
-def test_the_tool_and_the_probe_can_be_chosen(run, tools, bootloader, tmp_path):
-    tools("openocd", "pyocd")
+def test_tool_and_probe_can_be_selected(run, install_tools, bootloader, tmp_path):
+    install_tools("openocd", "pyocd")
     assert run(bootloader, "--swd-tool", "pyocd")[0] == 0
     assert not (tmp_path / "openocd.words").exists()
     assert run(bootloader, "--swd-interface", "ftdi/olimex-arm-usb-ocd-h")[0] == 0
-    assert words(tmp_path, "openocd")[1] == "interface/ftdi/olimex-arm-usb-ocd-h.cfg"
+    assert recorded_arguments(tmp_path, "openocd")[1] == "interface/ftdi/olimex-arm-usb-ocd-h.cfg"
 
 
-def test_a_dry_run_prints_the_exact_command_and_runs_nothing(run, tools, bootloader, tmp_path):
-    tools("openocd")
+def test_a_dry_run_prints_the_exact_command_and_runs_nothing(run, install_tools, bootloader, tmp_path):
+    install_tools("openocd")
     status, out, err = run(bootloader, "--dry-run")
     assert (status, out) == (0, "")
     assert "would be programmed by SWD (not verified on hardware):" in err
-    shown = "openocd -f interface/cmsis-dap.cfg -c 'transport select swd' -f target/psoc4.cfg -c "
-    assert f"{shown}'program {{{bootloader}}} verify reset exit'" in err
+    command_text = "openocd -f interface/cmsis-dap.cfg -c 'transport select swd' -f target/psoc4.cfg -c "
+    assert f"{command_text}'program {{{bootloader}}} verify reset exit'" in err
     assert not (tmp_path / "openocd.words").exists()
     document = json.loads(run(bootloader, "--dry-run", "--json")[1])
     assert document == {"command": [*OPENOCD, f"program {{{bootloader}}} verify reset exit"], "done": False}
 
 
-def test_nothing_goes_through_a_shell(run, tools, tmp_path):
-    tools("pyocd")
+def test_the_command_does_not_use_a_shell(run, install_tools, tmp_path):
+    install_tools("pyocd")
     path = tmp_path / "a;touch evil $(touch evil) `touch evil`.hex"
     path.write_text(write_intel_hex(bytes(128), 0))
     assert run(path)[0] == 0
-    assert words(tmp_path, "pyocd")[-1] == str(path)
+    assert recorded_arguments(tmp_path, "pyocd")[-1] == str(path)
     assert "evil" not in os.listdir()
 
 
@@ -108,11 +108,11 @@ def test_nothing_goes_through_a_shell(run, tools, tmp_path):
         (["openocd"], ["--swd-interface", "a b"], "--swd-interface: expected a name such as cmsis-dap or jlink"),
         (["openocd"], ["--swd-interface", "../x"], "--swd-interface: expected a name such as cmsis-dap or jlink"),
         (["openocd"], ["--all"], "flash: --swd programs the board on the probe; leave --board, --all"),
-        (["openocd"], ["other.hex"], "flash: --swd takes one .hex and no URL"),
+        (["openocd"], ["other.hex"], "flash: expected one .hex and no URL with --swd"),
     ],
 )
-def test_what_cannot_be_done_is_one_line(run, tools, bootloader, present, arguments, problem):
-    tools(*present)
+def test_each_refusal_is_one_error_line(run, install_tools, bootloader, present, arguments, problem):
+    install_tools(*present)
     status, out, err = run(bootloader, *arguments)
     assert (status, out) == (1, "")
     assert problem in err
@@ -122,16 +122,18 @@ def test_what_cannot_be_done_is_one_line(run, tools, bootloader, present, argume
 @pytest.mark.parametrize(
     ("name", "content", "problem"),
     [
-        ("a.bin", b"", "file name: expected .hex, found '.bin'; give the bootloader as Intel HEX"),
+        ("a.bin", b"", "file name: expected .hex, found '.bin'; provide the bootloader as Intel HEX"),
         ("a.hex", b"\xff", "file: expected ASCII text, found other bytes"),
         ("a.hex", b":00000001FF\n", "rows: expected a bootloader, from row 0 to 31, found none"),
-        ("a.hex", write_intel_hex(bytes(128), 4096).encode(), "found row 32 first; give the bootloader's file"),
+        ("a.hex", write_intel_hex(bytes(128), 4096).encode(), "found row 32 first; use the bootloader's file"),
         ("a.hex", write_intel_hex(bytes(128), 0)[:-12].encode(), "file: expected an end record"),
-        ("a{.hex", write_intel_hex(bytes(128), 0).encode(), "openocd takes no braces, quotes, $ or backslashes"),
+        ("a{.hex", write_intel_hex(bytes(128), 0).encode(), "openocd accepts no braces, quotes, $ or backslashes"),
     ],
 )
-def test_a_file_that_is_no_bootloader_is_refused_before_anything_runs(run, tools, tmp_path, name, content, problem):
-    tools("openocd")
+def test_a_file_without_a_bootloader_is_refused_before_a_tool_runs(
+    run, install_tools, tmp_path, name, content, problem
+):
+    install_tools("openocd")
     path = tmp_path / name
     path.write_bytes(content)
     status, out, err = run(path)
@@ -141,8 +143,8 @@ def test_a_file_that_is_no_bootloader_is_refused_before_anything_runs(run, tools
     assert not (tmp_path / "openocd.words").exists()
 
 
-def test_a_tool_that_fails_is_one_line_with_its_last_words(run, tools, bootloader):
-    tools("openocd", body="echo one; echo 'Error: no device found' >&2; exit 3")
+def test_a_failed_tool_gives_one_error_line_with_its_last_output(run, install_tools, bootloader):
+    install_tools("openocd", body="echo one; echo 'Error: no device found' >&2; exit 3")
     status, _, err = run(bootloader)
     assert status == 1
     assert err.splitlines()[-1] == (
@@ -150,12 +152,12 @@ def test_a_tool_that_fails_is_one_line_with_its_last_words(run, tools, bootloade
     )
 
 
-def test_a_tool_that_hangs_is_given_up(run, tools, bootloader, monkeypatch):
-    monkeypatch.setattr("taxel_tools.swd.PATIENCE_S", 0.2)
-    tools("openocd", body="exec /bin/sleep 20")
-    assert "taxel: openocd: has not ended in 0.2 s; check probe and power" in run(bootloader)[2]
+def test_a_tool_that_hangs_is_stopped(run, install_tools, bootloader, monkeypatch):
+    monkeypatch.setattr("taxel_tools.swd.TIMEOUT_S", 0.2)
+    install_tools("openocd", body="exec /bin/sleep 20")
+    assert "taxel: openocd: did not end within 0.2 s; check probe and power" in run(bootloader)[2]
 
 
-def test_flash_without_files_says_what_is_missing(capsys):
+def test_flash_without_files_is_refused(capsys):
     assert exit_status("flash", "emulator:") == 1
     assert "flash: expected firmware files after the URL, found none" in capsys.readouterr().err

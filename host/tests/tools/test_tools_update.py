@@ -1,4 +1,4 @@
-"""Updates of emulated boards: written, read back, started and confirmed, over the hub and over an adapter."""
+"""Updates of emulated boards, over the hub and over an adapter: written, read back, started and confirmed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import pytest
 from taxel.errors import TaxelError
 from taxel_protocol import bootloader
 from taxel_protocol.bootloader import BootDevice
-from taxel_tools.application import read_identity, version_of
+from taxel_tools.application import firmware_version, read_identity
 from taxel_tools.errors import BoardError
 from taxel_tools.files import Firmware
+from taxel_tools.firmware_update import update_board
 from taxel_tools.scheduler import run, run_all
-from taxel_tools.firmware_update import update
 from taxel_tools.session import BootSession
 
 FIRST, KIND = 0x50, 9
@@ -19,20 +19,22 @@ BOARDS = (0x50, 0x51, 0x52, 0x53)
 HANG = bytes(8) + b"HANG"
 
 
-def quiet(progress) -> None:
+def ignore_progress(progress) -> None:
     pass
 
 
-def versions(wire, addresses=BOARDS):
-    found = run_all(wire, {address: read_identity(address) for address in addresses})
-    return {address: version_of(identity) for address, identity in found.items()}
+def read_versions(wire, addresses=BOARDS):
+    identities = run_all(wire, {address: read_identity(address) for address in addresses})
+    return {address: firmware_version(identity) for address, identity in identities.items()}
 
 
-def update_all(wire, firmware, addresses=BOARDS, report=quiet, **options):
-    return run_all(wire, {a: update(a, firmware, wire.now_s, report, **options) for a in addresses})
+def update_all(wire, firmware, addresses=BOARDS, report=ignore_progress, **options):
+    return run_all(
+        wire, {address: update_board(address, firmware, wire.now_s, report, **options) for address in addresses}
+    )
 
 
-def test_boards_get_the_image_of_their_free_slot_and_confirm_it(worlds, open_wire, make_firmware):
+def test_boards_receive_the_image_of_their_free_slot_and_confirm_it(worlds, open_wire, make_firmware):
     world = worlds()
     wire = open_wire(world)
     results = update_all(wire, make_firmware())
@@ -40,25 +42,25 @@ def test_boards_get_the_image_of_their_free_slot_and_confirm_it(worlds, open_wir
     assert {(r.before, r.after, r.rows_written, r.rows_kept) for r in results.values()} == {
         ((0, 1, 0), (1, 2, 3), 8, 0)
     }
-    assert versions(wire) == dict.fromkeys(BOARDS, (1, 2, 3))
+    assert read_versions(wire) == dict.fromkeys(BOARDS, (1, 2, 3))
     assert all(world.board_flash(address).runs == "application" for address in BOARDS)
 
 
-def test_the_next_update_goes_to_the_other_slot(worlds, open_wire, make_firmware):
+def test_the_next_update_is_written_to_the_other_slot(worlds, open_wire, make_firmware):
     wire = open_wire(worlds(boards=1))
     assert update_all(wire, make_firmware(), [FIRST])[FIRST].slot == 1
     assert update_all(wire, make_firmware(version=(2, 0, 0)), [FIRST])[FIRST].slot == 0
-    assert versions(wire, [FIRST]) == {FIRST: (2, 0, 0)}
+    assert read_versions(wire, [FIRST]) == {FIRST: (2, 0, 0)}
 
 
-def test_what_is_in_flash_is_the_file(worlds, adapter, make_firmware):
+def test_the_flash_contains_the_bytes_of_the_file(worlds, adapter, make_firmware):
     world = worlds(boards=1)
     firmware = make_firmware(size=12288)
     update_all(adapter(world), firmware, [FIRST])
     assert world.board_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.image_for(1).data
 
 
-def test_a_board_that_runs_the_image_already_is_left_alone_unless_forced(worlds, adapter, make_firmware):
+def test_a_board_that_runs_the_image_already_is_not_written_unless_forced(worlds, adapter, make_firmware):
     world = worlds(boards=1)
     wire = adapter(world)
     update_all(wire, make_firmware(), [FIRST])
@@ -69,7 +71,7 @@ def test_a_board_that_runs_the_image_already_is_left_alone_unless_forced(worlds,
     assert update_all(wire, make_firmware(), [FIRST], force=True)[FIRST].slot == 0
 
 
-def test_an_update_that_was_cut_off_goes_on_where_it_stopped(worlds, adapter, make_firmware):
+def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, adapter, make_firmware):
     world = worlds(boards=1)
     wire = adapter(world)
     firmware = make_firmware(size=4096)
@@ -88,81 +90,87 @@ def test_an_update_that_was_cut_off_goes_on_where_it_stopped(worlds, adapter, ma
     assert (world.board_flash(FIRST).wear[128:148] == wear).all()
 
 
-def test_rows_whose_sum_is_right_by_chance_are_written_when_the_whole_does_not_verify(worlds, adapter, make_image):
-    """8-bit sums: two bytes of a row swapped look the same; the CRC-32 of the whole tells."""
+def test_rows_with_an_accidentally_correct_sum_are_rewritten_after_a_wrong_crc(worlds, adapter, make_image):
+    """Two swapped bytes of a row do not change its 8-bit sum; the CRC-32 of the image detects them."""
     world = worlds(boards=1)
     wire = adapter(world)
-    good = make_image(1)
-    swapped = bytearray(good.data)
+    image = make_image(1)
+    swapped = bytearray(image.data)
     swapped[200], swapped[201] = swapped[201], swapped[200]
     session = BootSession(FIRST, wire.now_s)
 
-    def leave_damaged():
+    def write_damaged_image():
         yield from session.enter()
         padded = bytes(swapped) + bytes(24)
         for place in range(8):
             yield from session.write_row(128 + place, padded[128 * place : 128 * place + 128])
         yield from session.exit()
 
-    run(wire, leave_damaged())
+    run(wire, write_damaged_image())
     world.run(0.2)
-    result = update_all(wire, Firmware((good,)), [FIRST])[FIRST]
+    result = update_all(wire, Firmware((image,)), [FIRST])[FIRST]
     assert result.rows_written == 8
-    assert versions(wire, [FIRST]) == {FIRST: (1, 2, 3)}
+    assert read_versions(wire, [FIRST]) == {FIRST: (1, 2, 3)}
 
 
-def test_progress_tells_every_stage_and_every_row(worlds, adapter, make_firmware):
-    told = []
-    update_all(adapter(worlds(boards=1)), make_firmware(), [FIRST], told.append)
-    assert list(dict.fromkeys(progress.stage for progress in told)) == [
+def test_every_stage_and_every_row_is_reported_as_progress(worlds, adapter, make_firmware):
+    reported = []
+    update_all(adapter(worlds(boards=1)), make_firmware(), [FIRST], reported.append)
+    assert list(dict.fromkeys(progress.stage for progress in reported)) == [
         "entering",
         "writing",
         "starting",
         "confirming",
         "done",
     ]
-    assert [progress.done for progress in told if progress.stage == "writing"] == list(range(8))
+    assert [progress.done for progress in reported if progress.stage == "writing"] == list(range(8))
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "expected_text"),
     [
-        ({"kind": KIND + 1}, f"board 0x50: is of kind {KIND}, but slot-a.bin and slot-b.bin is for kind {KIND + 1}"),
-        ({"device": BootDevice.HUB}, "board 0x50: is a sensor board, but slot-a.bin and slot-b.bin is for the hub"),
+        (
+            {"kind": KIND + 1},
+            f"board 0x50: the board is of kind {KIND}, but slot-a.bin and slot-b.bin is for kind {KIND + 1}",
+        ),
+        (
+            {"device": BootDevice.HUB},
+            "board 0x50: the device is a sensor board, but slot-a.bin and slot-b.bin is for the hub",
+        ),
     ],
 )
-def test_the_wrong_file_is_refused_before_a_byte_is_written(worlds, adapter, make_firmware, options, words):
+def test_a_file_for_another_device_is_refused_before_any_write(worlds, adapter, make_firmware, options, expected_text):
     world = worlds(boards=1)
     wire = adapter(world)
     before = world.board_flash(FIRST).data
     error = update_all(wire, make_firmware(**options), [FIRST])[FIRST]
     assert isinstance(error, BoardError)
-    assert words in str(error)
+    assert expected_text in str(error)
     assert world.board_flash(FIRST).data == before
     world.run(0.2)
-    assert versions(wire, [FIRST]) == {FIRST: (0, 1, 0)}
+    assert read_versions(wire, [FIRST]) == {FIRST: (0, 1, 0)}
 
 
-def test_a_file_for_the_slot_in_use_alone_is_refused(worlds, adapter, make_image):
+def test_a_file_only_for_the_slot_in_use_is_refused(worlds, adapter, make_image):
     wire = adapter(worlds(boards=1))
     error = update_all(wire, Firmware((make_image(0),)), [FIRST])[FIRST]
-    assert "its free slot is B, but slot-a.bin is linked for slot A only; give the file linked for B too" in str(error)
+    assert "the free slot is B, but slot-a.bin is linked only for slot A; add the file linked for B" in str(error)
 
 
-def test_an_image_that_hangs_gives_way_to_the_one_before(worlds, open_wire, make_firmware):
+def test_an_image_that_hangs_is_replaced_by_the_previous_image(worlds, open_wire, make_firmware):
     world = worlds(boards=1)
     wire = open_wire(world)
     error = update_all(wire, make_firmware(content=HANG + bytes(400)), [FIRST])[FIRST]
-    assert "the new image 1.2.3 did not come up, the board is back on 0.1.0" in str(error)
+    assert "the new image 1.2.3 did not start, the board returned to 0.1.0" in str(error)
     assert update_all(wire, make_firmware(version=(1, 2, 4)), [FIRST])[FIRST].after == (1, 2, 4)
 
 
-def test_a_board_that_is_not_there_fails_alone(worlds, open_wire, make_firmware):
+def test_a_missing_board_does_not_affect_the_other_updates(worlds, open_wire, make_firmware):
     wire = open_wire(worlds(boards=2))
     results = update_all(wire, make_firmware(), [0x50, 0x51, 0x52])
     assert isinstance(results[0x52], TaxelError)
     assert "board 0x52: does not acknowledge" in str(results[0x52])
-    assert versions(wire, [0x50, 0x51]) == {0x50: (1, 2, 3), 0x51: (1, 2, 3)}
+    assert read_versions(wire, [0x50, 0x51]) == {0x50: (1, 2, 3), 0x51: (1, 2, 3)}
 
 
 @pytest.mark.parametrize("fault", ["flip_at", "nack_at"])
@@ -171,26 +179,26 @@ def test_a_damaged_packet_is_sent_again(worlds, adapter, make_firmware, fault, p
     world = worlds(boards=1)
     wire = adapter(world)
 
-    def hurt(progress) -> None:
+    def disturb(progress) -> None:
         if progress.stage == "writing":
             world.inject(fault, FIRST, position, 3)
 
-    result = update_all(wire, make_firmware(), [FIRST], hurt)[FIRST]
+    result = update_all(wire, make_firmware(), [FIRST], disturb)[FIRST]
     assert not isinstance(result, TaxelError), result
-    assert versions(wire, [FIRST]) == {FIRST: (1, 2, 3)}
+    assert read_versions(wire, [FIRST]) == {FIRST: (1, 2, 3)}
 
 
 @pytest.mark.parametrize("fault", ["up_flip", "up_drop", "down_flip", "down_drop"])
-def test_bytes_lost_on_the_uart_cost_time_and_nothing_else(worlds, hub, make_firmware, fault):
+def test_bytes_lost_on_the_uart_cost_only_time(worlds, hub, make_firmware, fault):
     world = worlds(boards=2)
     wire = hub(world)
-    hurts = iter(range(1000))
+    offsets = iter(range(1000))
 
-    def hurt(progress) -> None:
+    def disturb(progress) -> None:
         if progress.stage == "writing" and progress.done % 3 == 1:
-            world.inject(fault, 0, 7 * next(hurts) % 60, 1)
+            world.inject(fault, 0, 7 * next(offsets) % 60, 1)
 
-    results = update_all(wire, make_firmware(), [0x50, 0x51], hurt)
+    results = update_all(wire, make_firmware(), [0x50, 0x51], disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
 
 
@@ -199,36 +207,34 @@ def test_the_handshake_is_repeated_after_a_hub_restart(worlds, hub, make_firmwar
     wire = hub(world)
     restarts = iter([True])
 
-    def hurt(progress) -> None:
+    def disturb(progress) -> None:
         if progress.stage == "writing" and progress.done == 3 and next(restarts, False):
             world.inject("hub_restart")
 
-    results = update_all(wire, make_firmware(), [0x50, 0x51], hurt)
+    results = update_all(wire, make_firmware(), [0x50, 0x51], disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
 
 
 def test_17_boards_of_12_kib_are_flashed_through_the_hub_within_15_s(worlds, hub, make_firmware):
-    """400 kHz, 1 Mbaud, an adapter that holds replies back for 16 ms; each row is summed up by its board again."""
+    """400 kHz, 1 Mbaud, an adapter that delays replies by 16 ms; each board computes the sum of every row."""
     firmware = make_firmware(size=12288)
     world = worlds(hand="allegro", usb_latency_ms=16.0)
     wire = hub(world)
-    began = world.now_s
+    start_s = world.now_s
     results = update_all(wire, firmware, wire.scan())
-    interleaved = world.now_s - began
+    concurrent_s = world.now_s - start_s
     assert [(r.rows_written, r.after) for r in results.values()] == [(96, (1, 2, 3))] * 17
     alone = worlds(hand="allegro", usb_latency_ms=16.0)
-    one = update_all(hub(alone), firmware, [0x20])[0x20].seconds
-    plain = worlds(hand="allegro", usb_latency_ms=16.0)
-    waiting = hub(plain)
-    waiting.hub.window = 1  # each command waits for its reply, and nothing pushes that out of the adapter
-    slow = update_all(waiting, firmware, [0x20])[0x20].seconds
-    print(
-        f"17 boards of 12 KiB through the hub: {interleaved:.1f} s interleaved, {17 * one:.1f} s one after the other, "
-    )
-    print(f"{17 * slow:.1f} s one after the other and with one command under way at a time")
-    assert interleaved < 15.0
-    assert interleaved < 17 * one < 17 * slow
+    single_s = update_all(hub(alone), firmware, [0x20])[0x20].seconds
+    third_world = worlds(hand="allegro", usb_latency_ms=16.0)
+    waiting = hub(third_world)
+    waiting.hub.window = 1  # Each command waits for its reply, and no GET_TIME flushes the adapter.
+    slow_s = update_all(waiting, firmware, [0x20])[0x20].seconds
+    print(f"17 boards of 12 KiB through the hub: {concurrent_s:.1f} s concurrently")
+    print(f"one after the other: {17 * single_s:.1f} s; with one command in flight: {17 * slow_s:.1f} s")
+    assert concurrent_s < 15.0
+    assert concurrent_s < 17 * single_s < 17 * slow_s
 
 
-def test_the_rows_of_a_slot_are_known_to_the_protocol():
+def test_the_first_rows_of_the_slots_of_a_board_are_32_and_128():
     assert bootloader.LAYOUTS[BootDevice.BOARD].first_rows == (32, 128)

@@ -1,4 +1,4 @@
-"""Wires and the talks that run over them: order, failures, and how many commands are under way."""
+"""Bus connections and the scheduler: order, failures, and the number of commands in flight."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import pytest
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BootCommand
 from taxel_tools.errors import BoardError, FirmwareFileError, LostError, NackError, PlanError, StatusError, WireError
-from taxel_tools.interleave import run, run_all
+from taxel_tools.procedure import Pause, Transfer
+from taxel_tools.scheduler import run, run_all
 from taxel_tools.session import BootSession
-from taxel_tools.steps import Pause, Transfer
 from taxel_tools.wires import SmbusWire
 
 
 class BrokenBus:
-    """An adapter of which every transfer ends in one error."""
+    """An adapter whose transfers all end with the same error."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -34,92 +34,92 @@ def read_once(address: int, size: int = 1):
     return (yield Transfer(address, b"\0", size))
 
 
-def test_a_talk_is_handed_what_was_read(worlds, open_wire):
+def test_a_procedure_receives_the_bytes_read(worlds, open_wire):
     assert run(open_wire(worlds(boards=1)), read_once(0x50)) == b"\x54"
 
 
-def test_many_talks_run_beside_each_other_and_fail_alone(worlds, open_wire):
+def test_procedures_run_concurrently_and_fail_independently(worlds, open_wire):
     wire = open_wire(worlds(boards=2))
     results = run_all(wire, {address: read_once(address) for address in (0x50, 0x51, 0x52)})
     assert results[0x50] == results[0x51] == b"\x54"
     assert isinstance(results[0x52], NackError)
 
 
-def test_pauses_of_many_talks_go_by_together(worlds, open_wire):
+def test_pauses_of_several_procedures_overlap(worlds, open_wire):
     world = worlds(boards=1)
     wire = open_wire(world)
 
     def idle():
         yield Pause(0.2)
 
-    began = world.now_s
-    run_all(wire, dict.fromkeys(range(1)) | {place: idle() for place in range(9)})
-    assert 0.2 <= world.now_s - began < 0.21
+    start_s = world.now_s
+    run_all(wire, dict.fromkeys(range(1)) | {i: idle() for i in range(9)})
+    assert 0.2 <= world.now_s - start_s < 0.21
 
 
 @pytest.mark.parametrize(
     ("number", "kind"),
     [(errno.ENXIO, NackError), (errno.EREMOTEIO, NackError), (errno.ETIMEDOUT, LostError), (errno.EAGAIN, LostError)],
 )
-def test_what_an_adapter_reports_has_its_type(number, kind):
+def test_each_error_of_an_adapter_has_its_exception_type(number, kind):
     with pytest.raises(kind, match=r"board 0x50: .* on /dev/i2c-1"):
         run(SmbusWire(BrokenBus(number), "/dev/i2c-1"), read_once(0x50))
 
 
-def test_an_adapter_that_is_gone_ends_every_talk():
+def test_a_missing_adapter_ends_every_procedure():
     with pytest.raises(WireError, match="/dev/i2c-1: No such device; check the adapter and its driver"):
-        run_all(SmbusWire(BrokenBus(errno.ENODEV), "/dev/i2c-1"), {place: read_once(0x50) for place in range(3)})
+        run_all(SmbusWire(BrokenBus(errno.ENODEV), "/dev/i2c-1"), {i: read_once(0x50) for i in range(3)})
 
 
-def test_the_hubs_ring_never_overflows_and_replies_are_pushed_out(worlds, hub):
+def test_the_ring_buffer_of_the_hub_never_overflows_and_replies_are_flushed(worlds, hub):
     world = worlds(hand="allegro", usb_latency_ms=16.0)
     wire = hub(world)
     addresses = wire.scan()
 
-    def talk(address):
+    def read_repeatedly(address):
         for _ in range(20):
             yield Transfer(address, bytes([0x60]) + bytes(11), 12)
 
-    began = world.now_s
-    results = run_all(wire, {address: talk(address) for address in addresses})
+    start_s = world.now_s
+    results = run_all(wire, {address: read_repeatedly(address) for address in addresses})
     assert not any(isinstance(result, TaxelError) for result in results.values())
     assert not wire.hub.logs
-    assert (world.now_s - began) / (20 * len(addresses)) < 0.004
+    assert (world.now_s - start_s) / (20 * len(addresses)) < 0.004
 
 
-def test_a_refused_packet_is_one_line_with_its_status(worlds, adapter):
+def test_a_refused_packet_gives_one_error_line_with_its_status(worlds, adapter):
     wire = adapter(worlds(boards=1))
     session = BootSession(0x50, wire.now_s)
 
-    def steps():
+    def procedure():
         yield from session.enter()
         yield from session.write_row(40, bytes(128))
 
-    with pytest.raises(StatusError, match="board 0x50: a row of the slot in use was to be written") as error:
-        run(wire, steps())
+    with pytest.raises(StatusError, match="board 0x50: a write to a row of the slot in use was refused") as error:
+        run(wire, procedure())
     assert error.value.status == 0x0D
 
 
-def test_rows_of_the_bootloader_are_refused(worlds, adapter):
+def test_writes_to_rows_of_the_bootloader_are_refused(worlds, adapter):
     world = worlds(boards=1)
     wire = adapter(world)
     before = world.board_flash(0x50).data
     session = BootSession(0x50, wire.now_s)
 
-    def steps():
+    def procedure():
         yield from session.enter()
         yield from session.write_row(3, bytes(128))
 
-    with pytest.raises(StatusError, match="a protected row"):
-        run(wire, steps())
+    with pytest.raises(StatusError, match="a write to a protected row"):
+        run(wire, procedure())
     assert world.board_flash(0x50).data == before
 
 
-def test_a_board_without_a_bootloader_session_refuses(worlds, adapter):
+def test_a_bootloader_without_a_session_refuses_commands(worlds, adapter):
     world = worlds("blank 0x50", boards=1)
     wire = adapter(world)
-    with pytest.raises(StatusError, match="the bootloader does not know the command"):
-        run(wire, BootSession(0x77, wire.now_s).ask(BootCommand.VERIFY_APPLICATION, reply=1))
+    with pytest.raises(StatusError, match="the bootloader does not support the command"):
+        run(wire, BootSession(0x77, wire.now_s).request(BootCommand.VERIFY_APPLICATION, reply=1))
 
 
 @pytest.mark.parametrize(
@@ -134,6 +134,6 @@ def test_a_board_without_a_bootloader_session_refuses(worlds, adapter):
         PlanError("f", "board[0]", "a", "b", "c"),
     ],
 )
-def test_errors_survive_pickling(error):
-    again = pickle.loads(pickle.dumps(error))
-    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+def test_errors_can_be_pickled(error):
+    unpickled = pickle.loads(pickle.dumps(error))
+    assert (type(unpickled), str(unpickled), vars(unpickled)) == (type(error), str(error), vars(error))

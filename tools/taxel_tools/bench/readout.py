@@ -12,11 +12,11 @@ from taxel.stream import TaxelFrame
 from taxel_protocol.layout import packer_of, unpack
 from taxel_protocol.limits import REGISTER_SNAPSHOT, SNAPSHOT_OVERHEAD
 from taxel_protocol.registers import SnapshotHeader
-from taxel_tools.application import AGAIN_S
+from taxel_tools.application import RETRY_PAUSE_S
 from taxel_tools.bench.capture import Capture, unwrapped
 from taxel_tools.errors import BoardError, TransferError, WireError
-from taxel_tools.interleave import run
-from taxel_tools.steps import Pause, Steps, Transfer
+from taxel_tools.scheduler import run
+from taxel_tools.procedure import Pause, Procedure, Transfer
 from taxel_tools.wires import BoardWire, HubWire
 
 SILENCE_S: Final = 2.0
@@ -164,13 +164,13 @@ class AdapterReadout:
         """As they were counted here."""
         return self._damaged, self._reads
 
-    def _read(self) -> Steps[bytes | None]:
+    def _read(self) -> Procedure[bytes | None]:
         self._reads += 1
         try:
             data = yield Transfer(self._address, bytes([REGISTER_SNAPSHOT]), self._size)
         except TransferError:
             self._damaged += 1
-            yield Pause(AGAIN_S)
+            yield Pause(RETRY_PAUSE_S)
             return None
         crc = zlib.crc32(data[:-4], zlib.crc32(bytes([self._address])))
         if crc != int.from_bytes(data[-4:], "little"):

@@ -9,7 +9,7 @@ from importlib import metadata, resources
 from typing import Final
 
 from taxel.errors import TaxelError
-from taxel_tools.application import version_of
+from taxel_tools.application import firmware_version
 from taxel_tools.bench.phases import PHASES
 from taxel_tools.bench.probe import ManualProbe, NoProbe, Probe
 from taxel_tools.bench.probe.emulated import EmulatedProbe
@@ -17,8 +17,8 @@ from taxel_tools.bench.probe.gcode import open_gcode
 from taxel_tools.bench.station import Station
 from taxel_tools.errors import PlanError
 from taxel_tools.open_wire import EmulatedBench, open_emulated, open_wire
-from taxel_tools.program import dotted
-from taxel_tools.scan import scan
+from taxel_tools.firmware_update import format_version
+from taxel_tools.scan import scan_bus
 from taxel_tools.testing.engine import Report, check_plan, run_test
 from taxel_tools.testing.operator import Operator
 from taxel_tools.testing.plan import Plan, parse_plan
@@ -96,7 +96,7 @@ def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
 
 def only_board(wire: BoardWire) -> int:
     """The address of the one application on the bus. Raises `TaxelError` if there is none, or more than one."""
-    found = [one for one in scan(wire) if one.runs == "application"]
+    found = [one for one in scan_bus(wire) if one.runs == "application"]
     if len(found) == 1:
         return found[0].address
     if not found:
@@ -143,7 +143,7 @@ def test_board(plan: Plan, station: Station, who: Who, report: Report) -> TestRe
                 "address": f"0x{station.address:02X}",
                 "kind": station.kind.name,
                 "unique id": identity["unique_id"].hex(),
-                "firmware": dotted(version_of(identity)),
+                "firmware": format_version(firmware_version(identity)),
                 "wire": station.wire.name,
                 "probe": station.probe.name,
             },

@@ -23,8 +23,8 @@ from taxel_tools.bench.pictures import MEDIA_TYPE
 from taxel_tools.bench.probe import NoProbe, Probe
 from taxel_tools.bench.readout import Readout, readout_of
 from taxel_tools.errors import BoardError, NackError, TransferError
-from taxel_tools.interleave import run
-from taxel_tools.steps import Steps, Transfer
+from taxel_tools.scheduler import run
+from taxel_tools.procedure import Procedure, Transfer
 from taxel_tools.testing.log import PhaseLog
 from taxel_tools.wires import BoardWire
 
@@ -142,11 +142,11 @@ def open_station(wire: BoardWire, address: int, hand: Hand | None) -> Station:
     return Station(wire, address, kind, hand, identity, settings, readout, NoProbe())
 
 
-def _settings(address: int) -> Steps[bytes]:
+def _settings(address: int) -> Procedure[bytes]:
     return (yield Transfer(address, bytes([REGISTER_SETTINGS]), packer_of(ScanSettings).size))
 
 
-def _read(wire: BoardWire, steps: Callable[[], Steps[T]]) -> T:
+def _read(wire: BoardWire, steps: Callable[[], Procedure[T]]) -> T:
     """Registers, asked for several times where a transfer fails: a bus that loses some is to be measured, not met."""
     for _ in range(ATTEMPTS - 1):
         with suppress(TransferError):

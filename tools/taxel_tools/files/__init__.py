@@ -1,4 +1,4 @@
-"""Firmware files: cyacd, Intel HEX, raw images, and manifests that name several."""
+"""Firmware files: cyacd, Intel HEX, raw images, and manifests that name several files."""
 
 from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
 from taxel_tools.files.load import load_firmware

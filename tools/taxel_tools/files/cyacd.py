@@ -1,4 +1,4 @@
-"""`.cyacd`, the text file of the Cypress bootloader: a header line, then a line for each flash row."""
+"""`.cyacd`, the text format of the Cypress bootloader: a header line, then one line for each flash row."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Final, NoReturn
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BOOT_SILICON_ID, BootChecksum
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage
-from taxel_tools.files.rows import image_of_rows
+from taxel_tools.files.rows import build_image
 
 HEADER_BYTES: Final = 6
 ROW_OVERHEAD: Final = 6
-"""Array, row, length and sum of a row line, in bytes."""
+"""Size of array, row, length and sum of a row line, in bytes."""
 
 
 def read_cyacd(text: str, source: str) -> FirmwareImage:
-    """The image of a `.cyacd`. Raises `FirmwareFileError` that names the line.
+    """Read the image of a `.cyacd` file. Raises `FirmwareFileError` that names the line.
 
     Header: silicon id u32, revision, checksum kind. Row: `:`, array, row u16, length u16, data, two's complement of the
-    sum of all before it; numbers big-endian, in hexadecimal.
+    sum of all preceding bytes of the line. Numbers are big-endian hexadecimal.
     """
     lines = text.splitlines()
     _check_header(lines[0] if lines else "", source)
@@ -26,41 +26,41 @@ def read_cyacd(text: str, source: str) -> FirmwareImage:
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
             continue
-        row, data = _row(line.strip(), f"line {number}", source)
+        row, data = _parse_row(line.strip(), f"line {number}", source)
         if row in rows:
-            _fail(source, f"line {number}", "each row once", f"row {row} again (first in {rows[row][1]})")
+            _fail(source, f"line {number}", "each row once", f"row {row} a second time (first in {rows[row][1]})")
         rows[row] = data, f"line {number}"
     if not rows:
-        _fail(source, "file", "rows after the header", "none", "the file is cut short; copy it anew")
-    return image_of_rows(rows, source)
+        _fail(source, "file", "rows after the header", "none", "the file is truncated; copy it again")
+    return build_image(rows, source)
 
 
 def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = BootChecksum.SUM) -> str:
-    """The text of a `.cyacd` for `image`, whose slot begins at `first_row`."""
+    """Text of a `.cyacd` file for `image`, whose slot begins at `first_row`."""
     lines = [f"{BOOT_SILICON_ID:08X}00{checksum:02X}"]
-    for place, data in enumerate(image.rows()):
-        body = bytes([0]) + (first_row + place).to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
+    for index, data in enumerate(image.rows()):
+        body = bytes([0]) + (first_row + index).to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
         lines.append(":" + (body + bytes([-sum(body) & 0xFF])).hex().upper())
     return "\n".join(lines) + "\n"
 
 
 def _fail(
-    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it anew"
+    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
     raise FirmwareFileError(source, where, expected, found, remedy)
 
 
-def _bytes(digits: str, where: str, source: str) -> bytes:
+def _parse_hex(digits: str, where: str, source: str) -> bytes:
     if len(digits) % 2:
-        _fail(source, where, "two hexadecimal digits a byte", f"{len(digits)} digits")
-    for place, digit in enumerate(digits):
+        _fail(source, where, "two hexadecimal digits for each byte", f"{len(digits)} digits")
+    for i, digit in enumerate(digits):
         if digit not in "0123456789abcdefABCDEF":
-            _fail(source, where, "hexadecimal digits", f"{digit!r} at digit {place + 1}")
+            _fail(source, where, "hexadecimal digits", f"{digit!r} at digit {i + 1}")
     return bytes.fromhex(digits)
 
 
 def _check_header(line: str, source: str) -> None:
-    header = _bytes(line.strip(), "line 1", source)
+    header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
         _fail(source, "line 1", "a header of 12 digits", f"{2 * len(header)}", "is this a .cyacd file?")
     silicon_id = int.from_bytes(header[:4], "big")
@@ -70,28 +70,38 @@ def _check_header(line: str, source: str) -> None:
             "line 1",
             f"silicon id {BOOT_SILICON_ID:08X} (CY8C4245AXI-483)",
             f"{silicon_id:08X}",
-            "it is for another processor; give the file for this one",
+            "the file is for another processor; use the file for CY8C4245AXI-483",
         )
     if header[5] not in (BootChecksum.SUM, BootChecksum.CRC):
         _fail(source, "line 1", "checksum kind 0 or 1", str(header[5]))
 
 
-def _row(line: str, where: str, source: str) -> tuple[int, bytes]:
+def _parse_row(line: str, where: str, source: str) -> tuple[int, bytes]:
     if not line.startswith(":"):
         _fail(source, where, "a row that begins with ':'", repr(line[:1]))
-    record = _bytes(line[1:], where, source)
+    record = _parse_hex(line[1:], where, source)
     if len(record) < ROW_OVERHEAD:
-        _fail(source, where, f"at least {ROW_OVERHEAD} bytes", f"{len(record)}", "the line is cut short; copy the file")
+        _fail(
+            source,
+            where,
+            f"at least {ROW_OVERHEAD} bytes",
+            f"{len(record)}",
+            "the line is truncated; copy the file again",
+        )
     length = int.from_bytes(record[3:5], "big")
     if len(record) != ROW_OVERHEAD + length:
         _fail(
-            source, where, f"{length} bytes of data", f"{len(record) - ROW_OVERHEAD}", "the line is cut short; copy it"
+            source,
+            where,
+            f"{length} bytes of data",
+            f"{len(record) - ROW_OVERHEAD}",
+            "the line is truncated; copy the file again",
         )
     expected = -sum(record[:-1]) & 0xFF
     if record[-1] != expected:
         _fail(source, where, f"checksum {expected:02X}", f"{record[-1]:02X}")
     if record[0]:
-        _fail(source, where, "flash array 0", str(record[0]), "it is for another processor")
+        _fail(source, where, "flash array 0", str(record[0]), "the file is for another processor")
     if length != BOOT_ROW_SIZE:
-        _fail(source, where, f"rows of {BOOT_ROW_SIZE} bytes", f"{length}", "it is for another processor")
+        _fail(source, where, f"rows of {BOOT_ROW_SIZE} bytes", f"{length}", "the file is for another processor")
     return int.from_bytes(record[1:3], "big"), record[5:-1]

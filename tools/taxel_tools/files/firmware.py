@@ -1,4 +1,4 @@
-"""An image that has been read and found whole, and the set of them that one version consists of."""
+"""A checked firmware image, and the set of images that form one firmware version."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from taxel_tools.errors import FirmwareFileError
 
 HEADER_SIZE: Final = packer_of(ImageHeader).size
 CRC_OFFSET: Final = 28
-SMALLEST: Final = HEADER_SIZE + 8
+IMAGE_SIZE_MIN: Final = HEADER_SIZE + 8
 
 
 def slot_name(slot: int) -> str:
-    """A or B."""
+    """Letter of a slot: A or B."""
     return "AB"[slot]
 
 
 @dataclass(frozen=True)
 class FirmwareImage:
-    """An image linked for one slot; `data` is header and all, `source` the file it came from."""
+    """An image linked for one slot. `data` includes the header; `source` names the file."""
 
     data: bytes
     device: BootDevice
@@ -40,11 +40,11 @@ class FirmwareImage:
 
     @property
     def crc(self) -> int:
-        """The CRC-32 of its header."""
+        """CRC-32 in the header."""
         return int.from_bytes(self.data[CRC_OFFSET:HEADER_SIZE], "little")
 
     def rows(self) -> list[bytes]:
-        """The flash rows that it fills, the last one filled up with zeros."""
+        """Flash rows of the image; the last row is padded with zeros."""
         padded = self.data + bytes(-len(self.data) % BOOT_ROW_SIZE)
         return [padded[begin : begin + BOOT_ROW_SIZE] for begin in range(0, len(padded), BOOT_ROW_SIZE)]
 
@@ -56,17 +56,17 @@ class Firmware:
     images: tuple[FirmwareImage, ...]
 
     def image_for(self, slot: int) -> FirmwareImage | None:
-        """The image linked for that slot, if there is one."""
+        """The image linked for a slot; None if there is none."""
         return next((image for image in self.images if image.slot == slot), None)
 
     @property
     def device(self) -> BootDevice:
-        """What it runs on."""
+        """Device on which the firmware runs."""
         return self.images[0].device
 
     @property
     def kind(self) -> int:
-        """Design of the board; 0: any."""
+        """Board kind; 0: any kind."""
         return self.images[0].kind
 
     @property
@@ -76,21 +76,21 @@ class Firmware:
 
     @property
     def source(self) -> str:
-        """The files it came from."""
+        """Names of the source files."""
         return " and ".join(dict.fromkeys(image.source for image in self.images))
 
 
 def parse_image(data: bytes, source: str, first_row: int | None = None) -> FirmwareImage:
-    """Check an image byte for byte as the bootloader will. first_row: where its file puts it; None: it does not say.
+    """Check an image with the rules of the bootloader. `first_row`: row where the file places the image; None: unknown.
 
-    Bytes after the length that the header claims are not looked at. Raises `FirmwareFileError`.
+    Bytes after the length in the header are ignored. Raises `FirmwareFileError`.
     """
 
-    def fail(field: str, expected: str, found: str, remedy: str = "build it anew") -> NoReturn:
+    def fail(field: str, expected: str, found: str, remedy: str = "build the image again") -> NoReturn:
         raise FirmwareFileError(source, field, expected, found, remedy)
 
-    if len(data) < SMALLEST:
-        fail("image", f"at least {SMALLEST} bytes", f"{len(data)}", "the file is cut short; copy it anew")
+    if len(data) < IMAGE_SIZE_MIN:
+        fail("image", f"at least {IMAGE_SIZE_MIN} bytes", f"{len(data)}", "the file is truncated; copy it again")
     fields, _ = unpack(ImageHeader, data)
     if fields["magic"] != BOOT_IMAGE_MAGIC:
         fail("image header", "an image that begins with TXLI", data[:4].hex(" ").upper(), "is this a taxel image?")
@@ -107,17 +107,17 @@ def parse_image(data: bytes, source: str, first_row: int | None = None) -> Firmw
             "image header slot",
             f"row {begin // BOOT_ROW_SIZE}, where slot {slot_name(fields['slot'])} begins",
             f"row {first_row}",
-            "link it for the slot that its header names",
+            "link the image for the slot in its header",
         )
     length = fields["length"]
-    if not SMALLEST <= length <= layout.slot_size or length % 4:
-        fail("image header length", f"{SMALLEST} to {layout.slot_size}, a multiple of 4", str(length))
+    if not IMAGE_SIZE_MIN <= length <= layout.slot_size or length % 4:
+        fail("image header length", f"{IMAGE_SIZE_MIN} to {layout.slot_size}, a multiple of 4", str(length))
     if length > len(data):
-        fail("image", f"{length} bytes, as its header says", f"{len(data)}", "the file is cut short; copy it anew")
+        fail("image", f"{length} bytes, as its header states", f"{len(data)}", "the file is truncated; copy it again")
     if not begin + HEADER_SIZE <= fields["vectors"] <= begin + length - 8:
         fail("image header vectors", f"an address within slot {slot_name(fields['slot'])}", f"0x{fields['vectors']:X}")
     expected = crc32(data[:CRC_OFFSET] + data[HEADER_SIZE:length])
     if fields["crc32"] != expected:
-        fail("image CRC-32", f"{expected:08X}", f"{fields['crc32']:08X}", "the file is damaged; copy it anew")
+        fail("image CRC-32", f"{expected:08X}", f"{fields['crc32']:08X}", "the file is damaged; copy it again")
     version = (fields["version_major"], fields["version_minor"], fields["version_patch"])
     return FirmwareImage(data[:length], layout.device, fields["kind"], fields["slot"], version, source)

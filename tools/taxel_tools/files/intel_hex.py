@@ -7,28 +7,31 @@ from typing import Final, NoReturn
 from taxel_protocol.bootloader import BOOT_ROW_COUNT, BOOT_ROW_SIZE
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage
-from taxel_tools.files.rows import image_of_rows
+from taxel_tools.files.rows import build_image
 
 FLASH_SIZE: Final = BOOT_ROW_COUNT * BOOT_ROW_SIZE
 DATA, END, SEGMENT, SEGMENT_START, LINEAR, LINEAR_START = range(6)
-OVERHEAD: Final = 5
-"""Length, address, type and checksum of a record, in bytes."""
+RECORD_OVERHEAD: Final = 5
+"""Size of length, address, type and checksum of a record, in bytes."""
 
 
 Rows = dict[int, tuple[bytes, str]]
-"""Flash rows that a file sets, by number: their bytes, and the line that sets the first of them."""
+"""Flash rows that a file sets, by number: their bytes, and the line that sets the first of these bytes."""
 
 
 def read_intel_hex(text: str, source: str) -> FirmwareImage:
-    """The image of an Intel HEX file; what no record names is 00, as in erased flash. Raises `FirmwareFileError`."""
-    return image_of_rows(rows_of_intel_hex(text, source), source)
+    """Read the image of an Intel HEX file; bytes without a record are 00, as in erased flash.
+
+    Raises `FirmwareFileError`.
+    """
+    return build_image(rows_of_intel_hex(text, source), source)
 
 
 def rows_of_intel_hex(text: str, source: str) -> Rows:
-    """All rows that an Intel HEX file sets, of whatever part of the flash. Raises `FirmwareFileError`."""
+    """All flash rows that an Intel HEX file sets. Raises `FirmwareFileError`."""
     flash = bytearray(FLASH_SIZE)
-    set_in: dict[int, str] = {}
-    taken = bytearray(FLASH_SIZE)
+    row_sources: dict[int, str] = {}
+    is_set = bytearray(FLASH_SIZE)
     base, has_end = 0, False
     for number, line in enumerate(text.splitlines(), start=1):
         where = f"line {number}"
@@ -36,9 +39,9 @@ def rows_of_intel_hex(text: str, source: str) -> Rows:
             continue
         if has_end:
             _fail(source, where, "nothing after the end record", "another record")
-        kind, offset, data = _record(line.strip(), where, source)
+        kind, offset, data = _parse_record(line.strip(), where, source)
         if kind == DATA:
-            _place(flash, taken, set_in, base + offset, data, where, source)
+            _store_data(flash, is_set, row_sources, base + offset, data, where, source)
         elif kind == END:
             has_end = True
         elif kind in (SEGMENT, LINEAR):
@@ -46,40 +49,46 @@ def rows_of_intel_hex(text: str, source: str) -> Rows:
         elif kind not in (SEGMENT_START, LINEAR_START):
             _fail(source, where, "record type 0 to 5", str(kind))
     if not has_end:
-        _fail(source, "file", "an end record (:00000001FF)", "none", "the file is cut short; copy it anew")
+        _fail(source, "file", "an end record (:00000001FF)", "none", "the file is truncated; copy it again")
     return {
         row: (bytes(flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]), where)
-        for row, where in sorted(set_in.items())
+        for row, where in sorted(row_sources.items())
     }
 
 
 def write_intel_hex(data: bytes, address: int) -> str:
-    """The text of a file that puts `data` at `address`, below 64 KiB."""
+    """Text of an Intel HEX file that places `data` at `address`, below 64 KiB."""
     lines = []
     for begin in range(0, len(data), 16):
-        piece = data[begin : begin + 16]
-        record = bytes([len(piece)]) + (address + begin).to_bytes(2, "big") + bytes([DATA]) + piece
+        chunk = data[begin : begin + 16]
+        record = bytes([len(chunk)]) + (address + begin).to_bytes(2, "big") + bytes([DATA]) + chunk
         lines.append(":" + (record + bytes([-sum(record) & 0xFF])).hex().upper())
     return "\n".join([*lines, ":00000001FF"]) + "\n"
 
 
 def _fail(
-    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it anew"
+    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
     raise FirmwareFileError(source, where, expected, found, remedy)
 
 
-def _record(line: str, where: str, source: str) -> tuple[int, int, bytes]:
-    """(type, address, data) of a line."""
+def _parse_record(line: str, where: str, source: str) -> tuple[int, int, bytes]:
+    """Type, address and data of a line."""
     if not line.startswith(":"):
         _fail(source, where, "a record that begins with ':'", repr(line[:1]))
     try:
         record = bytes.fromhex(line[1:])
     except ValueError:
-        _fail(source, where, "hexadecimal digits, two a byte", "others")
-    if len(record) < OVERHEAD or len(record) != OVERHEAD + record[0]:
-        claimed = record[0] if record else 0
-        _fail(source, where, f"{claimed} bytes of data", f"{max(len(record) - OVERHEAD, 0)}", "the line is cut short")
+        _fail(source, where, "two hexadecimal digits for each byte", "other characters")
+    if len(record) < RECORD_OVERHEAD or len(record) != RECORD_OVERHEAD + record[0]:
+        stated_size = record[0] if record else 0
+        _fail(
+            source,
+            where,
+            f"{stated_size} bytes of data",
+            f"{max(len(record) - RECORD_OVERHEAD, 0)}",
+            "the line is truncated",
+        )
     expected = -sum(record[:-1]) & 0xFF
     if record[-1] != expected:
         _fail(source, where, f"checksum {expected:02X}", f"{record[-1]:02X}")
@@ -88,8 +97,8 @@ def _record(line: str, where: str, source: str) -> tuple[int, int, bytes]:
     return record[3], int.from_bytes(record[1:3], "big"), record[4:-1]
 
 
-def _place(
-    flash: bytearray, taken: bytearray, set_in: dict[int, str], address: int, data: bytes, where: str, source: str
+def _store_data(
+    flash: bytearray, is_set: bytearray, row_sources: dict[int, str], address: int, data: bytes, where: str, source: str
 ) -> None:
     end = address + len(data)
     if end > FLASH_SIZE:
@@ -98,11 +107,11 @@ def _place(
             where,
             f"addresses below 0x{FLASH_SIZE:X}",
             f"0x{address:X}, beyond the flash",
-            "give the application's file without the programmer's sections",
+            "export the application without the programmer's sections",
         )
-    if any(taken[address:end]):
-        _fail(source, where, "each byte once", f"address 0x{address:X} again")
+    if any(is_set[address:end]):
+        _fail(source, where, "each byte once", f"address 0x{address:X} a second time")
     flash[address:end] = data
-    taken[address:end] = b"\x01" * len(data)
+    is_set[address:end] = b"\x01" * len(data)
     for row in range(address // BOOT_ROW_SIZE, -(-end // BOOT_ROW_SIZE)):
-        set_in.setdefault(row, where)
+        row_sources.setdefault(row, where)

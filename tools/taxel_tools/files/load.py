@@ -1,4 +1,4 @@
-"""Files of any form as one version of firmware."""
+"""Firmware files of any supported format, loaded as one firmware version."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from taxel_tools.files.firmware import Firmware, FirmwareImage, parse_image, slo
 from taxel_tools.files.intel_hex import read_intel_hex
 from taxel_tools.files.manifest import read_manifest
 
-MANIFESTS: Final = {".toml", ".json"}
+MANIFEST_SUFFIXES: Final = {".toml", ".json"}
 SIZE_MAX: Final = 1 << 20
-"""Bytes of a file: a `.cyacd` of a slot has 27,000."""
+"""Size limit of a file in bytes; a `.cyacd` file of one slot has 27,000."""
 
 
 def load_firmware(paths: Sequence[Path]) -> Firmware:
-    """Read `.cyacd`, `.hex`, `.bin` (an image with its header) and manifests; together at most one image a slot.
+    """Read `.cyacd`, `.hex`, `.bin` (an image with its header) and manifests; at most one image for each slot.
 
-    Raises `FirmwareFileError` with a line for each kind of damage, OSError for a file that cannot be read.
+    Raises `FirmwareFileError` for damaged or contradicting files, OSError for a file that cannot be read.
     """
     images: list[FirmwareImage] = []
     for path in paths:
-        data = _bytes(path)
-        images += read_manifest(path, data, _read_one) if path.suffix in MANIFESTS else [_read_one(path, data)]
+        data = _read_bytes(path)
+        images += read_manifest(path, data, _read_one) if path.suffix in MANIFEST_SUFFIXES else [_read_one(path, data)]
     first = images[0]
     for image in images[1:]:
         if image.device != first.device:
@@ -34,28 +34,28 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
                 "image device",
                 f"{first.device.name.lower()}, as in {first.source}",
                 image.device.name.lower(),
-                "flash boards and the hub one after the other",
+                "flash boards and the hub with separate commands",
             )
         for field in ("kind", "version"):
-            ours, theirs = getattr(first, field), getattr(image, field)
-            if ours != theirs:
+            expected, found = getattr(first, field), getattr(image, field)
+            if expected != found:
                 raise FirmwareFileError(
-                    image.source, f"image {field}", f"{ours}, as in {first.source}", f"{theirs}", "give one version"
+                    image.source, f"image {field}", f"{expected}, as in {first.source}", f"{found}", "use one version"
                 )
     for slot in (0, 1):
-        same = [image for image in images if image.slot == slot]
-        if len(same) > 1:
+        slot_images = [image for image in images if image.slot == slot]
+        if len(slot_images) > 1:
             raise FirmwareFileError(
-                same[1].source,
+                slot_images[1].source,
                 "image slot",
                 f"one image for slot {slot_name(slot)}",
-                f"another one, beside {same[0].source}",
-                "give one file a slot",
+                f"a second one besides {slot_images[0].source}",
+                "use one file for each slot",
             )
     return Firmware(tuple(images))
 
 
-def _bytes(path: Path) -> bytes:
+def _read_bytes(path: Path) -> bytes:
     with path.open("rb") as file:
         data = file.read(SIZE_MAX + 1)
     if len(data) > SIZE_MAX:
@@ -76,6 +76,10 @@ def _read_one(path: Path, data: bytes) -> FirmwareImage:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise FirmwareFileError(
-            str(path), f"line {line}", "ASCII text", f"byte {data[error.start]:02X}", "the file is damaged; copy it"
+            str(path),
+            f"line {line}",
+            "ASCII text",
+            f"byte {data[error.start]:02X}",
+            "the file is damaged; copy it again",
         ) from None
     return readers[path.suffix](text, str(path))

@@ -1,20 +1,20 @@
-"""A manifest names the files of one version: both slots, and what a raw image without a header is.
+"""A manifest names the files of one version: both slots, and the properties of raw images without a header.
 
     taxel_firmware = 1
 
     [[image]]
-    file = "fingertip-1.2.0-a.cyacd"      # beside the manifest
+    file = "fingertip-1.2.0-a.cyacd"      # in the folder of the manifest
     sha256 = "9f86d081..."                # optional
 
     [[image]]
-    file = "fingertip-1.2.0-b.bin"        # raw, from the vector table on: it needs these four
+    file = "fingertip-1.2.0-b.bin"        # raw image from the vector table on: the next four keys are required
     device = "board"                      # or "hub"
     kind = 1                              # 0: any
     slot = "B"
     version = "1.2.0"
 
-The four keys may stand beside any file; where an image has a header they must agree with it. JSON of the same form is
-read too.
+The four keys are optional for other files; the values must then agree with the header of the image. JSON with the same
+structure is accepted too.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage, parse_image, slot_name
 
 KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
-DEVICES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
+DEVICE_NAMES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
 
 ReadOne = Callable[[Path, bytes], FirmwareImage]
 
 
 def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
-    """The images that a manifest names. read_one: reads a file with a header. Raises `FirmwareFileError`, OSError."""
-    document = _document(path, data)
+    """Read the images of a manifest. `read_one` reads a file with a header. Raises `FirmwareFileError`, OSError."""
+    document = _parse_document(path, data)
     if document.get("taxel_firmware") != 1:
-        _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a manifest of firmware?")
+        _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a firmware manifest?")
     entries = document.get("image")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        _fail(path, "image", "one table or more", "none", "name the files in [[image]] tables")
-    return [_image(path, f"image[{place}]", entry, read_one) for place, entry in enumerate(entries)]
+        _fail(path, "image", "one table or more", "none", "add an [[image]] table for each file")
+    return [_read_image(path, f"image[{i}]", entry, read_one) for i, entry in enumerate(entries)]
 
 
-def _document(path: Path, data: bytes) -> dict[str, Any]:
+def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
     try:
         text = data.decode()
         document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:  # of either language, or no UTF-8
+    except ValueError as error:  # A JSON, TOML or UTF-8 error.
         kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise FirmwareFileError(str(path), "file", kind, str(error).splitlines()[0], "mend it") from None
+        raise FirmwareFileError(str(path), "file", kind, str(error).splitlines()[0], "correct the file") from None
     if not isinstance(document, dict):
-        _fail(path, "file", "a table", "something else", "see the manual's page on firmware files")
+        _fail(path, "file", "a table", "something else", "see docs/how-to-flash-boards.md")
     return document
 
 
@@ -64,44 +64,46 @@ def _fail(path: Path, field: str, expected: str, found: str, remedy: str) -> NoR
     raise FirmwareFileError(str(path), field, expected, found, remedy)
 
 
-def _image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
+def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
     unknown = sorted(set(entry) - KEYS)
     if unknown:
         _fail(path, f"{field}.{unknown[0]}", f"one of {', '.join(sorted(KEYS))}", "an unknown key", "correct its name")
     name = entry.get("file")
     if not isinstance(name, str) or not name:
-        _fail(path, f"{field}.file", "a file name", repr(name), "name the file")
+        _fail(path, f"{field}.file", "a file name", repr(name), "add the file name")
     file = path.parent / name
     data = file.read_bytes()
-    claimed = entry.get("sha256")
+    expected_hash = entry.get("sha256")
     found = hashlib.sha256(data).hexdigest()
-    if claimed is not None and str(claimed).lower() != found:
-        _fail(path, f"{field}.sha256", str(claimed), found, f"{name} is damaged or of another build; copy it anew")
-    is_bare = file.suffix == ".bin" and not data.startswith(BOOT_IMAGE_MAGIC.to_bytes(4, "little"))
-    result = _with_header(path, field, entry, file, data) if is_bare else read_one(file, data)
+    if expected_hash is not None and str(expected_hash).lower() != found:
+        _fail(
+            path, f"{field}.sha256", str(expected_hash), found, f"{name} is damaged or of another build; copy it again"
+        )
+    has_no_header = file.suffix == ".bin" and not data.startswith(BOOT_IMAGE_MAGIC.to_bytes(4, "little"))
+    result = _add_header(path, field, entry, file, data) if has_no_header else read_one(file, data)
     _check_claims(path, field, entry, result)
     return result
 
 
-def _with_header(path: Path, field: str, entry: dict[str, Any], file: Path, data: bytes) -> FirmwareImage:
+def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data: bytes) -> FirmwareImage:
     for key in ("device", "kind", "slot", "version"):
         if key not in entry:
             _fail(path, f"{field}.{key}", "a value, as the raw image has no header", "none", f"add {key}")
-    claims = _claims(path, field, entry)
+    claims = _parse_claims(path, field, entry)
     try:
         return parse_image(image(claims["device"], claims["slot"], claims["kind"], claims["version"], data), str(file))
     except ValueError as error:
         if isinstance(error, FirmwareFileError):
             raise
-        _fail(path, f"{field}.file", "an image that fits the slot", str(error), "build it smaller")
+        _fail(path, f"{field}.file", "an image that fits the slot", str(error), "reduce the image size")
 
 
-def _claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
+def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
     claims: dict[str, Any] = {}
     if "device" in entry:
-        if entry["device"] not in DEVICES:
+        if entry["device"] not in DEVICE_NAMES:
             _fail(path, f"{field}.device", "board or hub", repr(entry["device"]), "correct it")
-        claims["device"] = DEVICES[entry["device"]]
+        claims["device"] = DEVICE_NAMES[entry["device"]]
     if "kind" in entry:
         kind = entry["kind"]
         if not isinstance(kind, int) or isinstance(kind, bool) or not 0 <= kind <= 255:
@@ -120,13 +122,19 @@ def _claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_claims(path: Path, field: str, entry: dict[str, Any], found: FirmwareImage) -> None:
-    shown: dict[str, Callable[[Any], str]] = {
+    formatters: dict[str, Callable[[Any], str]] = {
         "slot": slot_name,
         "version": lambda version: ".".join(map(str, version)),
         "device": lambda device: device.name.lower(),
     }
-    for key, claim in _claims(path, field, entry).items():
+    for key, claim in _parse_claims(path, field, entry).items():
         value = getattr(found, key)
         if value != claim:
-            text = shown.get(key, str)
-            _fail(path, f"{field}.{key}", text(claim), f"{text(value)} in {found.source}", "one of the two is wrong")
+            text = formatters.get(key, str)
+            _fail(
+                path,
+                f"{field}.{key}",
+                text(claim),
+                f"{text(value)} in {found.source}",
+                "correct the manifest or the file",
+            )

@@ -1,4 +1,4 @@
-"""Rows of flash out of a file, as an image: what lies where it must not, and what belongs to two slots, is refused."""
+"""Assembly of flash rows into an image; rows outside one slot are refused."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from taxel_tools.files.firmware import FirmwareImage, parse_image
 DEVICE_OFFSET: Final = 5
 
 
-def image_of_rows(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareImage:
-    """`rows`: 128 bytes of each row, and where in the file they stand ("line 12"). Raises `FirmwareFileError`."""
+def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareImage:
+    """Assemble an image. Raises `FirmwareFileError`.
+
+    `rows`: 128 bytes of each row, and the place in the file that sets the row ("line 12").
+    """
     for row, (_, where) in sorted(rows.items()):
         if row < BOOT_BOOTLOADER_ROWS:
             raise FirmwareFileError(
@@ -29,9 +32,9 @@ def image_of_rows(rows: Mapping[int, tuple[bytes, str]], source: str) -> Firmwar
                 where,
                 f"rows from {BOOT_BOOTLOADER_ROWS} on",
                 f"row {row} of the bootloader",
-                "the bootloader does not replace itself; give an application's file",
+                "the bootloader cannot replace itself; use the file of an application",
             )
-    layout = _layout(rows, source)
+    layout = _find_layout(rows, source)
     slots = {row: _slot_of(row, layout) for row in rows}
     for row, slot in sorted(slots.items()):
         if slot is None:
@@ -41,13 +44,17 @@ def image_of_rows(rows: Mapping[int, tuple[bytes, str]], source: str) -> Firmwar
                 rows[row][1],
                 f"rows {a} to {a + layout.slot_rows - 1} or {b} to {b + layout.slot_rows - 1}",
                 f"row {row}, outside the slots" if row < BOOT_ROW_COUNT else f"row {row}, beyond the flash",
-                "configuration and metadata are the bootloader's own; give an application's file",
+                "only the bootloader writes configuration and metadata; use the file of an application",
             )
     first = min(rows)
-    mixed = [row for row in sorted(rows) if slots[row] != slots[first]]
-    if mixed:
+    other_slot_rows = [row for row in sorted(rows) if slots[row] != slots[first]]
+    if other_slot_rows:
         raise FirmwareFileError(
-            source, rows[mixed[0]][1], "rows of one slot", "rows of slots A and B", "give each slot a file of its own"
+            source,
+            rows[other_slot_rows[0]][1],
+            "rows of one slot",
+            "rows of slots A and B",
+            "use a separate file for each slot",
         )
     last = max(rows)
     data = b"".join(rows[row][0] if row in rows else bytes(BOOT_ROW_SIZE) for row in range(first, last + 1))
@@ -58,8 +65,8 @@ def _slot_of(row: int, layout: FlashLayout) -> int | None:
     return next((slot for slot, first in enumerate(layout.first_rows) if 0 <= row - first < layout.slot_rows), None)
 
 
-def _layout(rows: Mapping[int, tuple[bytes, str]], source: str) -> FlashLayout:
-    """The header tells the device, and with it where the slots lie."""
+def _find_layout(rows: Mapping[int, tuple[bytes, str]], source: str) -> FlashLayout:
+    """Flash layout of the device that the image header names; the layout determines the rows of the slots."""
     magic = BOOT_IMAGE_MAGIC.to_bytes(4, "little")
     for row in sorted({first for layout in LAYOUTS.values() for first in layout.first_rows} & set(rows)):
         data = rows[row][0]

@@ -8,10 +8,10 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel_protocol.names import BoardErrorFlag, ResetCause
-from taxel_tools.application import version_of
+from taxel_tools.application import firmware_version
 from taxel_tools.bench.analysis.fault import BOARD, Fault
 from taxel_tools.bench.station import Station
-from taxel_tools.program import dotted
+from taxel_tools.firmware_update import format_version
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
@@ -38,7 +38,7 @@ class Identify:
         options.done()
         station, identity = context, context.identity
         status = station.status()
-        version = dotted(version_of(identity))
+        version = format_version(firmware_version(identity))
         log.measure("kind", station.kind.name, "")
         log.measure("taxels", station.kind.taxel_count, "")
         log.measure("firmware", version, "")

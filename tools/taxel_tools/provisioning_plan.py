@@ -1,4 +1,4 @@
-"""Who is to be which board: unique ids with address, kind, serial number and calibration.
+"""Provisioning plan: a TOML file that assigns address, kind, serial number and calibration to unique ids.
 
     taxel_provisioning = 1
 
@@ -7,9 +7,9 @@
     address = 0x21
     kind = 1
     serial_number = "FT-0007"
-    idac_codes = [16, 16, 17]          # of each RX line from the first on; the rest is 0: as the scan settings say
+    idac_codes = [16, 16, 17]          # of the first RX lines; lines without a code use the scan settings
 
-What is left out stays as the board has it.
+Keys that are left out keep the value stored on the board.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ KEYS: Final = {"unique_id", "address", "kind", "serial_number", "idac_codes"}
 
 @dataclass(frozen=True)
 class Entry:
-    """One board of a plan. `unique_id` None: the only board that is found. None elsewhere: as it is."""
+    """One board of a plan. `unique_id` None: the only board found. None in another field: unchanged."""
 
     unique_id: bytes | None
     address: int | None = None
@@ -42,23 +42,23 @@ class Entry:
 
 
 def read_plan(path: Path) -> list[Entry]:
-    """The entries of a plan, in its order. Raises `PlanError`, OSError."""
+    """Read the entries of a plan, in file order. Raises `PlanError`, OSError."""
     try:
         document = tomllib.loads(path.read_text())
     except ValueError as error:
-        raise PlanError(str(path), "file", "TOML", str(error).splitlines()[0], "mend it") from None
+        raise PlanError(str(path), "file", "TOML", str(error).splitlines()[0], "correct the file") from None
     if document.get("taxel_provisioning") != 1:
-        found = repr(document.get("taxel_provisioning"))
-        raise PlanError(str(path), "taxel_provisioning", "1", found, "is this a provisioning plan?")
+        value = repr(document.get("taxel_provisioning"))
+        raise PlanError(str(path), "taxel_provisioning", "1", value, "is this a provisioning plan?")
     tables = document.get("board")
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
-        raise PlanError(str(path), "board", "one table or more", "none", "name the boards in [[board]] tables")
-    entries = [_entry(str(path), f"board[{place}]", table) for place, table in enumerate(tables)]
-    _check_once(str(path), entries)
+        raise PlanError(str(path), "board", "one table or more", "none", "add a [[board]] table for each board")
+    entries = [_parse_entry(str(path), f"board[{index}]", table) for index, table in enumerate(tables)]
+    _check_unique(str(path), entries)
     return entries
 
 
-def _entry(source: str, field: str, table: dict[str, Any]) -> Entry:
+def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
     unknown = sorted(set(table) - KEYS)
     if unknown:
         raise PlanError(
@@ -66,8 +66,10 @@ def _entry(source: str, field: str, table: dict[str, Any]) -> Entry:
         )
     unique_id = table.get("unique_id")
     if not isinstance(unique_id, str):
-        raise PlanError(source, f"{field}.unique_id", "16 hexadecimal digits", repr(unique_id), "scan shows the ids")
-    return checked(
+        raise PlanError(
+            source, f"{field}.unique_id", "16 hexadecimal digits", repr(unique_id), "taxel scan lists the ids"
+        )
+    return validate_entry(
         source,
         f"{field}.",
         unique_id,
@@ -78,17 +80,17 @@ def _entry(source: str, field: str, table: dict[str, Any]) -> Entry:
     )
 
 
-def checked(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, serial: Any, idac: Any) -> Entry:
-    """An entry of values that may be anything. Raises `PlanError` that names the one which cannot be."""
+def validate_entry(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, serial: Any, idac: Any) -> Entry:
+    """Check untrusted values and return them as an entry. Raises `PlanError` that names the invalid field."""
 
-    def fail(field: str, expected: str, found: object) -> NoReturn:
-        raise PlanError(source, f"{prefix}{field}", expected, repr(found), "correct it")
+    def fail(field: str, expected: str, value: object) -> NoReturn:
+        raise PlanError(source, f"{prefix}{field}", expected, repr(value), "correct it")
 
     if unique_id is not None and not (isinstance(unique_id, str) and re.fullmatch(r"[0-9a-fA-F]{16}", unique_id)):
         fail("unique_id", "16 hexadecimal digits", unique_id)
-    if address is not None and not (_is_whole(address) and ADDRESS_MIN <= address < BOOT_DEFAULT_ADDRESS):
+    if address is not None and not (_is_integer(address) and ADDRESS_MIN <= address < BOOT_DEFAULT_ADDRESS):
         fail("address", f"0x{ADDRESS_MIN:02X} to 0x{BOOT_DEFAULT_ADDRESS - 1:02X}", address)
-    if kind is not None and not (_is_whole(kind) and 0 <= kind <= 255):
+    if kind is not None and not (_is_integer(kind) and 0 <= kind <= 255):
         fail("kind", "0 to 255", kind)
     if serial is not None and not (isinstance(serial, str) and serial.isascii() and serial.isprintable()):
         fail("serial_number", "printable ASCII", serial)
@@ -98,7 +100,7 @@ def checked(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, s
         isinstance(idac, Sequence)
         and not isinstance(idac, str)
         and len(idac) <= IDAC_COUNT
-        and all(_is_whole(code) and 0 <= code <= 255 for code in idac)
+        and all(_is_integer(code) and 0 <= code <= 255 for code in idac)
     ):
         fail("idac_codes", f"at most {IDAC_COUNT} numbers from 0 to 255", idac)
     return Entry(
@@ -110,18 +112,22 @@ def checked(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, s
     )
 
 
-def _is_whole(value: object) -> bool:
+def _is_integer(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _check_once(source: str, entries: Sequence[Entry]) -> None:
+def _check_unique(source: str, entries: Sequence[Entry]) -> None:
     for name in ("unique_id", "address"):
-        seen: dict[object, int] = {}
-        for place, entry in enumerate(entries):
+        first_index: dict[object, int] = {}
+        for index, entry in enumerate(entries):
             value = getattr(entry, name)
-            if value is not None and value in seen:
-                shown = value.hex() if isinstance(value, bytes) else f"0x{value:02X}"
+            if value is not None and value in first_index:
+                value_text = value.hex() if isinstance(value, bytes) else f"0x{value:02X}"
                 raise PlanError(
-                    source, f"board[{place}].{name}", "each once", f"{shown}, as in board[{seen[value]}]", "correct it"
+                    source,
+                    f"board[{index}].{name}",
+                    "a value used once",
+                    f"{value_text}, as in board[{first_index[value]}]",
+                    "correct it",
                 )
-            seen[value] = place
+            first_index[value] = index

@@ -1,4 +1,4 @@
-"""What the commands share: addresses on the command line, and ways to print."""
+"""Helpers shared by the board commands: addresses on the command line, progress bars, JSON and tables."""
 
 from __future__ import annotations
 
@@ -17,35 +17,36 @@ from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
 URL_HELP: Final = "serial:///dev/ttyUSB0 (the hub), /dev/i2c-1 (an adapter), emulator: ..."
 
 
-def address_of(text: str, option: str) -> int:
-    """An I2C address from 0x21 or 33. Raises `TaxelError` that names the option."""
+def parse_address(text: str, option: str) -> int:
+    """Parse an I2C address such as 0x21 or 33. Raises `TaxelError` that names the option."""
     try:
         address = int(text, 0)
     except ValueError:
         address = -1
     if not ADDRESS_MIN <= address <= ADDRESS_MAX:
-        raise TaxelError(f"{option}: expected an I2C address from 0x08 to 0x77, found '{text}'")
+        limits = f"0x{ADDRESS_MIN:02X} to 0x{ADDRESS_MAX:02X}"
+        raise TaxelError(f"{option}: expected an I2C address from {limits}, found '{text}'")
     return address
 
 
-def boards(count: int) -> str:
-    """1 board, 2 boards."""
+def count_boards(count: int) -> str:
+    """Number of boards as text: `1 board`, `2 boards`."""
     return f"{count} board" if count == 1 else f"{count} boards"
 
 
 def progress_bars(console: Console) -> Bars:
-    """Bars of rows, one a task."""
+    """Progress bars that count flash rows, one bar for each task."""
     return Bars(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
     )
 
 
 def print_json(value: Any) -> None:
-    """One JSON document on standard output; bytes as hexadecimal digits."""
-    print(json.dumps(value, default=_plain, indent=2))
+    """Print one JSON document on standard output; bytes become hexadecimal digits."""
+    print(json.dumps(value, default=_to_json_value, indent=2))
 
 
-def _plain(value: Any) -> Any:
+def _to_json_value(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.hex()
     if is_dataclass(value) and not isinstance(value, type):
@@ -53,8 +54,11 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Columns as wide as their widest cell, on standard output; never wrapped, so that other programs can read them."""
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    for row in (heads, *rows):
+def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print columns on standard output, each as wide as its widest cell.
+
+    Lines are never wrapped, so that scripts can read the table.
+    """
+    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    for row in (headings, *rows):
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

@@ -1,0 +1,211 @@
+"""Firmware update of a board or of the hub, as a procedure that can run concurrently with others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from taxel_protocol.bootloader import LAYOUTS, BootDevice, row_sum
+from taxel_tools.errors import BoardError
+from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
+from taxel_tools.procedure import Clock, Pause, Procedure, Version
+from taxel_tools.session import BootInfo
+from taxel_tools.targets import BoardTarget, Target
+
+START_TIMEOUT_S: Final = 8.0
+"""Longest time until a new image answers: three boot attempts of one watchdog period (1 s) each, and the time in which
+the bootloader waits for a host."""
+CONFIRM_TIMEOUT_S: Final = 10.0
+CONFIRM_WRITE_S: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of one update: name of the stage, rows done, rows in total."""
+
+    address: int
+    stage: str
+    done: int = 0
+    total: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of an update: versions before and after, slot, rows written, rows found correct, seconds.
+
+    `is_written` is False if the device ran this image already.
+    """
+
+    address: int
+    before: Version | None
+    after: Version
+    slot: int
+    rows_written: int
+    rows_kept: int
+    is_written: bool
+    seconds: float
+
+
+Report = Callable[[Progress], None]
+
+
+def update_board(
+    address: int, firmware: Firmware, now_s: Clock, report: Report, force: bool = False
+) -> Procedure[Outcome]:
+    """Write `firmware` to the board at `address`; see `update_target`."""
+    return update_target(BoardTarget(address, now_s), firmware, report, force)
+
+
+def update_target(target: Target, firmware: Firmware, report: Report, force: bool = False) -> Procedure[Outcome]:
+    """Write `firmware` to the free slot of a board or the hub, read back, start and confirm the new image.
+
+    The update may be interrupted at any point and repeated: correct rows at the beginning of the slot are not written
+    again. `force`: write even if the device runs this image. Raises `BoardError` and `TransferError`.
+    """
+    return (yield from _Update(target, firmware, report, force).run())
+
+
+class _Update:
+    def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool) -> None:
+        self.target = target
+        self.address = target.address
+        self.firmware = firmware
+        self.now_s = target.now_s
+        self.report = report
+        self.force = force
+        self.session = target.session
+        self.kept_rows = self.written_rows = 0
+
+    def run(self) -> Procedure[Outcome]:
+        start_s = self.now_s()
+        before = yield from self.target.read_version()
+        self.report(Progress(self.address, "entering"))
+        yield from self.target.enter()
+        info = yield from self.session.read_info()
+        try:
+            self._check_device(info)
+            is_up_to_date = not self.force and (yield from self._is_up_to_date(info))
+            image = self.firmware.image_for(info.target) if not is_up_to_date else None
+            if image is None and not is_up_to_date:
+                raise BoardError(
+                    self.address,
+                    f"the free slot is {slot_name(info.target)}, but {self.firmware.source} is linked only for slot "
+                    f"{slot_name(1 - info.target)}; add the file linked for {slot_name(info.target)}",
+                )
+        except BoardError:
+            yield from self.session.exit()
+            raise
+        if image is None:
+            return (yield from self._leave_unchanged(before, 1 - info.target, start_s))
+        yield from self._program(image)
+        yield from self._start_image(image, before)
+        self.report(Progress(self.address, "done", self._count_rows(image), self._count_rows(image)))
+        return self._build_outcome(before, image.slot, True, start_s)
+
+    def _build_outcome(self, before: Version | None, slot: int, is_written: bool, start_s: float) -> Outcome:
+        seconds = self.now_s() - start_s
+        after = self.firmware.version
+        return Outcome(self.address, before, after, slot, self.written_rows, self.kept_rows, is_written, seconds)
+
+    def _check_device(self, info: BootInfo) -> None:
+        firmware = self.firmware
+        if info.device != firmware.device:
+            names = {BootDevice.BOARD: "a sensor board", BootDevice.HUB: "the hub"}
+            raise BoardError(
+                self.address,
+                f"the device is {names.get(BootDevice(info.device))}, but {firmware.source} is for "
+                f"{names[firmware.device]}; use the file for this device",
+            )
+        if firmware.kind and info.kind and info.kind != firmware.kind:
+            raise BoardError(
+                self.address,
+                f"the board is of kind {info.kind}, but {firmware.source} is for kind {firmware.kind}; use the file "
+                "for this kind",
+            )
+
+    def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
+        used_slot = 1 - info.target
+        metadata = yield from self.session.read_metadata(used_slot)
+        image = self.firmware.image_for(used_slot)
+        is_confirmed = info.confirmed == used_slot
+        return is_confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
+
+    def _leave_unchanged(self, before: Version | None, slot: int, start_s: float) -> Procedure[Outcome]:
+        yield from self.session.exit()
+        yield from self.target.wait_for_application(START_TIMEOUT_S)
+        yield from self.target.check_operation()
+        self.report(Progress(self.address, "up to date", 1, 1))
+        return self._build_outcome(before, slot, False, start_s)
+
+    def _count_rows(self, image: FirmwareImage) -> int:
+        return len(image.rows())
+
+    def _program(self, image: FirmwareImage) -> Procedure[None]:
+        """Write the missing rows; if the image CRC is wrong although every row sum is right, write all rows."""
+        first, last = yield from self.session.read_free_rows()
+        rows = image.rows()
+        if first + len(rows) - 1 > last or first != LAYOUTS[image.device].first_rows[image.slot]:
+            problem = f"the free slot has rows {first} to {last}, but the file is for other rows; run taxel scan again"
+            raise BoardError(self.address, problem)
+        self.kept_rows = yield from self._count_valid_rows(first, rows)
+        for first_row_index in (self.kept_rows, 0):
+            self.kept_rows = first_row_index
+            for index in range(first_row_index, len(rows)):
+                self.report(Progress(self.address, "writing", index, len(rows)))
+                yield from self.session.write_row(first + index, rows[index])
+                self.written_rows += 1
+            if (yield from self.session.verify_application()):
+                if not self.written_rows:  # The bootloader selects an image for the next start only after a row write.
+                    yield from self.session.set_active(image.slot)
+                return
+        raise BoardError(
+            self.address, "the image CRC-32 is wrong although the sum of every row is right; replace the device"
+        )
+
+    def _count_valid_rows(self, first: int, rows: list[bytes]) -> Procedure[int]:
+        """Number of rows, from the first row of the slot, that an interrupted update has already written."""
+        for index, row in enumerate(rows):
+            if (yield from self.session.read_row_sum(first + index)) != row_sum(row):
+                return index
+            self.report(Progress(self.address, "comparing", index, len(rows)))
+        return len(rows)
+
+    def _start_image(self, image: FirmwareImage, before: Version | None) -> Procedure[None]:
+        total, device_name = self._count_rows(image), self.target.device_name
+        self.report(Progress(self.address, "starting", total, total))
+        yield from self.session.exit()
+        yield Pause(CONFIRM_WRITE_S)
+        self._check_version((yield from self.target.wait_for_application(START_TIMEOUT_S)), before)
+        self.report(Progress(self.address, "confirming", total, total))
+        yield from self.target.trigger_confirmation(CONFIRM_TIMEOUT_S)
+        yield Pause(CONFIRM_WRITE_S)
+        # Only the bootloader reports the confirmed slot; entering it also tests the command of the new image.
+        yield from self.target.enter()
+        info = yield from self.session.read_info()
+        yield from self.session.exit()
+        if info.confirmed != image.slot:
+            problem = f"the new image has not confirmed itself; the {device_name} returns to the previous image"
+            raise BoardError(self.address, problem)
+        if (yield from self.target.wait_for_application(START_TIMEOUT_S)) is None:
+            raise BoardError(self.address, "the confirmed image does not answer after a restart; cycle the power")
+        yield from self.target.check_operation()
+
+    def _check_version(self, found: Version | None, before: Version | None) -> None:
+        device_name = self.target.device_name
+        if found is None:
+            raise BoardError(
+                self.address, f"no application answers {START_TIMEOUT_S:g} s after the restart; run the command again"
+            )
+        if found != self.firmware.version:
+            verb = "returned to" if found == before else "runs"
+            problem = (
+                f"the new image {format_version(self.firmware.version)} did not start, the {device_name} {verb} "
+                f"{format_version(found)}; do not use this file"
+            )
+            raise BoardError(self.address, problem)
+
+
+def format_version(version: Version | None) -> str:
+    """Version as text, such as 1.2.3; `?` for None."""
+    return "?" if version is None else ".".join(str(part) for part in version)
