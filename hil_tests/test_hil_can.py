@@ -44,24 +44,24 @@ def go_on(rig: Rig, hand: AllegroHand, seconds: float) -> int:
 
 
 def test_the_hand_says_what_it_is(hand: AllegroHand) -> None:
-    assert hand.info().hand_type == 0
-    assert hand.info().servo_on
-    assert len(hand.serial()) > 0
+    assert hand.get_info().hand_type == 0
+    assert hand.get_info().servo_on
+    assert len(hand.get_serial()) > 0
 
 
 def test_poses_come_every_three_milliseconds(rig: Rig, hand: AllegroHand) -> None:
     assert go_on(rig, hand, 0.3) >= 4 * 90
-    assert hand.joint_angles().age_s <= (2 * PERIOD_S if rig.description.is_virtual else BUSY_S)
+    assert hand.read_joint_angles().age_s <= (2 * PERIOD_S if rig.description.is_virtual else BUSY_S)
 
 
 def test_a_torque_moves_the_joint_that_it_is_meant_for(rig: Rig, hand: AllegroHand) -> None:
     go_on(rig, hand, 0.05)
-    before = hand.joint_angles().angles
+    before = hand.read_joint_angles().angles
     demand = np.zeros(16)
     demand[5] = 0.2
     hand.set_torque(demand)
     go_on(rig, hand, 0.3)
-    moved = hand.joint_angles().angles - before
+    moved = hand.read_joint_angles().angles - before
     assert moved[5] > 0.01
     assert np.abs(np.delete(moved, 5)).max() < 0.25 * moved[5]
 
@@ -69,7 +69,7 @@ def test_a_torque_moves_the_joint_that_it_is_meant_for(rig: Rig, hand: AllegroHa
 def test_angles_stay_in_the_joints_range(rig: Rig, hand: AllegroHand) -> None:
     hand.set_torque(np.full(16, 0.5))
     go_on(rig, hand, 1.0)
-    angles = hand.joint_angles().angles
+    angles = hand.read_joint_angles().angles
     assert (angles >= JOINT_MIN_RAD - 0.01).all()
     assert (angles <= JOINT_MAX_RAD + 0.01).all()
 
@@ -79,7 +79,7 @@ def test_a_few_lost_frames_are_no_fault(rig: Rig, hand: AllegroHand) -> None:
     for count in (1, 3, 8):
         rig.can_faults.lose_frames(count)
         go_on(rig, hand, 0.1)
-    assert hand.joint_angles().age_s <= 2 * PERIOD_S
+    assert hand.read_joint_angles().age_s <= 2 * PERIOD_S
 
 
 @pytest.mark.needs("can_faults")

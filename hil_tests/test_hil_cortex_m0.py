@@ -15,7 +15,7 @@ import pytest
 from hil_tests.harness.virtual.images import PORT, ROOT, images, missing_tool
 from taxel.hand import Hand, load_hand
 from taxel.hand.description import Board
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
 from taxel.skin import Skin
 from taxel_protocol import SNAPSHOT_OVERHEAD
@@ -111,12 +111,12 @@ def check_processors(world: VirtualWorld, *addresses: int) -> None:
 )
 def test_an_executed_board_shows_what_a_native_one_does(hand: Hand, case: str, address: int) -> None:
     """Read at the same instants of its clock: the same scans, begun at the same time, with the same counts."""
-    board = hand.board(address)
+    board = hand.get_board(address)
     settings = WorldSettings(seed=5, noise_counts=4.0 if case == "noisy" else 0.0, clock_spread_ppm=0.0)
     forces = np.random.default_rng(3).uniform(0.0, 4.0, hand.n_taxels) * (case != "at rest")
-    with VirtualWorld(world_text(hand, settings), "none") as world:
+    with VirtualWorld(format_world(hand, settings), "none") as world:
         native = snapshots(world, board, forces)
-    with VirtualWorld(world_text(hand, settings) + executed(address), "none", files=files()) as world:
+    with VirtualWorld(format_world(hand, settings) + executed(address), "none", files=files()) as world:
         found = snapshots(world, board, forces)
         check_processors(world, address)
     assert native[-1][1] > 3.5e6  # several seconds
@@ -130,7 +130,7 @@ def test_an_executed_board_scans_as_often_as_a_native_one(hand: Hand) -> None:
     """All 17: the time of a scan to 5 in 100,000, whatever crossings a board has."""
     periods = []
     for lines in ("", executed(*(board.address for board in hand.boards))):
-        world_file = world_text(hand, WorldSettings(noise_counts=0.0)) + lines
+        world_file = format_world(hand, WorldSettings(noise_counts=0.0)) + lines
         with VirtualWorld(world_file, "none", files=files()) as world:
             world.inject("hub_unplug")
             world.run(0.3)
@@ -148,7 +148,7 @@ def test_an_executed_board_scans_as_often_as_a_native_one(hand: Hand) -> None:
 
 
 def test_an_executed_hub_streams_executed_boards(hand: Hand) -> None:
-    text = world_text(hand, WorldSettings(noise_counts=0.0)) + executed(0, *(board.address for board in hand.boards))
+    text = format_world(hand, WorldSettings(noise_counts=0.0)) + executed(0, *(board.address for board in hand.boards))
     with VirtualWorld(text, files=files()) as world, Skin(VirtualMemoryLink(world), hand) as skin:
         end = world.now_s + 3.0
         frames = []
@@ -229,5 +229,5 @@ def test_an_image_that_cannot_be_read_is_refused_in_one_line(hand: Hand, tmp_pat
     }.items():
         path.write_text(content)
         with pytest.raises(LinkError, match=expected) as caught:
-            VirtualWorld(world_text(hand, WorldSettings()) + "image 0x2C bad.hex\n", files={"bad.hex": path})
+            VirtualWorld(format_world(hand, WorldSettings()) + "image 0x2C bad.hex\n", files={"bad.hex": path})
         assert "\n" not in str(caught.value)

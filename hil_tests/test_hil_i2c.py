@@ -91,7 +91,7 @@ def test_a_snapshot_in_blocks_is_one_scan(rig: Rig, bus) -> None:
 
 def test_two_reads_without_a_scan_between_give_the_same_snapshot(rig: Rig, bus) -> None:
     address = board_at(rig.hand, 0)
-    size = SNAPSHOT_OVERHEAD + 2 * rig.hand.board(address).kind.taxel_count
+    size = SNAPSHOT_OVERHEAD + 2 * rig.hand.get_board(address).kind.taxel_count
     write(bus, address, REGISTER_COMMAND, bytes([2, 0xFD]))  # STOP_SCAN
     first = read(bus, address, REGISTER_SNAPSHOT, size)
     rig.clock.wait(0.1)

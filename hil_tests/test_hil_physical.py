@@ -13,7 +13,7 @@ import pytest
 from hil_tests.fake_dev.bench import FakeBench, build_shim, multicast_works
 from hil_tests.harness.rig_file import load_rig
 from taxel.hand import load_hand
-from taxel.hand.world import world_text
+from taxel.hand.world import format_world
 from taxel.link.virtual import VirtualWorld
 
 REPOSITORY = Path(__file__).parent.parent
@@ -27,7 +27,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> str:
     """What pytest says on the fake bench."""
     folder = tmp_path_factory.mktemp("bench")
     socket_path, has_can = folder / "i2c.sock", multicast_works()
-    with VirtualWorld(world_text(load_hand("allegro")), "pty") as world:
+    with VirtualWorld(format_world(load_hand("allegro")), "pty") as world:
         rig = folder / "bench.toml"
         rig.write_text(
             'name = "fake bench"\nhand = "allegro"\n'

@@ -46,7 +46,7 @@ def test_a_fault_at_every_byte_of_a_poll_costs_at_most_that_poll(rig: Rig, skin:
     assert rig.faults is not None
     fault, second, may_rise = KINDS[kind]
     address = board_at(rig.hand, STRUCK)
-    positions = 1 + SNAPSHOT_OVERHEAD + 2 * rig.hand.board(address).kind.taxel_count
+    positions = 1 + SNAPSHOT_OVERHEAD + 2 * rig.hand.get_board(address).kind.taxel_count
     counts = KnownCounts(rig)
     watch(rig, skin, 0.3)  # until the counts are shown
     frames = []

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hil_tests.harness.soak_faults import KINDS
 from taxel.hand import Hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
 from taxel.stream.decoder import HUB_RESTARTED, Batch, StreamDecoder
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, encode_frame
@@ -77,11 +77,11 @@ class Soak:
     def __init__(self, hand: Hand, seed: int, mean_gap_s: float = 6.0) -> None:
         self._hand, self._random = hand, random.Random(f"soak {seed}")
         self._gap_s = mean_gap_s
-        self.world = VirtualWorld(world_text(hand, WorldSettings(seed=seed, usb_latency_ms=1.0)), counts=True)
+        self.world = VirtualWorld(format_world(hand, WorldSettings(seed=seed, usb_latency_ms=1.0)), counts=True)
         self._decoder = StreamDecoder()
         self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, hand.n_taxels) + LARGEST_BASE
         places = np.arange(hand.n_taxels)
-        self._places = {board.address: places[hand.slice_of(board.address)] for board in hand.boards}
+        self._places = {board.address: places[hand.get_slice(board.address)] for board in hand.boards}
         self._step = 0
         self._sequence = 0
         self._hub_booted_s = 0.0

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from hil_tests.harness.free_host import FreeHost
 from hil_tests.harness.watching import LARGEST_BASE, OUTCOMES, STEP_COUNTS
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import FaultError, VirtualMemoryLink, VirtualWorld
 from taxel.stream import TaxelFrame
 from taxel_protocol import Command
@@ -45,7 +45,7 @@ class SkinMachine(RuleBasedStateMachine):
     @initialize(seed=st.integers(0, 2**16), clocks=st.sampled_from((0.0, 2e4)), baud=st.sampled_from((1e6, 1.15e5)))
     def power_up(self, seed: int, clocks: float, baud: float) -> None:
         settings = WorldSettings(seed=seed, clock_spread_ppm=clocks, baud=baud, usb_latency_ms=1.0)
-        self.world = VirtualWorld(world_text(HAND, settings), counts=True)
+        self.world = VirtualWorld(format_world(HAND, settings), counts=True)
         self.host = FreeHost(VirtualMemoryLink(self.world, baud))
         self.base = np.random.default_rng(seed).integers(1, STEP_COUNTS, TAXELS) + LARGEST_BASE
         self.step = 0
@@ -152,7 +152,7 @@ class SkinMachine(RuleBasedStateMachine):
                 self._check(frame)
 
     def _check(self, frame: TaxelFrame) -> None:
-        base = self.base[HAND.slice_of(frame.address)]
+        base = self.base[HAND.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
         assert not (difference % STEP_COUNTS).any(), f"board 0x{frame.address:02X}: counts that were never shown"
         steps = difference // STEP_COUNTS

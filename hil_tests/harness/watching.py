@@ -44,7 +44,7 @@ class KnownCounts:
 
     def check(self, frame: TaxelFrame) -> None:
         """Fail unless every count was shown, by this taxel, in one scan."""
-        base = self._base[self._hand.slice_of(frame.address)]
+        base = self._base[self._hand.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
         wrong = np.flatnonzero(difference % STEP_COUNTS)
         assert not len(wrong), f"board 0x{frame.address:02X}, taxels {wrong.tolist()}: counts that were never shown"

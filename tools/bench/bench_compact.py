@@ -17,7 +17,7 @@ from figures import Figure
 from ideal import noise_entropy, recording_entropy
 
 from taxel.hand import Hand, load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
 
@@ -34,7 +34,7 @@ def rate(hand: Hand, sigma: float) -> float:
     """Scans of the hand a second that arrive, firmware's costs and UART at 1 Mbaud included; virtual time."""
     settings = WorldSettings(scl_hz=SCL_HZ, noise_counts=sigma, scan=SCANS["fast"])
     with (
-        VirtualWorld(world_text(hand, settings)) as world,
+        VirtualWorld(format_world(hand, settings)) as world,
         Skin(VirtualMemoryLink(world), hand, frames="compact") as skin,
     ):
         frames = 0

@@ -26,15 +26,15 @@ _CHANNEL = "bench_control_loop"
 
 def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
     loop = ControlLoop(PERIOD_S)
-    while not np.isfinite(hand.joint_angles().angles).all():
+    while not np.isfinite(hand.read_joint_angles().angles).all():
         hand.update(PERIOD_S)
-    rest = last = hand.joint_angles().angles
+    rest = last = hand.read_joint_angles().angles
     complete = 0
 
     def tick(period: int) -> None:
         nonlocal last, complete
         hand.update()
-        reading = hand.joint_angles()
+        reading = hand.read_joint_angles()
         complete += reading.is_complete
         target = rest + SWAY_RAD * np.sin(2 * np.pi * SWAY_HZ * period * PERIOD_S)
         hand.set_torque(STIFFNESS * (target - reading.angles) - DAMPING * (reading.angles - last) / PERIOD_S)

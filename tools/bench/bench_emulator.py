@@ -13,8 +13,8 @@ from recorded import record
 
 from taxel.emulated.scene import Scene, scene_text
 from taxel.hand import load_hand
-from taxel.hand.press import Press, share_of_force
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.indentation import Indentation, compute_force_shares
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import write_stimulus
 
 VIRTUAL_S, REPEATS, THREADS_MAX = 60.0, 5, 4
@@ -62,7 +62,7 @@ def _pressed_everywhere(path: Path) -> None:
     hand = load_hand("allegro")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
     share = sum(
-        share_of_force(hand, Press(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0)) for b in hand.boards
+        compute_force_shares(hand, Indentation(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0)) for b in hand.boards
     )
     write_stimulus(path, times, np.outer(5.0 + 4.0 * np.sin(times), share))
 
@@ -81,7 +81,7 @@ def measure() -> list[Figure]:
     """Virtual seconds in a second, by the clock: a thread on each core that there is."""
     hand, threads = load_hand("allegro"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
-        "ideal skin": (IDEAL, world_text(hand, WorldSettings())),
+        "ideal skin": (IDEAL, format_world(hand, WorldSettings())),
         "all effects": (ALL_EFFECTS, scene_text(hand, Scene({}), WorldSettings(effects=EFFECTS))),
     }
     figures = []

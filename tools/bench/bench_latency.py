@@ -34,7 +34,7 @@ def _presses(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArray[np.in
     rng = np.random.default_rng(SEED)
     onsets = FIRST_S + EACH_S * (np.arange(PRESSES) + 0.4 * rng.random(PRESSES))
     taxels = np.stack([rng.integers(board.kind.taxel_count, size=PRESSES) for board in hand.boards], axis=1)
-    starts = np.array([hand.slice_of(board.address).start for board in hand.boards])
+    starts = np.array([hand.get_slice(board.address).start for board in hand.boards])
     times = (onsets[:, None] + [-STEP_S, 0.0, HELD_S, HELD_S + STEP_S]).ravel()
     forces = np.zeros((PRESSES, 4, hand.n_taxels))
     forces[np.arange(PRESSES)[:, None], 1:3, (starts + taxels)] = FORCE_N

@@ -32,7 +32,7 @@ from figures import Figure
 
 from host.tests.chromium import Page
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.emulator import emulator_program
 
 BUSES = {"400 kHz": WorldSettings(), "1 MHz": WorldSettings(scl_hz=1e6, baud=3e6)}
@@ -76,7 +76,7 @@ def emulated_port(settings: WorldSettings) -> Iterator[str]:
     """A pseudo-terminal with the emulated hand behind it."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
-        world.write_text(world_text(load_hand("allegro"), settings))
+        world.write_text(format_world(load_hand("allegro"), settings))
         command = [str(emulator_program()), "--world", str(world), "--uart", "pty"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import run_emulator
 from taxel.stream.start_script import write_start_script
 
@@ -20,5 +20,5 @@ def record(
     """(capture, statistics) of 17 boards, at 400 kHz unless `settings` say otherwise, for so many virtual seconds."""
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)
-    text = world or world_text(load_hand("allegro"), settings or WorldSettings())
+    text = world or format_world(load_hand("allegro"), settings or WorldSettings())
     return capture, run_emulator(text, capture, seconds, script, stimulus, threads)

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from taxel.hand import BoardKind, load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.base import Chunk
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel_tools.bench.analysis.fault import Axis, line_name, lines_name, taxel_name
@@ -246,15 +246,15 @@ FAMILIES: Final = (
 
 def render_text(kind: str, seed: int, effects: list[str], noise_counts: float = 0.0) -> str:
     """World file of one board of a kind."""
-    alone = replace(HAND, boards=(HAND.board(BOARDS[kind]),))
-    return world_text(alone, WorldSettings(seed=seed, noise_counts=noise_counts, effects=effects))
+    alone = replace(HAND, boards=(HAND.get_board(BOARDS[kind]),))
+    return format_world(alone, WorldSettings(seed=seed, noise_counts=noise_counts, effects=effects))
 
 
 def draw_case(family: Family | None, number: int, seed: int, severity: float, plan: Plan) -> Case:
     """One board. family None: a healthy one."""
     name = family.name if family else "healthy"
     rng = random.Random(f"{seed} {name} {number} {severity:.3f}")
-    kind = HAND.board(BOARDS[rng.choice(sorted(BOARDS))]).kind
+    kind = HAND.get_board(BOARDS[rng.choice(sorted(BOARDS))]).kind
     effects = healthy_effects(rng)
     world_seed = rng.randrange(1, 2**31)
     if family is None:

@@ -50,7 +50,7 @@ def test(case: Case) -> Result:
     """Put a board on the bench."""
     plan = only(default_plan(), PHASES)
     address = BOARDS[case.kind]
-    kind = HAND.board(address).kind
+    kind = HAND.get_board(address).kind
     with VirtualWorld(render_text(case.kind, case.seed, list(case.effects))) as world:
         world.run(BOOT_S)
         station = open_station(HubWire(SlowLink(world)), address, HAND)

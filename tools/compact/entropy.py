@@ -18,8 +18,8 @@ from ideal import WARM_UP, noise_entropy, recording_entropy
 
 from taxel.demonstration import DEMO_CONTACTS
 from taxel.hand import Hand, load_hand
-from taxel.hand.press import press_forces
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.indentation import compute_indentation_forces
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Chunk
 from taxel.link.virtual import VirtualWorld
 from taxel.stream import FrameStream
@@ -155,9 +155,9 @@ def measure(hand: Hand, noise: float, seconds: float, touched: bool) -> Tally:
     """Poll a skin of that noise for so long, after WARM_UP cycles; `touched`: seven presses, one a second."""
     settings = WorldSettings(seed=SEED, noise_counts=noise, scl_hz=BUS_HZ)
     presses = [replace(p, start_s=p.start_s - DEMO_CONTACTS[0].start_s) for p in DEMO_CONTACTS]
-    times, forces = press_forces(hand, presses)
+    times, forces = compute_indentation_forces(hand, presses)
     tally = Tally()
-    with VirtualWorld(world_text(hand, settings), "none") as world:
+    with VirtualWorld(format_world(hand, settings), "none") as world:
         world.run(0.5)
         skin = Skin(world, hand)
         begin = world.now_s

@@ -177,7 +177,7 @@ def measure_board(image: Path) -> Costs:
     scans, overheads = {}, {}
     costs: Costs = {}
     for address in (SMALL, LARGE):
-        board = hand.board(address)
+        board = hand.get_board(address)
         with scanning(hand, board, image) as world:
             scans[address] = (board, conversions(world, board))
             tick = world.handler_costs(address)["SysTick"]

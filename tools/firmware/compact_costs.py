@@ -36,7 +36,7 @@ def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]
         counts = [_busy(world, address)]
         run(RUN_S)
         counts.append(_busy(world, address))
-        scans = (counts[1][1] - counts[0][1]) / hand.board(address).kind.taxel_count
+        scans = (counts[1][1] - counts[0][1]) / hand.get_board(address).kind.taxel_count
         return (counts[1][0] - counts[0][0]) / scans
 
 
@@ -49,7 +49,7 @@ def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
 def measure_compact(image: Path) -> dict[str, int | list[int]]:
     """`compact` and `compact_taxel` of costs.h: what coding adds to the main loop, on a straight line of two boards."""
     hand = load_hand("allegro")
-    taxels = [hand.board(address).kind.taxel_count for address in BOARDS]
+    taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]
     added = [busy_per_scan(image, one, "compact") - busy_per_scan(image, one, "plain") for one in BOARDS]
     each = (added[1] - added[0]) / (taxels[1] - taxels[0])
     return {"compact": round(added[0] - each * taxels[0]), "compact_taxel": round(each)}

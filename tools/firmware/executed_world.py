@@ -10,7 +10,7 @@ from typing import Final
 
 from taxel.hand import Hand
 from taxel.hand.description import Board
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice, image
 from taxel_tools.files import Firmware
@@ -33,7 +33,7 @@ def image_line(address: int) -> str:
 
 def lone_board(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
     """The world file of that board alone; it is not executed yet."""
-    lines = world_text(hand, settings).splitlines()
+    lines = format_world(hand, settings).splitlines()
     kept = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
     return "\n".join(kept) + "\n"
 

@@ -13,7 +13,7 @@ from executed_world import BOARD_IMAGE, HUB_IMAGE, image_line, scanning
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.description import Board
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
 from taxel_protocol import SNAPSHOT_OVERHEAD
@@ -105,7 +105,7 @@ def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
 
 def measure_hub(hand: Hand, image: Path) -> HubCycles:
     """The hub of the whole hand; its boards are emulated natively."""
-    text = world_text(hand, WorldSettings(noise_counts=0.0)) + image_line(0)
+    text = format_world(hand, WorldSettings(noise_counts=0.0)) + image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
         def stream(seconds: float) -> int:

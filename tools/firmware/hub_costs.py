@@ -10,7 +10,7 @@ from executed_world import HUB_IMAGE, image_line, lone_board
 from firmware_elf import read_linked_image
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
 
@@ -80,7 +80,7 @@ def measure_hub(image: Path) -> Costs:
         gap = pass_cycles(world)
         done = world.handler_costs(0)["SCB0"].own_min
     # The whole hand: a lone board is asked more often than it has news, and what is checked for nothing is no frame.
-    whole = world_text(hand, WorldSettings()) + image_line(0)
+    whole = format_world(hand, WorldSettings()) + image_line(0)
     with VirtualWorld(whole, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
         end = world.now_s + 1.0
         while world.now_s < end:

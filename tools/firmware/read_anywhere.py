@@ -103,7 +103,7 @@ def read_anywhere(reads: int, seed: int = 1, address: int = 0x2C, images: Path =
     with VirtualWorld(text, "none", counts=True, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
         world.inject("hub_unplug")
         world.run(0.3)
-        board = _Board(world, address, hand.board(address).kind.taxel_count, seed)
+        board = _Board(world, address, hand.get_board(address).kind.taxel_count, seed)
         while result.reads < reads and result.wrong is None:
             board.read(result)
         processor = world.processor(address)

@@ -6,7 +6,7 @@ import random
 from collections.abc import Sequence
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice, image
 from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import parse_image
@@ -27,7 +27,7 @@ def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int,
 def make_small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> str:
     """World file with the first boards of a rig, without noise and with a short boot time, plus `lines`."""
     settings = WorldSettings(seed=seed, noise_counts=0.0, boot_ms=4.0, usb_latency_ms=1.0)
-    text = world_text(load_hand("rig4"), settings).splitlines()
+    text = format_world(load_hand("rig4"), settings).splitlines()
     board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]
     kept_lines = [line for i, line in enumerate(text) if i not in board_lines[boards:]]
     return "\n".join([*kept_lines, *lines]) + "\n"
@@ -41,5 +41,5 @@ def read_unique_ids(world: str) -> dict[int, bytes]:
 
 def make_full_hand_world(lines: Sequence[str] = (), **settings: float) -> str:
     """World file of the Allegro hand with its 17 boards, plus `lines`."""
-    text = world_text(load_hand("allegro"), WorldSettings(**settings))  # type: ignore[arg-type]
+    text = format_world(load_hand("allegro"), WorldSettings(**settings))  # type: ignore[arg-type]
     return text + "".join(f"{line}\n" for line in lines)

@@ -20,14 +20,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from host.tests.chromium import Page
 from taxel.hand import load_hand
-from taxel.hand.press import Press, press_forces
+from taxel.hand.indentation import Indentation, compute_indentation_forces
 from taxel.link import write_stimulus
 from taxel.monitor import Screen, SkinMonitor, SkinReading, open_watched
 from taxel.monitor.web import WebView
 
 WIDTH, HEIGHT = 170, 36
 PRESSES = tuple(
-    Press(board, tx, rx, force_n, start_s, hold_s=60.0, diameter_m=diameter_m)
+    Indentation(board, tx, rx, force_n, start_s, hold_s=60.0, diameter_m=diameter_m)
     for board, tx, rx, force_n, start_s, diameter_m in (
         ("palm", 6.0, 5.0, 8.0, 8.0, 0.024),
         ("fingertip_index", 6.0, 4.0, 3.0, 12.0, 0.012),
@@ -53,7 +53,7 @@ def main() -> int:
     hand = load_hand("allegro")
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         stimulus = Path(folder) / "presses.stm"
-        write_stimulus(stimulus, *press_forces(hand, PRESSES))
+        write_stimulus(stimulus, *compute_indentation_forces(hand, PRESSES))
         with open_watched(f"emulator:?speed=max&stimulus={stimulus}", hand) as skin:
             monitor = SkinMonitor(skin)
             with WebView(monitor, TITLE, 0) as view:

@@ -44,7 +44,7 @@ class Ladder:
 
 def press_ladder(hand: Hand, seed: int) -> Ladder:
     """Press one taxel of every board with one force after the other."""
-    pressed = np.array([hand.slice_of(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
+    pressed = np.array([hand.get_slice(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
     starts = BEGIN_S + HOLD_S * np.arange(len(LADDER_N))
     times = np.concatenate([[0.0, BEGIN_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])
     forces = np.zeros((len(times), hand.n_taxels))

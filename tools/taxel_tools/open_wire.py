@@ -9,7 +9,7 @@ from typing import Any, Final
 from urllib.parse import parse_qs
 
 from taxel.hand import Hand, load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Link, LinkError, open_i2c, open_link
 from taxel.link.url import split_url
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
@@ -107,7 +107,7 @@ def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]
     if wire_kind not in {"hub", "i2c"}:
         raise LinkError(url, f"option 'wire' must be hub or i2c, found '{wire_kind}'")
     hand = _select_boards(load_hand(options.get("hand", "allegro")), query.get("board", ()))
-    text = world_text(hand, settings)
+    text = format_world(hand, settings)
     lines = [
         f"{name} {_parse_number(url, name, options[name]):g}" for name in sorted(WORLD_FILE_OPTIONS & set(options))
     ]
@@ -123,7 +123,7 @@ def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
         return hand
     addresses = {parse_address(text, "board") for text in texts}
     for address in addresses:
-        hand.board(address)  # Raises UnknownBoardError for an address without a board.
+        hand.get_board(address)  # Raises UnknownBoardError for an address without a board.
     return replace(hand, boards=tuple(board for board in hand.boards if board.address in addresses))
 
 

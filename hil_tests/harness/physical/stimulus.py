@@ -12,7 +12,7 @@ class OperatorStimulus:
         self._hand = hand
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
-        board = self._hand.board(address)
+        board = self._hand.get_board(address)
         input(f"press taxel {taxel} of {board.name} (0x{address:02X}) with {force_n:g} N, hold it, then Return: ")
 
     def release(self) -> None:

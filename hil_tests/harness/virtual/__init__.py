@@ -14,7 +14,7 @@ from hil_tests.harness.virtual.images import images
 from hil_tests.harness.virtual.power import VirtualPower
 from hil_tests.harness.virtual.stimulus import VirtualCounts, VirtualStimulus
 from hil_tests.harness.virtual.uart import VirtualClock, VirtualUart
-from taxel.hand.world import ScanSettings, WorldSettings, world_text
+from taxel.hand.world import ScanSettings, WorldSettings, format_world
 from taxel.link.virtual import VirtualSMBus, VirtualWorld
 
 
@@ -26,7 +26,7 @@ def open_virtual(
     """
     settings = {name: value for name, value in build.items() if name not in {"lines", "only", "scan", "may_fault"}}
     scan = {"scan": ScanSettings(**build["scan"])} if "scan" in build else {}
-    text = world_text(description.hand, WorldSettings(**{**description.world, **settings, **scan}))
+    text = format_world(description.hand, WorldSettings(**{**description.world, **settings, **scan}))
     text = _only(text, build.get("only")) + "".join(f"{line}\n" for line in build.get("lines", ()))
     port = description.devices["uart"].options.get("port", "pty")
     lines, files = _executed(description, text)

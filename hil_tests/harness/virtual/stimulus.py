@@ -17,7 +17,7 @@ class VirtualStimulus:
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
         forces = np.zeros(self._world.taxels)
-        forces[self._hand.slice_of(address).start + taxel] = force_n
+        forces[self._hand.get_slice(address).start + taxel] = force_n
         self._world.press(forces)
 
     def release(self) -> None:

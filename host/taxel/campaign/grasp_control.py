@@ -76,7 +76,7 @@ def _run_control_loop(
         on_period(time_s)
         previous, period = period, wait_for_period()
         hand.update()
-        latest, elapsed_s = hand.joint_angles().angles, (period - previous) * PERIOD_S
+        latest, elapsed_s = hand.read_joint_angles().angles, (period - previous) * PERIOD_S
         speeds += min(elapsed_s / SPEED_FILTER_S, 1.0) * ((latest - angles) / elapsed_s - speeds)
         angles = latest
     return JointLog(np.array(times), np.array(angle_log))
@@ -90,6 +90,6 @@ def _wait_for_first_report(hand: AllegroHand, wait_for_period: Callable[[], int]
     while True:
         period = wait_for_period()
         hand.update()
-        angles = hand.joint_angles().angles
+        angles = hand.read_joint_angles().angles
         if np.isfinite(angles).all():
             return period, angles

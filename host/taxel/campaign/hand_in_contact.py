@@ -108,7 +108,7 @@ class HandInContact:
 
     def bracket_poses(self) -> FloatArray:
         """Nominal poses of the brackets f64[s, 4, 4], without the offsets of their mounting."""
-        return np.asarray(self._wrist @ self._kinematics.sensor_poses(self._position[: self._joints]))
+        return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._position[: self._joints]))
 
     def hold_wrist(self, pose: FloatArray) -> None:
         """Set the pose of the wrist, f64[4, 4], world."""
@@ -123,7 +123,7 @@ class HandInContact:
 
     def _substep(self, torque_nm: FloatArray, dt: float) -> None:
         joints = self._joints
-        links = self._wrist @ self._kinematics.link_poses(self._position[:joints])
+        links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
         load = self._contact.load(self._index, self.object_pose(), brackets)
         self.touched_count = load.touched
@@ -175,9 +175,9 @@ class _Axes:
     def __init__(self, robot: Robot, hand: Hand) -> None:
         moving = [joint for joint in robot.joints if joint.axis is not None]
         self.axes = np.stack([joint.axis for joint in moving if joint.axis is not None])
-        self.joint_links = np.array([robot.link_index(joint.child) for joint in moving])
+        self.joint_links = np.array([robot.get_link_index(joint.child) for joint in moving])
         mountings = [(board.link, board.pose) for board in hand.boards]
-        self.board_links = np.array([robot.link_index(link) for link, _ in mountings if link is not None])
+        self.board_links = np.array([robot.get_link_index(link) for link, _ in mountings if link is not None])
         self.bracket_poses = np.stack([pose for _, pose in mountings if pose is not None])
         parent_of = {joint.child: joint.parent for joint in robot.joints}
         self.is_carried = np.zeros((len(mountings), len(moving)))  # 1 where the joint carries the board, else 0

@@ -167,7 +167,7 @@ class _ArmSchedule:
         if self._moves and time_s >= self._moves[0][0] and not arm.is_moving:
             arm.move_joints(self._moves.pop(0)[1], ARM_SPEED_RAD_S)
         self._times.append(time_s)
-        self._angles.append(arm.joint_angles())
+        self._angles.append(arm.read_joint_angles())
 
     def log(self) -> JointLog:
         """The measured joint angles of the arm."""
@@ -200,7 +200,7 @@ def _record(
         phase=phase,
         raw_counts=cycles.raw_counts,
         valid=cycles.valid,
-        sensor_pose=setup.kinematics.sensor_poses(hold.mean(axis=0) if len(hold) else angles[-1]),
+        sensor_pose=setup.kinematics.compute_sensor_poses(hold.mean(axis=0) if len(hold) else angles[-1]),
         object_pose=setup.object_pose(planned.object),
         sensor_time=cycles.sensor_time,
         joint_position=angles,

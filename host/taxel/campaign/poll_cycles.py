@@ -58,7 +58,7 @@ def group_by_poll_cycle(hand: Hand, frames: Iterable[TaxelFrame]) -> PollCycles:
     for column, board in enumerate(hand.boards):
         board_frames, board_rows = by_board[board.address]
         if board_frames:
-            _fill_board(cycles, column, hand.slice_of(board.address), board_frames, np.array(board_rows))
+            _fill_board(cycles, column, hand.get_slice(board.address), board_frames, np.array(board_rows))
     return cycles
 
 

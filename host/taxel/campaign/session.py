@@ -95,7 +95,7 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
     metres, radians = variation.remount_m, variation.remount_rad
     brackets = {board.name: _sample_motion(rng, metres, radians) for board in setup.hand.boards}
     for name, offset in settings.offsets("bracket_offset").items():
-        brackets[name] = offset @ brackets[setup.hand.board_named(name).name]
+        brackets[name] = offset @ brackets[setup.hand.find_board(name).name]
     shapes = {name: item.shape for name, item in setup.objects.items()}
     return Scene(shapes, brackets, settings.offsets("object_offset"))
 
@@ -189,7 +189,7 @@ def _record(
         phase=phase,
         raw_counts=recorded.raw_counts,
         valid=recorded.valid,
-        sensor_pose=setup.kinematics.sensor_poses(hold_angles),
+        sensor_pose=setup.kinematics.compute_sensor_poses(hold_angles),
         object_pose=setup.object_pose(grasp.planned.object),
         sensor_time=recorded.sensor_time,
         joint_position=joints,

@@ -15,7 +15,7 @@ from taxel.grasp.plan import PLACINGS, Approach, Placing, PlannedGrasp, thesis_a
 from taxel.grasp.reach import ArmReach
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand, load_hand
-from taxel.hand.kinematics import Kinematics, kinematics_of
+from taxel.hand.kinematics import Kinematics, build_kinematics
 from taxel.hand.robot import Robot
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
@@ -42,19 +42,19 @@ class Setup:
     def __post_init__(self) -> None:
         if self.calibration is not None:
             for name, estimate in self.calibration.brackets.items():
-                board = replace(self.hand.board_named(name), pose=estimate.transform)
+                board = replace(self.hand.find_board(name), pose=estimate.transform)
                 boards = tuple(board if other.name == name else other for other in self.hand.boards)
                 object.__setattr__(self, "hand", replace(self.hand, boards=boards))
 
     @cached_property
     def kinematics(self) -> Kinematics:
         """Kinematics of the whole robot with the hand's skin."""
-        return kinematics_of(self.hand)
+        return build_kinematics(self.hand)
 
     @cached_property
     def wrist_robot(self) -> Robot:
         """The part of the robot below the wrist, which moves while the arm is at rest."""
-        return self.kinematics.robot.below(WRIST_LINK)
+        return self.kinematics.robot.get_subtree(WRIST_LINK)
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
@@ -99,7 +99,7 @@ class Setup:
         robot = self.kinematics.robot
         angles = np.zeros((len(arm), len(robot.joint_names)))
         angles[:, : arm.shape[1]] = arm
-        return np.asarray(self.kinematics.link_poses(angles)[:, robot.link_index(WRIST_LINK)])
+        return np.asarray(self.kinematics.compute_link_poses(angles)[:, robot.get_link_index(WRIST_LINK)])
 
     def taxel_table(self) -> TaxelTable:
         """The taxel table of a dataset."""

@@ -1,5 +1,7 @@
 """`taxel emulate`."""
 
+from __future__ import annotations
+
 import subprocess
 import tempfile
 from pathlib import Path
@@ -7,31 +9,31 @@ from typing import Annotated
 
 import typer
 
+from taxel.cli.options import Seconds, Seed
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.emulator import emulator_program
 
 
 def emulate(
     hand: Annotated[str, typer.Option(help="Packaged hand or description file.")] = "allegro",
-    stimulus: Annotated[Path | None, typer.Option(help="What acts on the skin: a stimulus file.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is random in this world.")] = 1,
-    scl_hz: Annotated[float, typer.Option(help="I2C clock, hertz.")] = 400e3,
-    noise: Annotated[float, typer.Option(help="White read-out noise, counts (standard deviation).")] = 4.0,
-    seconds: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    stimulus: Annotated[Path | None, typer.Option(help="Stimulus file: forces on the skin over time.")] = None,
+    seed: Seed = 1,
+    scl_hz: Annotated[float, typer.Option(help="I2C clock, Hz.")] = 400e3,
+    noise_counts: Annotated[float, typer.Option(help="Standard deviation of the read-out noise, counts.")] = 4.0,
+    seconds: Seconds = None,
     effect: Annotated[
-        list[str] | None,
-        typer.Option(help="A departure from the ideal sensor; may be given again (emulator README)."),
+        list[str] | None, typer.Option(help="Line of the world file that adds an effect, without 'effect'; repeatable.")
     ] = None,
 ) -> None:
-    """Run the emulated skin in real time behind a pseudo-terminal that any serial program can open.
+    """Run the emulated skin behind a virtual serial port.
 
-    Prints the device's name; Ctrl-C ends it.
+    The command prints the name of the port, which any serial program can open, and runs in real time until Ctrl-C.
 
     Example: taxel emulate --seconds 2 --effect "spread film length_m=0.002"
     """
-    settings = WorldSettings(seed=seed, scl_hz=scl_hz, noise_counts=noise, effects=effect or ())
-    text = world_text(load_hand(hand), settings)
+    settings = WorldSettings(seed=seed, scl_hz=scl_hz, noise_counts=noise_counts, effects=effect or ())
+    text = format_world(load_hand(hand), settings)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(text)

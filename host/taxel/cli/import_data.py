@@ -16,8 +16,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
 from taxel.hand import load_hand
-from taxel.hand.errors import shown
-from taxel.hand.transforms import pose
+from taxel.hand.errors import format_value
+from taxel.hand.transforms import make_pose
 from taxel.recording.from_arrays import write_from_arrays
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.importers.active_points import import_active
@@ -155,7 +155,7 @@ def rollout(
     """
     level = next((level for level in LEVELS if level == sensing), None)
     if level is None:
-        raise TaxelError(f"--sensing: expected {', '.join(LEVELS)}, found {shown(sensing)}")
+        raise TaxelError(f"--sensing: expected {', '.join(LEVELS)}, found {format_value(sensing)}")
     given, source = load_map(parts) if parts is not None else ({}, None)
     with _bar(as_json) as tell:
         options = _options(calibration, "", baseline_frames, hand, seed, noise, overwrite, tell)
@@ -208,10 +208,10 @@ def _wrist(text: str) -> FloatArray | None:
         values = [float(part) for part in text.split(",")]
         if len(values) != _WRIST_NUMBERS or not np.isfinite(values).all():
             raise ValueError
-        return pose(values[:3], values[3:])
+        return make_pose(values[:3], values[3:])
     except ValueError:
         expected = "x,y,z,qw,qx,qy,qz (metres and a quaternion)"
-        raise TaxelError(f"--wrist: expected {expected}, found {shown(text)}; give seven numbers") from None
+        raise TaxelError(f"--wrist: expected {expected}, found {format_value(text)}; give seven numbers") from None
 
 
 @contextmanager

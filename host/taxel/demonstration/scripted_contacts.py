@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Hand
-from taxel.hand.press import Press, press_forces, share_of_force
+from taxel.hand.indentation import Indentation, compute_force_shares, compute_indentation_forces
 from taxel.link import write_stimulus
 from taxel.signal import Activation, BaselineResult
 from taxel.skin import Skin, SkinFrame, open_skin
@@ -19,13 +19,13 @@ FIRST_CONTACT_S = 20.0
 """Start of the first contact in virtual seconds: later than discovery and a baseline of 100 samples at 19 scans/s."""
 
 DEMO_CONTACTS = (
-    Press("palm", 6.0, 5.0, 8.0, FIRST_CONTACT_S),
-    Press("fingertip_index", 6.0, 4.0, 3.0, FIRST_CONTACT_S + 1.0),
-    Press("fingertip_thumb", 8.0, 4.0, 1.5, FIRST_CONTACT_S + 2.0),
-    Press("proximal_front_middle", 5.0, 5.0, 5.0, FIRST_CONTACT_S + 3.0),
-    Press("medial_front_pinkie", 4.0, 1.5, 2.0, FIRST_CONTACT_S + 4.0),
-    Press("back_of_hand", 3.0, 8.0, 12.0, FIRST_CONTACT_S + 5.0, diameter_m=0.024),
-    Press("palm", 10.0, 2.0, 0.5, FIRST_CONTACT_S + 6.0, diameter_m=0.0019),
+    Indentation("palm", 6.0, 5.0, 8.0, FIRST_CONTACT_S),
+    Indentation("fingertip_index", 6.0, 4.0, 3.0, FIRST_CONTACT_S + 1.0),
+    Indentation("fingertip_thumb", 8.0, 4.0, 1.5, FIRST_CONTACT_S + 2.0),
+    Indentation("proximal_front_middle", 5.0, 5.0, 5.0, FIRST_CONTACT_S + 3.0),
+    Indentation("medial_front_pinkie", 4.0, 1.5, 2.0, FIRST_CONTACT_S + 4.0),
+    Indentation("back_of_hand", 3.0, 8.0, 12.0, FIRST_CONTACT_S + 5.0, diameter_m=0.024),
+    Indentation("palm", 10.0, 2.0, 0.5, FIRST_CONTACT_S + 6.0, diameter_m=0.0019),
 )
 """Seven contacts on six boards: probes of at least 12 mm as in Figure 2.5 of the thesis, and one probe of 1.9 mm."""
 
@@ -39,7 +39,7 @@ class ContactOutcome:
     counts below the baseline.
     """
 
-    press: Press
+    press: Indentation
     delay_s: float | None
     active_taxels: list[int]
     largest_signal: float
@@ -69,7 +69,7 @@ def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], Non
 
     advance: called with the name of the current step and its completed share, 0 to 1.
     """
-    times, forces = press_forces(hand, DEMO_CONTACTS)
+    times, forces = compute_indentation_forces(hand, DEMO_CONTACTS)
     end = max(press.end_s for press in DEMO_CONTACTS) + 0.5
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         stimulus = Path(folder) / "presses.stm"
@@ -97,7 +97,7 @@ def _report(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> Dem
     times = np.array([scan.time_s for scan in scans])
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))
     signal = np.nan_to_num(frames.signal_counts, nan=0.0)
-    shares = [share_of_force(skin.hand, press) for press in DEMO_CONTACTS]
+    shares = [compute_force_shares(skin.hand, press) for press in DEMO_CONTACTS]
     outcomes = []
     expected = np.zeros_like(frames.active)
     for press, share in zip(DEMO_CONTACTS, shares, strict=True):

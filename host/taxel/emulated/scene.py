@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import to_rotation_vector
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 
 
 @dataclass(frozen=True)
@@ -37,19 +37,19 @@ def scene_text(hand: Hand, scene: Scene, settings: WorldSettings | None = None) 
     lines = [f"layer {hand.layer_m!r}", "# surface board x y z nx ny nz dx dy dz (d: the taxel's distal side)"]
     places = np.hstack([hand.position, hand.normal, hand.distal])
     for board in hand.boards:
-        lines += [f"surface 0x{board.address:02X} {_numbers(row)}" for row in places[hand.slice_of(board.address)]]
+        lines += [f"surface 0x{board.address:02X} {_numbers(row)}" for row in places[hand.get_slice(board.address)]]
     lines += _margin_lines(hand)
     for name, shape in scene.objects.items():
         lines += _object_lines(name, shape)
     for name, offset in scene.bracket_offsets.items():
-        lines.append(f"bracket_offset 0x{hand.board_named(name).address:02X} {_offset(offset)}")
+        lines.append(f"bracket_offset 0x{hand.find_board(name).address:02X} {_offset(offset)}")
     for name, offset in scene.object_offsets.items():
         lines.append(f"object_offset {name} {_offset(offset)}")
-    return world_text(hand, settings) + "\n".join(lines) + "\n"
+    return format_world(hand, settings) + "\n".join(lines) + "\n"
 
 
 def _margin_lines(hand: Hand) -> list[str]:
-    sheet = sheet_of(hand)
+    sheet = build_sheet(hand)
     bare = slice(hand.n_taxels, None)
     rows = np.hstack([sheet.position[bare], sheet.normal[bare], sheet.distal[bare]])
     addresses = [hand.boards[index].address for index in sheet.board_index[bare].tolist()]

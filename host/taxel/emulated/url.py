@@ -4,7 +4,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from taxel.hand import Hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink, LinkError
 from taxel.link.url import split_url
 
@@ -58,7 +58,7 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
         raise LinkError(url, f"option 'threads' must be a whole number, found '{options['threads']}'")
     duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(
-        world_text(hand, settings),
+        format_world(hand, settings),
         options.get("stimulus"),
         speed == "max",
         duration,

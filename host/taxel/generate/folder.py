@@ -11,7 +11,7 @@ from taxel.generate.errors import FolderError
 from taxel.generate.recipe import Recipe
 from taxel.generate.shard import created, recipe_of, shard_name
 from taxel.generate.versions import versions
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 
 RECIPE: Final = "recipe.json"
@@ -105,7 +105,7 @@ def _check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> No
     if difference is not None:
         field, there, asked = difference
         remedy = "make the rest with the releases that began it" if field.startswith("versions") else ANOTHER
-        raise FolderError(shown_path(path), field, f"{shown(asked)} as asked for", shown(there), remedy)
+        raise FolderError(format_path(path), field, f"{format_value(asked)} as asked for", format_value(there), remedy)
 
 
 def first_difference(found: Any, wanted: Any, path: str = "") -> tuple[str, Any, Any] | None:
@@ -127,10 +127,10 @@ def _check_empty(out: Path) -> None:
         _fail(
             out,
             "an empty folder, or one that taxel generate began",
-            f"one with {shown(others[0])}",
+            f"one with {format_value(others[0])}",
             "choose another --out",
         )
 
 
 def _fail(path: Path, expected: str, found: str, remedy: str) -> NoReturn:
-    raise FolderError(shown_path(path), "/", expected, found, remedy)
+    raise FolderError(format_path(path), "/", expected, found, remedy)

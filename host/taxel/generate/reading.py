@@ -15,7 +15,7 @@ from taxel.generate.errors import FolderError
 from taxel.generate.folder import FORMAT
 from taxel.generate.index import INDEX
 from taxel.generate.shard import read_table
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 
@@ -40,7 +40,7 @@ def shards_of(folder: Path) -> list[Path]:
         return [folder / shard["file"] for shard in index["shards"]]
     except (OSError, ValueError, KeyError, TypeError):
         remedy = "run taxel generate again, until it has made all"
-        raise FolderError(shown_path(path), "/", "the index of a generated folder", "none", remedy) from None
+        raise FolderError(format_path(path), "/", "the index of a generated folder", "none", remedy) from None
 
 
 def generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:

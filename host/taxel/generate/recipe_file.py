@@ -17,7 +17,7 @@ from taxel.generate.ranges import Range, fixed
 from taxel.generate.recipe import FIDELITIES, HAND, Fidelity, GraspRanges, Recipe, SensorRanges, SimulatorRanges
 from taxel.generate.solids import SIZES, ObjectKind, has_thesis_approaches, mesh_kind
 from taxel.hand import load_hand
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_tables import check_name
@@ -46,7 +46,7 @@ class Key:
     def fail(self, expected: str, remedy: str = CORRECT, found: str | None = None) -> NoReturn:
         """Raise RecipeError for this place."""
         raise RecipeError(
-            self.file, self.path or "file", expected, shown(self.value) if found is None else found, remedy
+            self.file, self.path or "file", expected, format_value(self.value) if found is None else found, remedy
         )
 
     def keys(self, known: Sequence[str]) -> dict[str, Key]:
@@ -106,7 +106,7 @@ def read_recipe(path: Path) -> Recipe:
     Raises RecipeError of one line; CloudFileError and GapInputError for the files that it names; OSError.
     """
     data = path.read_bytes()
-    name = shown_path(path)
+    name = format_path(path)
     if len(data) > LARGEST_BYTES:
         raise RecipeError(name, "file", "at most 1 MiB", "more", "is it a recipe?")
     try:
@@ -145,7 +145,7 @@ def checked(recipe: Recipe, file: str) -> Recipe:
     names = [kind.name for kind in recipe.objects]
     double = next((name for name in names if names.count(name) > 1), None)
     if double is not None:
-        raise RecipeError(file, "object", "each name once", shown(double), "rename one")
+        raise RecipeError(file, "object", "each name once", format_value(double), "rename one")
     effects = [one.name for one in recipe.effects]
     twice = next((name for name in effects if effects.count(name) > 1), None)
     if twice is not None:

@@ -21,7 +21,7 @@ from taxel.grasp import objects as thesis
 from taxel.grasp.objects import EDGE_RADIUS_M, GraspObject
 from taxel.grasp.plan import PLACINGS
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 
 Solid = Literal["box", "cylinder", "prism", "mesh"]
 SIZES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -121,19 +121,19 @@ def mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float =
     if path.suffix.lower() not in MESH_READERS:
         known = ", ".join(MESH_READERS)
         raise RecipeError(
-            shown_path(path), "name", f"a mesh that ends in {known}", path.suffix or "no ending", "rename it"
+            format_path(path), "name", f"a mesh that ends in {known}", path.suffix or "no ending", "rename it"
         )
     points = unit_m * np.asarray(MESH_READERS[path.suffix.lower()](Source.open(path))[0], dtype=np.float64)
     try:
         corners = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         raise RecipeError(
-            shown_path(path), "vertices", "finite ones that span a solid", "others", "use a mesh of a solid"
+            format_path(path), "vertices", "finite ones that span a solid", "others", "use a mesh of a solid"
         ) from None
     size = float(np.ptp(corners, axis=0).max())
     if not SMALLEST_M <= size <= LARGEST_M:
         expected, remedy = f"a size of {SMALLEST_M} to {LARGEST_M} m", "give its unit (m, cm, mm)"
-        raise RecipeError(shown_path(path), "vertices", expected, f"{size:.4g} m", remedy)
+        raise RecipeError(format_path(path), "vertices", expected, f"{size:.4g} m", remedy)
     low, high = corners.min(axis=0), corners.max(axis=0)
     corners = corners - np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     kept, inside = _spread(corners)

@@ -44,7 +44,7 @@ from taxel.grasp.calibration_schema import (
     parse_calibration,
 )
 from taxel.grasp.pose_estimate import MeasuredPoints, PoseEstimate, fit_pose, given_pose
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.hand.toml_text import MAX_FILE_BYTES
 from taxel.hand.transforms import to_quaternion
 
@@ -94,7 +94,7 @@ class Calibration:
         for kind in KINDS:
             entries = data.get(kind)
             if not isinstance(entries, Mapping):
-                top.key(kind).fail("a table of poses", shown(entries), "store what to_json returns")
+                top.key(kind).fail("a table of poses", format_value(entries), "store what to_json returns")
             poses[kind] = {k: PoseEstimate.from_json(v, top.key(kind).key(k)) for k, v in entries.items()}
         return cls(**poses)
 
@@ -105,7 +105,7 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration:
     Raises CalibrationError: not readable, a mistake in it, or points from which no pose follows. Doubts that do not
     forbid a pose, such as an outlier, are in `Calibration.warnings()`.
     """
-    file = shown_path(os.fspath(path))
+    file = format_path(os.fspath(path))
     document = parse_calibration(_read(Path(path), file), file)
     poses: dict[str, dict[str, PoseEstimate]] = {}
     for kind, key in KINDS.items():
@@ -121,7 +121,7 @@ def save_calibration(path: str | os.PathLike[str], calibration: Calibration, *, 
     Raises CalibrationError: the file exists and `overwrite` is false, it cannot be written, or `load_calibration`
     would refuse it.
     """
-    file, target = shown_path(os.fspath(path)), Path(path)
+    file, target = format_path(os.fspath(path)), Path(path)
     text = _text_of(calibration)
     parse_calibration(text.encode(), file)  # no file is written that cannot be read back
     if target.exists() and not overwrite:
@@ -142,7 +142,7 @@ def load_points(path: str | os.PathLike[str]) -> MeasuredPoints:
     x, y, z are in the body's frame, X, Y, Z as measured. Give the result to `fit_pose`, field by field.
     Raises CalibrationError: not readable, or a mistake in a line.
     """
-    file = shown_path(os.fspath(path))
+    file = format_path(os.fspath(path))
     try:
         text = _read(Path(path), file).decode("utf-8-sig")  # spreadsheets write the mark
     except UnicodeDecodeError:
@@ -150,7 +150,7 @@ def load_points(path: str | os.PathLike[str]) -> MeasuredPoints:
     reader = csv.reader(text.splitlines())
     header = ",".join(next(reader, []))
     if header != ",".join(ROW):
-        Place(file, "line 1").fail(",".join(ROW), shown(header), "name the columns so, with commas between")
+        Place(file, "line 1").fail(",".join(ROW), format_value(header), "name the columns so, with commas between")
     owners: dict[str, str] = {}
     rows = []
     for row in reader:
@@ -171,7 +171,7 @@ def _number(text: str, place: Place) -> float:
     try:
         value = float(text)
     except ValueError:
-        place.fail("a number", shown(text), "write it as 0.125")
+        place.fail("a number", format_value(text), "write it as 0.125")
     check_coordinate(value, place)
     return value
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from taxel.grasp.calibration_errors import CalibrationError, Place
-from taxel.hand.errors import HandDescriptionError, shown
+from taxel.hand.errors import HandDescriptionError, format_value
 from taxel.hand.toml_text import parse_toml
 
 __all__ = ["FORMAT", "KINDS", "VERSION", "check_coordinate", "check_name", "parse_calibration"]
@@ -82,7 +82,7 @@ def parse_calibration(data: bytes, file: str) -> dict[str, Any]:
 def check_name(name: Any, owners: dict[str, str], place: Place) -> None:
     """A name of letters, digits, '_', '.' and '-' that no other entry or point has; `owners` gathers the names."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        place.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", shown(name), "rename it")
+        place.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", format_value(name), "rename it")
     if name in owners:
         place.fail("a name used once", f"{name!r}, also in {owners[name]}", "rename one of them or leave one out")
     owners[name] = place.path
@@ -92,7 +92,9 @@ def check_coordinate(value: Any, place: Place) -> None:
     """A number of metres within `MAX_COORDINATE_M`."""
     _check_type(value, _NUMBER, place)
     if not abs(value) <= MAX_COORDINATE_M:  # also refuses nan
-        place.fail(f"metres, at most {MAX_COORDINATE_M:g}", shown(value), "give the coordinate in metres, as 0.125")
+        place.fail(
+            f"metres, at most {MAX_COORDINATE_M:g}", format_value(value), "give the coordinate in metres, as 0.125"
+        )
 
 
 def _check_header(document: dict[str, Any], top: Place) -> None:
@@ -100,10 +102,12 @@ def _check_header(document: dict[str, Any], top: Place) -> None:
         found = document.get(key)
         if found is None:
             text = f'"{expected}"' if isinstance(expected, str) else str(expected)
-            top.key(key).fail(shown(expected), "nothing", f"add {key} = {text} at the top of the file")
+            top.key(key).fail(format_value(expected), "nothing", f"add {key} = {text} at the top of the file")
         # The type too: true == 1 and 1.0 == 1 in Python.
         if type(found) is not type(expected) or found != expected:
-            top.key(key).fail(shown(expected), shown(found), "use a taxel release that reads that file, or convert it")
+            top.key(key).fail(
+                format_value(expected), format_value(found), "use a taxel release that reads that file, or convert it"
+            )
 
 
 def _check_table(table: Any, keys: Mapping[str, _Types], place: Place, required: Iterable[str]) -> None:
@@ -121,7 +125,7 @@ def _check_table(table: Any, keys: Mapping[str, _Types], place: Place, required:
 
 def _check_type(value: Any, types: _Types, place: Place) -> None:
     if isinstance(value, bool) or not isinstance(value, types[1]):
-        place.fail(types[0], shown(value), "change its type")
+        place.fail(types[0], format_value(value), "change its type")
 
 
 def _check_entry(entry: Any, key: str, names: dict[str, str], place: Place) -> None:
@@ -141,12 +145,12 @@ def _check_entry(entry: Any, key: str, names: dict[str, str], place: Place) -> N
         _check_weights(entry, place.key("weights"))
     if not 0 < entry.get("sigma_m", MAX_SIGMA_M) <= MAX_SIGMA_M:
         remedy = "give the standard deviation in metres, as 25e-6"
-        place.key("sigma_m").fail(f"metres, above 0, at most {MAX_SIGMA_M:g}", shown(entry["sigma_m"]), remedy)
+        place.key("sigma_m").fail(f"metres, above 0, at most {MAX_SIGMA_M:g}", format_value(entry["sigma_m"]), remedy)
 
 
 def _check_text(text: str, place: Place) -> None:
     if not text.isprintable() or len(text) > MAX_TEXT:
-        place.fail(f"one printable line of at most {MAX_TEXT} characters", shown(text), "shorten it")
+        place.fail(f"one printable line of at most {MAX_TEXT} characters", format_value(text), "shorten it")
 
 
 def _check_pose(pose: Any, place: Place) -> None:
@@ -180,4 +184,4 @@ def _check_weights(entry: Mapping[str, Any], place: Place) -> None:
     for index, weight in enumerate(weights):
         _check_type(weight, _NUMBER, place.item(index))
         if not 0 < weight < math.inf:
-            place.item(index).fail("a finite number above 0", shown(weight), "leave a point out to ignore it")
+            place.item(index).fail("a finite number above 0", format_value(weight), "leave a point out to ignore it")

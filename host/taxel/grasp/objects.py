@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 
 # Metres. The thesis shows the objects (figure 5.1) without their sizes: tools/objects/search_sizes.py found these.
 BOX_WIDTH_M: Final = 0.069  # of the wide side faces, along x
@@ -66,4 +66,4 @@ def thesis_objects() -> dict[str, GraspObject]:
 
 def standing_pose() -> npt.NDArray[np.float64]:
     """The nominal pose of an object in the world (the robot's base), f64[4, 4]: upright on the stand, not turned."""
-    return pose([STAND_DISTANCE_M, 0.0, STAND_HEIGHT_M], [1.0, 0.0, 0.0, 0.0])
+    return make_pose([STAND_DISTANCE_M, 0.0, STAND_HEIGHT_M], [1.0, 0.0, 0.0, 0.0])

@@ -153,10 +153,10 @@ class PlannedGrasp:
 
 def palm_surface_m(hand: Hand) -> float:
     """Coordinate along the palm link's x of the palm board's outer surface: its electrodes and the layer on them."""
-    board = hand.board_named(PALM_BOARD)
+    board = hand.find_board(PALM_BOARD)
     if board.pose is None:
         raise ValueError(f"hand {hand.name!r}: the palm board has no bracket")
-    electrodes = hand.position[hand.slice_of(board.address)] @ board.pose[:3, :3].T + board.pose[:3, 3]
+    electrodes = hand.position[hand.get_slice(board.address)] @ board.pose[:3, :3].T + board.pose[:3, 3]
     return float(electrodes[:, 0].max()) + (hand.layer_m or 0.0)
 
 

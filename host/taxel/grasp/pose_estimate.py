@@ -15,7 +15,7 @@ from scipy import stats
 
 from taxel.grasp.calibration_errors import Place
 from taxel.grasp.pose_fit import check_points, cofactor_of, kabsch, studentised
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.hand.transforms import apply, check_rigid, from_quaternion, to_quaternion
 from taxel.types import FloatArray
 
@@ -169,7 +169,7 @@ class PoseEstimate:
         except KeyError as error:
             place.fail(f"the key {error}", "nothing", "store what to_json returns")
         except (TypeError, ValueError) as error:
-            place.fail("what to_json returns", shown(str(error)), "store it unchanged")
+            place.fail("what to_json returns", format_value(str(error)), "store it unchanged")
 
     def _studentised(self) -> tuple[FloatArray, FloatArray]:
         if self.points is None:
@@ -210,9 +210,11 @@ def fit_pose(
         place.fail("finite coordinates", "a NaN or an infinity", "leave that point out")
     w = np.ones(len(a)) if weights is None else np.array(weights, dtype=np.float64)
     if w.shape != (len(a),) or not (np.isfinite(w) & (w > 0)).all():
-        place.fail(f"{len(a)} finite weights above 0", shown(w.tolist() if w.size < 2 else w.shape), "correct them")
+        place.fail(
+            f"{len(a)} finite weights above 0", format_value(w.tolist() if w.size < 2 else w.shape), "correct them"
+        )
     if sigma_m is not None and not (np.isfinite(sigma_m) and sigma_m > 0):
-        place.fail("sigma_m in metres, above 0", shown(sigma_m), "give it or leave it out")
+        place.fail("sigma_m in metres, above 0", format_value(sigma_m), "give it or leave it out")
     labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(a)))
     if len(labels) != len(a):
         place.fail(f"{len(a)} names", str(len(labels)), "name each point")

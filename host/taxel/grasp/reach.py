@@ -66,7 +66,7 @@ class ArmReach:
         self.robot = robot
         self.link = link
         self._kinematics = Kinematics(robot)
-        self._target = robot.link_index(link)
+        self._target = robot.get_link_index(link)
         self._chain = _chain(robot, link)
         self._lower, self._upper = (bound[self._chain.columns] for bound in (robot.lower, robot.upper))
 
@@ -108,7 +108,7 @@ class ArmReach:
     def _poses(self, angles: FloatArray) -> FloatArray:
         every = np.zeros((*angles.shape[:-1], len(self.robot.joint_names)))
         every[..., self._chain.columns] = angles
-        return self._kinematics.link_poses(every)
+        return self._kinematics.compute_link_poses(every)
 
     def _improved(self, angles: FloatArray, palm_pose: FloatArray) -> FloatArray:
         """One damped step of every start; the damping fades with the error, so that the end is Newton's."""

@@ -3,11 +3,11 @@
 >>> hand = load_hand("allegro")
 >>> hand.n_taxels, len(hand.boards)
 (1073, 17)
->>> hand.slice_of(0x21)
+>>> hand.get_slice(0x21)
 slice(121, 239, None)
 """
 
-from taxel.hand.description import Board, BoardKind, Hand, load_hand, packaged_hands
+from taxel.hand.description import Board, BoardKind, Hand, list_packaged_hands, load_hand
 from taxel.hand.errors import UnknownBoardError
 from taxel.hand.schema import HandDescriptionError
 
@@ -18,5 +18,5 @@ __all__ = [
     "HandDescriptionError",
     "UnknownBoardError",
     "load_hand",
-    "packaged_hands",
+    "list_packaged_hands",
 ]

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from taxel.hand.errors import Field, shown
+from taxel.hand.errors import Field, format_value
 
 UNIT_TOLERANCE = 1e-3
 MAX_DESCRIPTION = 200  # characters
@@ -32,7 +32,7 @@ def check_table(table: Any, keys: Mapping[str, type], field: Field, optional: Ma
     check_type(table, dict, field)
     for key in table:
         if key not in known:
-            field.key(key).fail("a known key", "an unknown one", suggestion(key, known))
+            field.key(key).fail("a known key", "an unknown one", suggest_name(key, known))
     for key, kind in keys.items():
         if key not in table:
             field.key(key).fail(_TYPES[kind], "nothing", f"add {key}")
@@ -40,7 +40,7 @@ def check_table(table: Any, keys: Mapping[str, type], field: Field, optional: Ma
         check_type(table[key], known[key], field.key(key))
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
+def suggest_name(name: str, known: Iterable[str]) -> str:
     """What to do about an unknown name."""
     known = sorted(known)
     # Cut: the comparison is quadratic and the name is the file's.
@@ -57,25 +57,25 @@ def check_type(value: Any, kind: type, field: Field) -> None:
             remedy = "make it a table"
         elif kind is int and isinstance(value, str):
             remedy = "remove the quotes"
-        field.fail(_TYPES[kind], shown(value), remedy)
+        field.fail(_TYPES[kind], format_value(value), remedy)
 
 
 def check_identifier(name: str, field: Field) -> None:
     """A name that is safe in file names, topics and HDF5 paths."""
     if not _IDENTIFIER.fullmatch(name):
-        field.fail("a letter, then letters, digits and _ (64 at most)", shown(name), "rename it")
+        field.fail("a letter, then letters, digits and _ (64 at most)", format_value(name), "rename it")
 
 
 def check_description(text: str, field: Field) -> None:
     """One line for people."""
     if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # it is printed: no control characters
-        field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", shown(text), "shorten it")
+        field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", format_value(text), "shorten it")
 
 
 def check_range(value: int, low: int, high: int, what: str, field: Field) -> None:
     """`value` lies in [low, high]."""
     if not low <= value <= high:
-        field.fail(f"{what} from {low} to {high}", shown(value), "correct it")
+        field.fail(f"{what} from {low} to {high}", format_value(value), "correct it")
 
 
 def check_numbers(values: Any, count: int, field: Field, what: str) -> None:
@@ -86,7 +86,7 @@ def check_numbers(values: Any, count: int, field: Field, what: str) -> None:
     for index, value in enumerate(values):
         check_type(value, float, field.item(index))
         if not abs(value) <= sys.float_info.max:  # isfinite refuses an integer that no float can hold
-            field.item(index).fail("a finite number", shown(value), "correct it")
+            field.item(index).fail("a finite number", format_value(value), "correct it")
 
 
 def check_unit(values: list[float], field: Field, what: str) -> None:

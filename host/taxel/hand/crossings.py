@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import Field, shown
+from taxel.hand.errors import Field, format_value
 
 TAXEL = "#"
 UNUSED = "."
 
 
-def crossing_array(text: str) -> NDArray[np.bool_]:
+def parse_crossings(text: str) -> NDArray[np.bool_]:
     """Read a crossing map that check_crossings has passed.
 
     Returns:
@@ -38,7 +38,7 @@ def check_crossings(text: str, tx: int, rx: int, taxels: int, field: Field) -> N
     rows = _rows(text)
     _check_characters(rows, field)
     _check_size(rows, tx, rx, field)
-    crossings = crossing_array(text)
+    crossings = parse_crossings(text)
     if (found := int(crossings.sum())) != taxels:
         field.fail(f"{taxels} '#' (taxels = {taxels})", str(found), "correct the map or the number of taxels")
     for line, axis in (("TX", 1), ("RX", 0)):
@@ -62,7 +62,7 @@ def _check_characters(rows: list[str], field: Field) -> None:
             if character not in (TAXEL, UNUSED):
                 field.fail(
                     "only '#' (taxel) and '.' (unused crossing)",
-                    f"{shown(character)} at TX {tx}, RX {rx}",
+                    f"{format_value(character)} at TX {tx}, RX {rx}",
                     "replace that character",
                 )
 

@@ -17,12 +17,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.crossings import crossing_array
-from taxel.hand.errors import HandGeometryError, UnknownBoardError, shown_address, shown_path
-from taxel.hand.geometry import Surface, surface_of
+from taxel.hand.crossings import parse_crossings
+from taxel.hand.errors import HandGeometryError, UnknownBoardError, format_address, format_path
+from taxel.hand.geometry import Surface, build_surface
 from taxel.hand.schema import BoardTable, HandDocument, parse_hand
 from taxel.hand.toml_text import read_description
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX, TAXELS_MAX
 
 _SUFFIX = ".toml"
@@ -214,23 +214,23 @@ class Hand:
             raise HandGeometryError(self.name)
         return surfaces
 
-    def board(self, address: int) -> Board:
+    def get_board(self, address: int) -> Board:
         """The board at a 7-bit I2C address; UnknownBoardError if there is none."""
         for board in self.boards:
             if board.address == address:
                 return board
-        raise UnknownBoardError(self.name, shown_address(address), [shown_address(b.address) for b in self.boards])
+        raise UnknownBoardError(self.name, format_address(address), [format_address(b.address) for b in self.boards])
 
-    def board_named(self, name: str) -> Board:
+    def find_board(self, name: str) -> Board:
         """The board of that name; UnknownBoardError if there is none."""
         for board in self.boards:
             if board.name == name:
                 return board
         raise UnknownBoardError(self.name, repr(name), [board.name for board in self.boards])
 
-    def slice_of(self, address: int) -> slice:
+    def get_slice(self, address: int) -> slice:
         """Where a board's taxels lie on the taxel axis; UnknownBoardError if the hand has no such board."""
-        return self._slices[self.board(address).address]
+        return self._slices[self.get_board(address).address]
 
     def split(self, counts: NDArray[Scalar]) -> dict[int, NDArray[Scalar]]:
         """Divide an array by board.
@@ -252,7 +252,7 @@ class Hand:
         return {address: counts[..., part] for address, part in self._slices.items()}
 
 
-def packaged_hands() -> list[str]:
+def list_packaged_hands() -> list[str]:
     """Names of the descriptions that come with the library, sorted."""
     return sorted(
         entry.name.removesuffix(_SUFFIX) for entry in _descriptions().iterdir() if entry.name.endswith(_SUFFIX)
@@ -268,33 +268,33 @@ def load_hand(name_or_path: str | os.PathLike[str]) -> Hand:
     Raises:
         HandDescriptionError: no such name or file, not readable, or a mistake in it.
     """
-    if name_or_path in packaged_hands():
+    if name_or_path in list_packaged_hands():
         file = f"{name_or_path}{_SUFFIX}"
         return _build(parse_hand(_descriptions().joinpath(file).read_bytes(), file))
-    file = shown_path(os.fspath(name_or_path))
-    return _build(parse_hand(read_description(name_or_path, "hand", packaged_hands()), file))
+    file = format_path(os.fspath(name_or_path))
+    return _build(parse_hand(read_description(name_or_path, "hand", list_packaged_hands()), file))
 
 
-def hand_of_text(data: bytes, file: str) -> Hand:
+def parse_hand_description(data: bytes, file: str) -> Hand:
     """The hand that the bytes of a description file describe. `file`: its name, for errors.
 
     Raises HandDescriptionError for a mistake in it.
     """
-    return _build(parse_hand(data, shown_path(file)))
+    return _build(parse_hand(data, format_path(file)))
 
 
-def description_text(hand: Hand | str | os.PathLike[str]) -> str | None:
+def read_hand_text(hand: Hand | str | os.PathLike[str]) -> str | None:
     """The text of a hand's description file: of a packaged name, a path, or a `Hand` that equals the packaged one.
 
     None for any other `Hand`: it does not know its file. Raises HandDescriptionError as `load_hand` does.
     """
     if isinstance(hand, Hand):
-        if hand.name not in packaged_hands() or load_hand(hand.name) != hand:
+        if hand.name not in list_packaged_hands() or load_hand(hand.name) != hand:
             return None
         hand = hand.name
-    if hand in packaged_hands():
+    if hand in list_packaged_hands():
         return _descriptions().joinpath(f"{hand}{_SUFFIX}").read_text()
-    return read_description(hand, "hand", packaged_hands()).decode(errors="replace")
+    return read_description(hand, "hand", list_packaged_hands()).decode(errors="replace")
 
 
 def _build(document: HandDocument) -> Hand:
@@ -302,9 +302,9 @@ def _build(document: HandDocument) -> Hand:
     geometry = document.get("geometry", {})
     kinds = {}
     for name, table in document["kinds"].items():
-        kind = BoardKind(name, table["code"], crossing_array(table["crossings"]))
+        kind = BoardKind(name, table["code"], parse_crossings(table["crossings"]))
         if name in geometry:
-            surface = surface_of(np.array(geometry[name]["taxels"], dtype=np.float64), kind.tx, kind.rx)
+            surface = build_surface(np.array(geometry[name]["taxels"], dtype=np.float64), kind.tx, kind.rx)
             kind = replace(kind, surface=surface)
         kinds[name] = kind
     return Hand(
@@ -321,7 +321,7 @@ def _build(document: HandDocument) -> Hand:
 def _build_board(table: BoardTable, kind: BoardKind) -> Board:
     if "link" not in table:
         return Board(table["name"], kind, table["address"])
-    place = pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))
+    place = make_pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))
     return Board(table["name"], kind, table["address"], table["link"], _read_only(place))
 
 

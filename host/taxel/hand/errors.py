@@ -75,7 +75,7 @@ class Field:
 
     def key(self, name: str) -> Field:
         """The place of a key below this one."""
-        bare = name if name.isidentifier() and len(name) <= _MAX_SHOWN else shown(name)
+        bare = name if name.isidentifier() and len(name) <= _MAX_SHOWN else format_value(name)
         return Field(self.file, f"{self.path}.{bare}" if self.path else bare)
 
     def item(self, index: int) -> Field:
@@ -87,7 +87,7 @@ class Field:
         raise HandDescriptionError(self.file, self.path or "file", expected, found, remedy)
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """A value found in a file, as one short printable piece of text; files are not trusted to be either."""
     if isinstance(value, dict):
         return "a table"
@@ -101,12 +101,12 @@ def shown(value: object) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
-def shown_path(path: object) -> str:
+def format_path(path: object) -> str:
     """A file name for an error: as it is, or quoted where it holds a character that would break the line."""
     text = str(path)
     return text if text.isprintable() and text else repr(text)
 
 
-def shown_address(address: int) -> str:
+def format_address(address: int) -> str:
     """An I2C address as people write it: 0x20. Anything that is no byte is shown plainly."""
-    return f"0x{address:02X}" if 0 <= address <= 0xFF else shown(address)
+    return f"0x{address:02X}" if 0 <= address <= 0xFF else format_value(address)

@@ -51,7 +51,7 @@ class Surface:
         return hash(self.position.tobytes())
 
 
-def surface_of(rows: NDArray[np.float64], tx: NDArray[np.uint8], rx: NDArray[np.uint8]) -> Surface:
+def build_surface(rows: NDArray[np.float64], tx: NDArray[np.uint8], rx: NDArray[np.uint8]) -> Surface:
     """The surface of a kind.
 
     rows: f64[count, 6]: x, y, z, nx, ny, nz. tx, rx: electrode lines of each taxel, u8[count]; a taxel's neighbours on

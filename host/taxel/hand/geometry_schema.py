@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from taxel.hand.checks import check_identifier, check_numbers, check_table, check_type, check_unit, suggestion
-from taxel.hand.errors import Field, shown
+from taxel.hand.checks import check_identifier, check_numbers, check_table, check_type, check_unit, suggest_name
+from taxel.hand.errors import Field, format_value
 
 MAX_REACH_M = 10.0  # no taxel is ten metres from its link: a larger figure is a mistake of unit
 
@@ -35,7 +35,9 @@ def check_geometry(document: Mapping[str, Any], top: Field) -> None:
     geometry, kinds = document["geometry"], document["kinds"]
     for name in geometry:
         if name not in kinds:
-            top.key("geometry").key(name).fail("the name of a [kinds] table", shown(name), suggestion(name, kinds))
+            top.key("geometry").key(name).fail(
+                "the name of a [kinds] table", format_value(name), suggest_name(name, kinds)
+            )
     for name, kind in kinds.items():
         here = top.key("geometry").key(name)
         if name not in geometry:
@@ -53,7 +55,9 @@ def _check_absent(document: Mapping[str, Any], top: Field) -> None:
         for key in _PLACE:
             if key in board:
                 here = top.key("boards").item(index).key(key)
-                here.fail("no place without a robot", shown(board[key]), "add robot and [geometry], or remove it")
+                here.fail(
+                    "no place without a robot", format_value(board[key]), "add robot and [geometry], or remove it"
+                )
 
 
 def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
@@ -68,7 +72,9 @@ def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
 
 def _check_reach(position: list[float], field: Field) -> None:
     if any(abs(value) > MAX_REACH_M for value in position):
-        field.fail(f"metres, at most {MAX_REACH_M:g} from the origin", shown(max(position, key=abs)), "give metres")
+        field.fail(
+            f"metres, at most {MAX_REACH_M:g} from the origin", format_value(max(position, key=abs)), "give metres"
+        )
 
 
 def _check_place(board: Mapping[str, Any], field: Field) -> None:

@@ -36,7 +36,7 @@ def save_heat_map(
     limit = max(150.0, float(np.nanmax(values, initial=0.0)))
     image = None
     for board, axis in zip(hand.boards, axes.flat, strict=False):
-        where = hand.slice_of(board.address)
+        where = hand.get_slice(board.address)
         image = _draw_board(axis, board, values[where], active[where], limit)
     for axis in list(axes.flat)[len(hand.boards) :]:
         axis.axis("off")

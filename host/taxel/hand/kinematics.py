@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from taxel.errors import TaxelError
 from taxel.hand.description import Hand
 from taxel.hand.errors import HandGeometryError
-from taxel.hand.frames import FrameBuffer
 from taxel.hand.robot import Robot, load_robot
 from taxel.hand.sheet import Sheet
 
@@ -37,7 +36,7 @@ class Kinematics:
     def __init__(self, robot: Robot, hand: Hand | None = None) -> None:
         self.robot = robot
         self.hand = hand
-        self._parents = [robot.link_index(joint.parent) for joint in robot.joints]
+        self._parents = [robot.get_link_index(joint.parent) for joint in robot.joints]
         self._board_links: list[int] = []
         if hand is not None:
             self._board_links = [self._link_of(hand, link) for link in (board.link for board in hand.boards)]
@@ -45,7 +44,7 @@ class Kinematics:
     def _link_of(self, hand: Hand, link: str | None) -> int:
         if link is None:
             raise HandGeometryError(hand.name)
-        return self.robot.link_index(link)
+        return self.robot.get_link_index(link)
 
     @cached_property
     def _bracket_poses(self) -> NDArray[np.float64]:
@@ -57,7 +56,7 @@ class Kinematics:
             raise ValueError("these kinematics were made without a hand; give one")
         return self.hand
 
-    def link_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
+    def compute_link_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
         """Pose of every link in the world (the robot's root), f64[..., links, 4, 4], in the order of `robot.links`.
 
         Raises `JointCountError` if `joint_position` [..., j] has another number of joints.
@@ -97,57 +96,36 @@ class Kinematics:
         rows = [np.flatnonzero(level == each) for each in range(1, int(level.max()) + 1)]
         return [(row + 1, np.array(self._parents)[row]) for row in rows]
 
-    def sensor_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
+    def compute_sensor_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
         """Pose of every bracket in the world, f64[..., s, 4, 4], in the order of `hand.boards`."""
         self._require_hand()
-        poses = self.link_poses(joint_position)[..., self._board_links, :, :] @ self._bracket_poses
+        poses = self.compute_link_poses(joint_position)[..., self._board_links, :, :] @ self._bracket_poses
         return np.asarray(poses)
 
-    def taxel_positions(self, joint_position: ArrayLike) -> NDArray[np.float64]:
+    def compute_taxel_positions(self, joint_position: ArrayLike) -> NDArray[np.float64]:
         """Centre of every taxel in the world, metres, f64[..., n, 3]."""
-        return taxel_positions(self._require_hand(), self.sensor_poses(joint_position))
+        return compute_taxel_positions(self._require_hand(), self.compute_sensor_poses(joint_position))
 
-    def taxel_normals(self, joint_position: ArrayLike) -> NDArray[np.float64]:
+    def compute_taxel_normals(self, joint_position: ArrayLike) -> NDArray[np.float64]:
         """Outward normal of every taxel in the world, f64[..., n, 3]."""
-        return taxel_normals(self._require_hand(), self.sensor_poses(joint_position))
-
-    def publish(self, frames: FrameBuffer, joint_position: ArrayLike, stamp_s: float) -> None:
-        """Put every link (parent to child) and every bracket, by its board's name, into a frame buffer.
-
-        A board that has the name of a link (the palm) becomes `NAME_bracket`.
-        """
-        poses = self.link_poses(joint_position)
-        for index, joint in enumerate(self.robot.joints):
-            step = np.linalg.inv(poses[self._parents[index]]) @ poses[index + 1]
-            if joint.axis is None:
-                frames.set_static(joint.parent, joint.child, joint.origin)
-            else:
-                frames.set_transform(joint.parent, joint.child, step, stamp_s)
-        taken = set(self.robot.links)
-        for board in self.hand.boards if self.hand is not None else ():
-            name = board.name
-            while name in taken:
-                name += "_bracket"
-            taken.add(name)
-            if board.link is not None and board.pose is not None:
-                frames.set_static(board.link, name, board.pose)
+        return compute_taxel_normals(self._require_hand(), self.compute_sensor_poses(joint_position))
 
 
-def kinematics_of(hand: Hand) -> Kinematics:
+def build_kinematics(hand: Hand) -> Kinematics:
     """The kinematics of a hand on the robot that its description names."""
     if hand.robot is None:
         raise HandGeometryError(hand.name)
     return Kinematics(load_robot(hand.robot), hand)
 
 
-def taxel_positions(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def compute_taxel_positions(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Taxel centres in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
     rotations, origins = sensor_poses[..., :3, :3], sensor_poses[..., :3, 3]
     turned = np.einsum("...nij,nj->...ni", rotations[..., hand.board_index, :, :], hand.position)
     return np.asarray(turned + origins[..., hand.board_index, :])
 
 
-def taxel_normals(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def compute_taxel_normals(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outward taxel normals in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
     rotations = sensor_poses[..., hand.board_index, :3, :3]
     return np.asarray(np.einsum("...nij,nj->...ni", rotations, hand.normal))

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import UnknownLinkError, shown_path
+from taxel.hand.errors import UnknownLinkError, format_path
 from taxel.hand.robot_schema import parse_robot
 from taxel.hand.toml_text import read_description
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 
 _SUFFIX = ".toml"
 
@@ -80,16 +80,16 @@ class Robot:
         """Upper limits of the revolute joints, radians, f64[j]."""
         return np.array([joint.upper for joint in self.joints if joint.axis is not None])
 
-    def link_index(self, link: str) -> int:
+    def get_link_index(self, link: str) -> int:
         """Place of a link on the link axis; UnknownLinkError if there is none of that name."""
         try:
             return self.links.index(link)
         except ValueError:
             raise UnknownLinkError(self.name, link, self.links) from None
 
-    def below(self, link: str) -> Robot:
+    def get_subtree(self, link: str) -> Robot:
         """The part of the robot that hangs on a link, which becomes the root; UnknownLinkError if there is none."""
-        kept = {self.links[self.link_index(link)]}
+        kept = {self.links[self.get_link_index(link)]}
         joints = []
         for joint in self.joints:
             if joint.parent in kept:
@@ -106,7 +106,7 @@ class Robot:
         raise UnknownLinkError(self.name, link, self.links[1:])
 
 
-def packaged_robots() -> list[str]:
+def list_packaged_robots() -> list[str]:
     """Names of the robots that come with the library, sorted."""
     return sorted(entry.name.removesuffix(_SUFFIX) for entry in _folder().iterdir() if entry.name.endswith(_SUFFIX))
 
@@ -120,11 +120,11 @@ def load_robot(name_or_path: str | os.PathLike[str]) -> Robot:
     Raises:
         HandDescriptionError: no such name or file, not readable, or a mistake in it.
     """
-    if name_or_path in packaged_robots():
+    if name_or_path in list_packaged_robots():
         file = f"{name_or_path}{_SUFFIX}"
         return _build(parse_robot(_folder().joinpath(file).read_bytes(), file))
-    file = shown_path(os.fspath(name_or_path))
-    return _build(parse_robot(read_description(name_or_path, "robot", packaged_robots()), file))
+    file = format_path(os.fspath(name_or_path))
+    return _build(parse_robot(read_description(name_or_path, "robot", list_packaged_robots()), file))
 
 
 def _folder() -> Any:
@@ -133,7 +133,7 @@ def _folder() -> Any:
 
 def _origin(table: dict[str, Any]) -> NDArray[np.float64]:
     position = np.array(table.get("position_m", [0.0, 0.0, 0.0]), dtype=float)
-    return pose(position, np.array(table.get("quaternion_wxyz", [1.0, 0.0, 0.0, 0.0]), dtype=float))
+    return make_pose(position, np.array(table.get("quaternion_wxyz", [1.0, 0.0, 0.0, 0.0]), dtype=float))
 
 
 def _build(document: dict[str, Any]) -> Robot:

@@ -12,9 +12,9 @@ from taxel.hand.checks import (
     check_table,
     check_type,
     check_unit,
-    suggestion,
+    suggest_name,
 )
-from taxel.hand.errors import Field, shown
+from taxel.hand.errors import Field, format_value
 from taxel.hand.toml_text import parse_toml
 
 FORMAT = "taxel-robot"
@@ -55,7 +55,9 @@ def parse_robot(data: bytes, file: str) -> dict[str, Any]:
     top = Field(file)
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if document.get(key) != expected or isinstance(document[key], bool):
-            top.key(key).fail(shown(expected), shown(document.get(key)), "is it a robot description of this version?")
+            top.key(key).fail(
+                format_value(expected), format_value(document.get(key)), "is it a robot description of this version?"
+            )
     check_table(document, _ROBOT, top, _ROBOT_OPTIONAL)
     check_identifier(document["name"], top.key("name"))
     check_identifier(document["root"], top.key("root"))
@@ -75,16 +77,18 @@ def _check_joints(document: Mapping[str, Any], field: Field) -> None:
         here = field.item(index)
         _check_joint(joint, here)
         if joint["name"] in names:
-            here.key("name").fail("a joint name used once", shown(joint["name"]), "rename one of them")
+            here.key("name").fail("a joint name used once", format_value(joint["name"]), "rename one of them")
         if joint["child"] in parents or joint["child"] == document["root"]:
-            here.key("child").fail("a link that no other joint moves", shown(joint["child"]), "a tree has one way down")
+            here.key("child").fail(
+                "a link that no other joint moves", format_value(joint["child"]), "a tree has one way down"
+            )
         names.add(joint["name"])
         parents[joint["child"]] = joint["parent"]
     links = [document["root"], *parents]
     for index, joint in enumerate(document["joints"]):
         if joint["parent"] not in links:
             here = field.item(index).key("parent")
-            here.fail("a link of this robot", shown(joint["parent"]), suggestion(joint["parent"], links))
+            here.fail("a link of this robot", format_value(joint["parent"]), suggest_name(joint["parent"], links))
     for index, joint in enumerate(document["joints"]):
         _check_leads_to_root(joint["parent"], parents, document["root"], field.item(index).key("parent"))
 
@@ -93,7 +97,7 @@ def _check_joint(joint: Any, here: Field) -> None:
     check_type(joint, dict, here)
     kind = joint.get("type")
     if kind not in ("fixed", "revolute"):
-        here.key("type").fail("'fixed' or 'revolute'", shown(kind), "correct it")
+        here.key("type").fail("'fixed' or 'revolute'", format_value(kind), "correct it")
     check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, here, _PLACE)
     for key in ("name", "parent", "child"):
         check_identifier(joint[key], here.key(key))
@@ -113,7 +117,7 @@ def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field
         if link == root:
             return
         link = parents[link]
-    field.fail(f"a link that leads to the root {root!r}", shown(start), "the joints form a ring; open it")
+    field.fail(f"a link that leads to the root {root!r}", format_value(start), "the joints form a ring; open it")
 
 
 def _check_place(table: Mapping[str, Any], field: Field) -> None:
@@ -121,7 +125,9 @@ def _check_place(table: Mapping[str, Any], field: Field) -> None:
         here = field.key("position_m")
         check_numbers(table["position_m"], 3, here, "x, y, z")
         if any(abs(value) > MAX_REACH_M for value in table["position_m"]):
-            here.fail(f"metres, at most {MAX_REACH_M:g}", shown(max(table["position_m"], key=abs)), "give metres")
+            here.fail(
+                f"metres, at most {MAX_REACH_M:g}", format_value(max(table["position_m"], key=abs)), "give metres"
+            )
     if "quaternion_wxyz" in table:
         check_numbers(table["quaternion_wxyz"], 4, field.key("quaternion_wxyz"), "w, x, y, z")
         check_unit(table["quaternion_wxyz"], field.key("quaternion_wxyz"), "a quaternion")
@@ -131,15 +137,15 @@ def _check_shape(shape: Any, document: Mapping[str, Any], here: Field) -> None:
     check_type(shape, dict, here)
     kind = shape.get("type")
     if not isinstance(kind, str) or kind not in _SHAPES:
-        here.key("type").fail("'box' or 'capsule'", shown(kind), "correct it")
+        here.key("type").fail("'box' or 'capsule'", format_value(kind), "correct it")
     check_table(shape, _SHAPES[kind], here, _PLACE)
     _check_place(shape, here)
     links = [document["root"], *(joint["child"] for joint in document["joints"])]
     if shape["link"] not in links:
-        here.key("link").fail("a link of this robot", shown(shape["link"]), suggestion(shape["link"], links))
+        here.key("link").fail("a link of this robot", format_value(shape["link"]), suggest_name(shape["link"], links))
     if kind == "box":
         check_numbers(shape["half_size_m"], 3, here.key("half_size_m"), "x, y, z")
     sizes = shape["half_size_m"] if kind == "box" else [shape["radius_m"], shape["half_length_m"]]
     for size in sizes:
         if not 0 < size < MAX_REACH_M:  # also refuses nan and inf
-            here.fail("sizes above 0, in metres", shown(size), "correct it")
+            here.fail("sizes above 0, in metres", format_value(size), "correct it")

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict, cast
 
-from taxel.hand.checks import check_description, check_identifier, check_range, check_table, suggestion
+from taxel.hand.checks import check_description, check_identifier, check_range, check_table, suggest_name
 from taxel.hand.crossings import check_crossings
-from taxel.hand.errors import Field, HandDescriptionError, shown, shown_address
+from taxel.hand.errors import Field, HandDescriptionError, format_address, format_value
 from taxel.hand.geometry_schema import check_geometry
 from taxel.hand.toml_text import parse_toml
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, LINES_MAX, TAXELS_MAX
@@ -131,12 +131,14 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
 def _check_header(document: dict[str, Any], top: Field) -> None:
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
-            top.key(key).fail(shown(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file")
+            top.key(key).fail(
+                format_value(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file"
+            )
         # The type too: true == 1 and 1.0 == 1 in Python.
         if type(document[key]) is not type(expected) or document[key] != expected:
             top.key(key).fail(
-                shown(expected),
-                shown(document[key]),
+                format_value(expected),
+                format_value(document[key]),
                 "use a taxel release that reads that file, or convert the file",
             )
 
@@ -151,13 +153,13 @@ def _check_taxel(taxel: Any, field: Field) -> None:
         if not 0 < taxel[key] < MAX_LENGTH_M:  # also refuses nan and inf
             field.key(key).fail(
                 f"metres, above 0 and below {MAX_LENGTH_M:g}",
-                shown(taxel[key]),
+                format_value(taxel[key]),
                 "give the length in metres, as 0.005",
             )
     if taxel["size_m"] > taxel["pitch_m"]:
         field.key("size_m").fail(
             f"at most the pitch ({taxel['pitch_m']} m)",
-            shown(taxel["size_m"]),
+            format_value(taxel["size_m"]),
             "taxels would overlap; correct either",
         )
 
@@ -192,16 +194,18 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
         check_table(board, _BOARD, here, _BOARD_OPTIONAL)
         check_identifier(board["name"], here.key("name"))
         if board["kind"] not in kinds:
-            here.key("kind").fail("the name of a [kinds] table", shown(board["kind"]), suggestion(board["kind"], kinds))
+            here.key("kind").fail(
+                "the name of a [kinds] table", format_value(board["kind"]), suggest_name(board["kind"], kinds)
+            )
         if not ADDRESS_MIN <= board["address"] <= ADDRESS_MAX:
             here.key("address").fail(
-                f"a 7-bit I2C address from {shown_address(ADDRESS_MIN)} to {shown_address(ADDRESS_MAX)}",
-                shown_address(board["address"]),
+                f"a 7-bit I2C address from {format_address(ADDRESS_MIN)} to {format_address(ADDRESS_MAX)}",
+                format_address(board["address"]),
                 "give the board a free address in that range (without the read/write bit)",
             )
         for key, owner in owners.items():
             if board[key] in owner:
-                value = shown_address(board[key]) if key == "address" else shown(board[key])
+                value = format_address(board[key]) if key == "address" else format_value(board[key])
                 here.key(key).fail(
                     f"a board {key} used once",
                     f"{value}, also in {owner[board[key]]}",

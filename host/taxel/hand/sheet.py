@@ -45,7 +45,7 @@ class Sheet:
 
 
 @lru_cache(maxsize=8)
-def sheet_of(hand: Hand, parts: int = 1) -> Sheet:
+def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
     """The sheet of every board, each square cut into parts x parts pieces that follow each other.
 
     Pieces over a taxel follow the sheet's curvature there, bare ones lie in their square's plane. Raises
@@ -55,7 +55,7 @@ def sheet_of(hand: Hand, parts: int = 1) -> Sheet:
     bends = [_bends(board.kind, board.kind.surface) for board in hand.boards if board.kind.surface is not None]
     for index, board in enumerate(hand.boards):
         if board.kind.surface is not None:
-            rows.append(margin_of(board.kind, board.kind.surface, hand.pitch_m))
+            rows.append(build_margin(board.kind, board.kind.surface, hand.pitch_m))
             owners.append(np.full(len(rows[-1]), index))
             bends.append(np.zeros((len(rows[-1]), 2)))
     table = _cut(np.vstack(rows), np.vstack(bends), parts, hand.pitch_m)
@@ -98,7 +98,7 @@ def _cut(table: FloatArray, bends: FloatArray, parts: int, pitch_m: float) -> Fl
     return np.asarray(pieces.reshape(-1, table.shape[1]))
 
 
-def margin_of(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
+def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
     """Squares of bare sheet at every place beside a taxel, in the map or just outside it, that has none.
 
     Each is carried on from its neighbours along the sheet's curvature. f64[m, 9]: centre (metres), normal, and the

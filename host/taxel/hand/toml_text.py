@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taxel.hand.errors import Field, HandDescriptionError, shown, shown_path
+from taxel.hand.errors import Field, HandDescriptionError, format_path, format_value
 
 MAX_FILE_BYTES = 1 << 20  # 1 MiB; the 17 boards of allegro.toml take 6 kB
 MAX_LINE_BYTES = 200  # a dotted key costs tomllib memory by the square of its parts: 1 MiB of one takes it all
@@ -39,7 +39,9 @@ def parse_toml(data: bytes, file: str) -> dict[str, Any]:
         # TOMLDecodeError, or Python's own refusal of a number or a date.
         match = _TOML_PLACE.match(str(error))
         message, place = (match[1], match[2]) if match else (str(error), "file")
-        raise HandDescriptionError(file, place, "valid TOML", shown(message), "correct the syntax there") from None
+        raise HandDescriptionError(
+            file, place, "valid TOML", format_value(message), "correct the syntax there"
+        ) from None
 
 
 def read_description(name_or_path: str | os.PathLike[str], what: str, packaged: Sequence[str]) -> bytes:
@@ -54,7 +56,7 @@ def read_description(name_or_path: str | os.PathLike[str], what: str, packaged: 
         HandDescriptionError: no such file, no regular file, or not readable.
     """
     path, names = Path(name_or_path), ", ".join(packaged)
-    whole = Field(shown_path(os.fspath(name_or_path)))
+    whole = Field(format_path(os.fspath(name_or_path)))
     try:
         if not path.exists():
             whole.fail(f"a description file or a packaged {what}", "no such file", f"the packaged {what}s are {names}")

@@ -19,7 +19,7 @@ __all__ = [
     "from_rpy",
     "interpolate",
     "inverse",
-    "pose",
+    "make_pose",
     "rotate",
     "to_quaternion",
     "to_rotation_vector",
@@ -122,7 +122,7 @@ def to_rotation_vector(transform: npt.ArrayLike) -> FloatArray:
     return per_sine * xyz
 
 
-def pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> FloatArray:
+def make_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> FloatArray:
     """Transforms f64[..., 4, 4] from positions f64[..., 3] (metres) and quaternions f64[..., 4] (w, x, y, z)."""
     where = _vectors("position", position, 3)
     rotation = from_quaternion(quaternion)

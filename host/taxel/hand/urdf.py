@@ -26,7 +26,7 @@ BARE_RADIUS_M = 0.02
 _Body = tuple[float, NDArray[np.float64], NDArray[np.float64]]
 
 
-def urdf_text(robot: Robot, hand: Hand | None = None) -> str:
+def format_urdf(robot: Robot, hand: Hand | None = None) -> str:
     """The URDF of a robot; with a hand, every bracket too, as a link fixed to the one that carries it.
 
     A bracket's link has the name of its board; where a link has that name (the palm), `_bracket` is added. The same
@@ -58,7 +58,7 @@ def _add_brackets(root: ET.Element, robot: Robot, hand: Hand) -> None:
     links, joints = set(robot.links), {joint.name for joint in robot.joints}
     for board in hand.boards:
         carrier, origin = _place(hand, board)
-        robot.link_index(carrier)  # raises UnknownLinkError
+        robot.get_link_index(carrier)  # raises UnknownLinkError
         link, joint = _free(board.name, links), _free(board.name, joints)
         links.add(link)
         joints.add(joint)

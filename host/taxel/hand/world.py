@@ -48,13 +48,13 @@ class WorldSettings:
         return self.seed if self.parts_seed is None else self.parts_seed
 
 
-def board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
+def sample_board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
     """How far each board's oscillator is off in this world, parts per million, in the order of `hand.boards`."""
     generator = random.Random(f"clock {settings.parts}")
     return [round(generator.uniform(-1.0, 1.0) * settings.clock_spread_ppm, 3) for _ in hand.boards]
 
 
-def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
+def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
     """The world file of `hand` under `settings`."""
     settings = settings or WorldSettings()
     scan = settings.scan
@@ -72,7 +72,7 @@ def world_text(hand: Hand, settings: WorldSettings | None = None) -> str:
         f"{scan.settle_cycles}",
         "# board address kind rows columns taxels crossing_map unique_id clock_ppm boot_ms",
     ]
-    for board, ppm in zip(hand.boards, board_clocks_ppm(hand, settings), strict=True):
+    for board, ppm in zip(hand.boards, sample_board_clocks_ppm(hand, settings), strict=True):
         kind = board.kind
         unique_id = random.Random(f"unique id {settings.parts} {board.address}").randbytes(8).hex()
         lines.append(

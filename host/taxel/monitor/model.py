@@ -42,7 +42,7 @@ class SkinMonitor:
         self.threshold = threshold
         self._raw = np.zeros(hand.n_taxels, dtype=np.uint16)
         lowest = np.zeros_like(self._raw)
-        places = [(board, hand.slice_of(board.address)) for board in hand.boards]
+        places = [(board, hand.get_slice(board.address)) for board in hand.boards]
         self._boards = {
             board.address: BoardState(board, where, self._raw[where], lowest[where], samples) for board, where in places
         }

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taxel.hand import Board, Hand
-from taxel.hand.sides import BACK, FINGERS, PALM_SIDE, short_name
+from taxel.hand.unrolled_layout import BACK, FINGERS, PALM_SIDE, get_short_name
 
 GAP = 2
 SIDE_GAP = 4
@@ -85,7 +85,7 @@ def unrolled(hand: Hand, scale: int = 1) -> Placing | None:
         for column, board in here:
             x = lefts[column] + (widths[column] - scale * board.kind.rx_count) // 2
             y = top + 1 + tallest - _height(board, scale)
-            label = short_name(board.name)
+            label = get_short_name(board.name)
             placed.append(Placed(board, label, x, y, lefts[column] + _centred(label, widths[column])))
             if column not in named and board.name.endswith(fingers[column]):
                 named.add(column)

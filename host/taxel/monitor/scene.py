@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError
-from taxel.hand.kinematics import Kinematics, taxel_normals, taxel_positions
+from taxel.hand.kinematics import Kinematics, compute_taxel_normals, compute_taxel_positions
 from taxel.hand.robot import Robot, Shape, load_robot
 
 LIFT_M = 0.001
@@ -57,20 +57,20 @@ def scene_of(hand: Hand) -> HandScene:
         raise HandGeometryError(hand.name)
     robot = load_robot(hand.robot)
     if ROOT in robot.links:
-        robot = robot.below(ROOT)
+        robot = robot.get_subtree(ROOT)
     kinematics = Kinematics(robot, hand)
     angles = _angles(robot)
-    links, brackets = kinematics.link_poses(angles), kinematics.sensor_poses(angles)
-    position, normal = taxel_positions(hand, brackets), taxel_normals(hand, brackets)
+    links, brackets = kinematics.compute_link_poses(angles), kinematics.compute_sensor_poses(angles)
+    position, normal = compute_taxel_positions(hand, brackets), compute_taxel_normals(hand, brackets)
     distal = np.einsum("nij,nj->ni", brackets[hand.board_index, :3, :3], hand.distal)
     middles = [
-        (position + 0.01 * normal)[hand.slice_of(board.address)].mean(axis=0) for board in hand.boards
+        (position + 0.01 * normal)[hand.get_slice(board.address)].mean(axis=0) for board in hand.boards
     ]  # a centimetre off the skin, for a name
-    first = hand.slice_of(hand.boards[0].address)
+    first = hand.get_slice(hand.boards[0].address)
     return HandScene(
         position=position + LIFT_M * normal,
         size_m=hand.size_m,
-        links=tuple((shape, links[robot.link_index(shape.link)] @ shape.origin) for shape in robot.shapes),
+        links=tuple((shape, links[robot.get_link_index(shape.link)] @ shape.origin) for shape in robot.shapes),
         board_position=np.array(middles),
         outwards=_unit(normal[first].mean(axis=0)),
         up=_unit(distal[first].mean(axis=0)),

@@ -150,7 +150,7 @@ def _cells(hand: Hand, placing: Placing) -> tuple[np.ndarray, np.ndarray]:
     rows = np.zeros(hand.n_taxels, dtype=np.intp)
     columns = np.zeros(hand.n_taxels, dtype=np.intp)
     for placed in placing.boards:
-        kind, where = placed.board.kind, hand.slice_of(placed.board.address)
+        kind, where = placed.board.kind, hand.get_slice(placed.board.address)
         spare = (kind.tx_count * placing.scale) % 2  # an odd number of lines stands on the bottom of its block
         rows[where] = 2 * placed.y + spare + placing.scale * kind.tx.astype(np.intp)
         columns[where] = placed.x + placing.scale * kind.rx.astype(np.intp)

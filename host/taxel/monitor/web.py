@@ -187,7 +187,7 @@ class WebView:
             return tuple(hand.boards[i].name.replace("_", " ") for i in order), boards[:, order]
         index = self._history.most_active(hand.n_taxels)
         if chosen != MOST_ACTIVE:
-            index = index[hand.sensor[index] == hand.board_named(chosen).address]
+            index = index[hand.sensor[index] == hand.find_board(chosen).address]
         # In the hand's order, so that two taxels that take turns in leading do not exchange colours.
         index = np.sort(index[:LINES])
         names = tuple(

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_format import (
@@ -118,7 +118,7 @@ class _Npz:
         try:
             self._zip = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, OSError) as error:
-            self._place.fail("an .npz file", shown(str(error)), "write it with numpy.savez")
+            self._place.fail("an .npz file", format_value(str(error)), "write it with numpy.savez")
 
     def __enter__(self) -> _Values:
         return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._array, self._place)
@@ -144,7 +144,7 @@ class _Npz:
             with self._zip.open(member) as file:
                 return np.lib.format.read_array(file, allow_pickle=False)
         except (ValueError, OSError, KeyError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
-            reason = shown(str(error).partition("\n")[0])
+            reason = format_value(str(error).partition("\n")[0])
             place.fail("a plain array", reason, "store numbers or texts, without Python objects")
 
 
@@ -158,9 +158,9 @@ def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
         with writing_errors(place):
             put_in_place(whole, target, overwrite, place)
     except DatasetError as error:
-        if error.file != shown_path(whole):
+        if error.file != format_path(whole):
             raise
-        raise DatasetError(shown_path(path), *error.args[1:]) from None
+        raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
         whole.unlink(missing_ok=True)
 

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LARGEST_AXIS, LONGEST_TEXT, STRING, ArraySpec, Phase
 
@@ -40,7 +40,7 @@ class Place:
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
         """Raise DatasetError for this place."""
-        raise DatasetError(shown_path(self.file), shown_path(self.path or "/"), expected, found, remedy)
+        raise DatasetError(format_path(self.file), format_path(self.path or "/"), expected, found, remedy)
 
 
 def check_header(shape: tuple[int, ...], dtype: Any, spec: ArraySpec, sizes: dict[str, int], place: Place) -> None:
@@ -169,12 +169,12 @@ def check_text(value: Any, place: Place) -> str:
         try:
             value = value.decode("utf-8")
         except UnicodeDecodeError:
-            place.fail("UTF-8 text", shown(value), "store it as UTF-8")
+            place.fail("UTF-8 text", format_value(value), "store it as UTF-8")
     if not isinstance(value, str):
-        place.fail("a text", shown(value), "store a string")
+        place.fail("a text", format_value(value), "store a string")
     if not value or len(value) > LONGEST_TEXT or not value.isprintable():
         expected = f"1 to {LONGEST_TEXT} printable characters"
-        place.fail(expected, shown(value) if value else "an empty text", "correct the text")
+        place.fail(expected, format_value(value) if value else "an empty text", "correct the text")
     return str(value)
 
 
@@ -182,7 +182,7 @@ def check_choice(value: Any, choices: tuple[str, ...], place: Place) -> str:
     """One of a few texts."""
     text = check_text(value, place)
     if text not in choices:
-        place.fail(" or ".join(f'"{choice}"' for choice in choices), shown(text), "write one of these")
+        place.fail(" or ".join(f'"{choice}"' for choice in choices), format_value(text), "write one of these")
     return text
 
 
@@ -192,16 +192,16 @@ def check_created(value: Any, place: Place) -> str:
     try:
         datetime.fromisoformat(text)
     except ValueError:
-        place.fail("a time of ISO 8601", shown(text), "write it as 2024-05-31T12:00:00+00:00")
+        place.fail("a time of ISO 8601", format_value(text), "write it as 2024-05-31T12:00:00+00:00")
     return text
 
 
 def check_integer(value: Any, place: Place) -> int:
     """An integer of 0 or more, of 63 bits."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
-        place.fail("an integer of 0 or more", shown(value), "store a whole number")
+        place.fail("an integer of 0 or more", format_value(value), "store a whole number")
     if not 0 <= value < 2**63:
-        place.fail("an integer from 0 to 2^63 - 1", shown(int(value)), "count from 0")
+        place.fail("an integer from 0 to 2^63 - 1", format_value(int(value)), "count from 0")
     return int(value)
 
 
@@ -209,7 +209,7 @@ def check_number(value: Any, place: Place, zero: bool = False) -> float:
     """A finite number above 0; or 0 too."""
     wanted = "a finite number of 0 or more" if zero else "a finite number above 0"
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
-        place.fail(wanted, shown(value), "store one number")
+        place.fail(wanted, format_value(value), "store one number")
     try:
         number = float(value)
     except OverflowError:

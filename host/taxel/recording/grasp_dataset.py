@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_checks import Place, check_choice, check_created, check_text
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
@@ -76,7 +76,7 @@ class GraspDataset:
         grasp = Grasp(node, grasp_id, self.source, self.sensors.s, sensor_index)
         if grasp.object not in self.objects:
             self._place.key("grasps").key(grasp_id).key("object").fail(
-                "a name that /objects has", shown(grasp.object), "add that object or correct the name"
+                "a name that /objects has", format_value(grasp.object), "add that object or correct the name"
             )
         return grasp
 
@@ -143,11 +143,11 @@ def check_format(root: Node) -> None:
     remedy = "use a taxel release that reads that file, or convert the file"
     name = scalar(root.attribute("format"), root.place.key("format"))
     if name not in (FORMAT, FORMAT.encode()):
-        root.place.key("format").fail(shown(FORMAT), shown(name), remedy)
+        root.place.key("format").fail(format_value(FORMAT), format_value(name), remedy)
     version = scalar(root.attribute("version"), root.place.key("version"))
     # The type too: True == 1 and 1.0 == 1 in Python.
     if not isinstance(version, np.integer) or version != VERSION:
-        root.place.key("version").fail(shown(VERSION), shown(version), remedy)
+        root.place.key("version").fail(format_value(VERSION), format_value(version), remedy)
 
 
 def _arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:

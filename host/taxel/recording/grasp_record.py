@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.recording.grasp_checks import Place, check_content, check_integer, check_text, given
 from taxel.recording.grasp_format import GRASP, SIM, needs
 
@@ -43,7 +43,7 @@ def checked_attributes(record: GraspRecord, objects: Collection[str], place: Pla
     """The four attributes of a grasp's group; raises DatasetError for the first mistake."""
     name = check_text(record.object, place.key("object"))
     if name not in objects:
-        place.key("object").fail("a name that /objects has", shown(name), "add that object or correct the name")
+        place.key("object").fail("a name that /objects has", format_value(name), "add that object or correct the name")
     return {
         "object": name,
         "approach": check_text(record.approach, place.key("approach")),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown, shown_address
+from taxel.hand.errors import format_address, format_value
 from taxel.recording.grasp_checks import NORMAL_TOLERANCE, Place, check_text, first, given, shown_index
 from taxel.recording.grasp_format import MESH, SENSORS, TAXELS
 
@@ -108,7 +108,7 @@ def checked_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int
     repeated = first_seen[number.reshape(-1)] != np.arange(table.n)
     if repeated.any():
         at = first(repeated)
-        found = f"{shown_address(int(table.sensor[at]))} tx {table.tx[at]} rx {table.rx[at]} again at {shown_index(at)}"
+        found = f"{format_address(int(table.sensor[at]))} tx {table.tx[at]} rx {table.rx[at]} again at {shown_index(at)}"
         place.key("sensor").fail("each (sensor, tx, rx) once", found, "remove or renumber that taxel")
     return table
 
@@ -121,7 +121,7 @@ def checked_sensors(arrays: Mapping[str, Any], place: Place, sizes: dict[str, in
     kind = _texts(arrays["kind"], sizes["s"], place.key("kind"))
     values, counts = np.unique(address, return_counts=True)
     if (counts > 1).any():
-        found = f"{shown_address(int(values[counts > 1][0]))} twice"
+        found = f"{format_address(int(values[counts > 1][0]))} twice"
         place.key("address").fail("each address once", found, "give each sensor its own")
     if (rate <= 0.0).any():
         at = first(rate <= 0.0)
@@ -141,7 +141,7 @@ def check_addresses(taxels: TaxelTable, sensors: SensorTable, place: Place) -> N
     unknown = ~np.isin(taxels.sensor, sensors.address)
     if unknown.any():
         at = first(unknown)
-        found = f"{shown_address(int(taxels.sensor[at]))} at {shown_index(at)}"
+        found = f"{format_address(int(taxels.sensor[at]))} at {shown_index(at)}"
         place.key("taxels").key("sensor").fail("an address that /sensors/address has", found, "add that sensor")
 
 
@@ -161,5 +161,5 @@ def check_name(name: Any, place: Place) -> str:
     """A name of an object or a grasp: it becomes the name of a group."""
     text = check_text(name, place)
     if "/" in text or text in (".", ".."):
-        place.fail("a name without / that is not a dot", shown(text), "rename it")
+        place.fail("a name without / that is not a dot", format_value(text), "rename it")
     return text

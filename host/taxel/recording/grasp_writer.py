@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.recording.grasp_checks import Place, check_choice, check_created, check_text
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
@@ -158,8 +158,8 @@ class GraspDatasetWriter:
             self._place.fail("an open dataset", "a closed one", "use it inside its with block")
         name = check_name(f"{len(self._ids) + 1:0{_ID_DIGITS}}" if grasp_id is None else grasp_id, grasps)
         if self._ids and name <= self._ids[-1]:
-            expected = f"an id that sorts after {shown(self._ids[-1])}"
-            grasps.key(name).fail(expected, shown(name), "ids sort in order of time; give a grasp_id")
+            expected = f"an id that sorts after {format_value(self._ids[-1])}"
+            grasps.key(name).fail(expected, format_value(name), "ids sort in order of time; give a grasp_id")
         place = grasps.key(name)
         attributes = checked_attributes(grasp, self._objects, place)
         arrays = checked_arrays(grasp, self._source, self._sizes, place)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Board, Hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import CaptureError, run_emulator, write_stimulus
 from taxel.recording.capfingerid import TouchRecording
 from taxel.recording.errors import RecordingError
@@ -104,7 +104,7 @@ def _emulate(
     write_stimulus(stimulus, [0.0, *time_s], np.vstack([np.full((1, hand.n_taxels), rest), counts]), "counts")
     write_start_script(script)
     held_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    run_emulator(world_text(hand, settings), capture, float(time_s[-1]) + held_s + 0.1, script, stimulus)
+    run_emulator(format_world(hand, settings), capture, float(time_s[-1]) + held_s + 0.1, script, stimulus)
     return capture
 
 
@@ -142,7 +142,7 @@ def _decode_board(
     decoded = Activation(baseline.result().mean, threshold)(raw[ready:])
     sampled_s = time_s[ready:, None] + _taxel_offsets(frames[ready:], time_s[ready:], raw.shape[1]) - begin_s
     cycle = _unwrapped(np.array([first_cycle, *(frame.cycle for frame in frames)]))[1 + ready :]
-    return DecodedBoard(hand.slice_of(board.address), cycle, sampled_s, decoded.signal_counts, decoded.active)
+    return DecodedBoard(hand.get_slice(board.address), cycle, sampled_s, decoded.signal_counts, decoded.active)
 
 
 def _taxel_offsets(frames: list[TaxelFrame], time_s: NDArray[np.float64], n_taxels: int) -> NDArray[np.float64]:

@@ -113,7 +113,7 @@ def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> It
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:
         return
     taxel = np.full(free.shape, -1, dtype=np.int64)
-    taxel[free] = np.arange(hand.n_taxels)[hand.slice_of(board.address)]
+    taxel[free] = np.arange(hand.n_taxels)[hand.get_slice(board.address)]
     found = 0
     windows = sliding_window_view(free, shape).all(axis=(2, 3))
     for rx, tx in np.argwhere(windows.T).tolist():

@@ -150,7 +150,7 @@ class SkinTopics:
         counts = np.zeros(self._hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self._hand.n_taxels, dtype=bool)
         for frame in frames:
-            taxels = self._hand.slice_of(frame.address)
+            taxels = self._hand.get_slice(frame.address)
             counts[taxels] = frame.raw_counts
             valid[taxels] = True
         if self._activation is None:

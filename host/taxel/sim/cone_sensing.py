@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.kinematics import taxel_normals, taxel_positions
+from taxel.hand.kinematics import compute_taxel_normals, compute_taxel_positions
 from taxel.hand.transforms import inverse
 from taxel.types import FloatArray
 
@@ -60,7 +60,7 @@ class ConeSensing:
     ) -> npt.NDArray[np.bool_]:
         """Which cones touch the object, bool[T, n]. sensor_poses: f64[T, s, 4, 4]; object_poses: f64[T, 4, 4]."""
         poses = inverse(object_poses)[:, None] @ np.asarray(sensor_poses, dtype=np.float64)
-        tips = taxel_positions(hand, poses) + self.cone_height_m * taxel_normals(hand, poses)
+        tips = compute_taxel_positions(hand, poses) + self.cone_height_m * compute_taxel_normals(hand, poses)
         return np.asarray(shape.signed_distance(tips) <= self.contact_offset_m)
 
     def active(
@@ -78,8 +78,8 @@ class ConeSensing:
         """
         poses = np.asarray(sensor_poses, dtype=np.float64)
         touching = self.tips_in_contact(hand, shape, poses, object_poses)
-        centres = taxel_positions(hand, poses)
-        tips = centres + self.cone_height_m * taxel_normals(hand, poses)
+        centres = compute_taxel_positions(hand, poses)
+        tips = centres + self.cone_height_m * compute_taxel_normals(hand, poses)
         frame, point = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
         if contact_points is not None:
             frame, point = np.asarray(contact_points[0], dtype=np.intp), np.asarray(contact_points[1], dtype=np.float64)

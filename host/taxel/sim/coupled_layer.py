@@ -81,7 +81,7 @@ def _yields(hand: Hand, address: int, decay_m: float) -> FloatArray:
 
     Neighbours share a line and are one apart on the other.
     """
-    own = hand.slice_of(address)
+    own = hand.get_slice(address)
     steps = [np.abs(np.subtract.outer(line, line)) for line in (hand.tx[own].astype(int), hand.rx[own].astype(int))]
     joined = (steps[0] + steps[1] == 1).astype(np.float64)
     laplacian = np.diag(joined.sum(axis=1)) - joined

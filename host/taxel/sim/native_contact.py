@@ -13,7 +13,7 @@ import numpy.typing as npt
 from taxel.errors import TaxelError
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.native_library import load_library
 from taxel.sim.soft_contact import DEEPEST_M, PARTS, LayerLaw, SoftLoad
 from taxel.types import FloatArray
@@ -90,7 +90,7 @@ class _Table(NamedTuple):
 
 @cache
 def _table(hand: Hand) -> _Table:
-    sheet = sheet_of(hand, PARTS)
+    sheet = build_sheet(hand, PARTS)
     order = np.argsort(sheet.board_index, kind="stable")  # a sheet's bare squares come after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
     first = np.searchsorted(sheet.board_index[order], np.arange(len(hand.boards) + 1)).astype(np.uintp)

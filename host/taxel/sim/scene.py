@@ -23,7 +23,7 @@ from taxel.grasp.shapes import Cylinder
 from taxel.hand import Board, Hand
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
 from taxel.hand.robot import Joint, Robot, Shape, load_robot
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import to_quaternion
 from taxel.types import FloatArray
 
@@ -118,7 +118,7 @@ def build_scene(hand: Hand, item: GraspObject, wrist: str, friction: float = 0.0
         UnknownLinkError: the robot has no such wrist, or a board sits on a link above it.
     """
     robot = _robot_of(hand)
-    robot.link_index(wrist)
+    robot.get_link_index(wrist)
     joints = tuple(_below(robot, wrist))
     links = (wrist, *(joint.child for joint in joints))
     for board in hand.boards:
@@ -208,7 +208,7 @@ def _mesh(name: str, vertices: FloatArray) -> str:
 
 def _board_hull(hand: Hand, board: Board) -> FloatArray:
     """Corners of the smallest convex solid round a board's sheet: bracket below, layer above; bracket frame."""
-    sheet = sheet_of(hand)
+    sheet = build_sheet(hand)
     part = sheet.board_index == hand.boards.index(board)
     position, normal, distal = sheet.position[part], sheet.normal[part], sheet.distal[part]
     lateral = np.cross(normal, distal)

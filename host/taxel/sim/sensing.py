@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.sim.closing import GraspMotion
 from taxel.sim.cone_sensing import CONTACT_OFFSET_M, ConeSensing, base_radius, nominal_forces
 from taxel.sim.coupled_layer import press_coupled_layer
@@ -75,7 +75,7 @@ def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_
     """The uncoupled layer, `PARTS` x `PARTS` springs a taxel; the bare margin bears its part, which nothing feels."""
     pieces = PARTS * PARTS
     result = press_layer(
-        sheet_of(hand, PARTS),
+        build_sheet(hand, PARTS),
         shape,
         motion.sensor_poses,
         motion.object_pose,

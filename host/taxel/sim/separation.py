@@ -8,7 +8,7 @@ import numpy.typing as npt
 from taxel.errors import TaxelError
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.kinematics import taxel_normals, taxel_positions
+from taxel.hand.kinematics import compute_taxel_normals, compute_taxel_positions
 from taxel.hand.sheet import Sheet
 from taxel.hand.transforms import inverse
 from taxel.types import FloatArray
@@ -87,4 +87,4 @@ def _in_object(
 ) -> tuple[FloatArray, FloatArray]:
     """Electrode centres and outward normals in the object's frame, each f64[T, n, 3]."""
     poses = inverse(object_poses)[:, None] @ np.asarray(sensor_poses, dtype=np.float64)
-    return taxel_positions(hand, poses), taxel_normals(hand, poses)
+    return compute_taxel_positions(hand, poses), compute_taxel_normals(hand, poses)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.sheet import Sheet, sheet_of
+from taxel.hand.sheet import Sheet, build_sheet
 from taxel.hand.transforms import cross, inverse
 from taxel.types import FloatArray
 
@@ -96,7 +96,7 @@ class SoftContact:
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
         self.hand = hand
-        self.sheet: Sheet = sheet_of(hand, PARTS)
+        self.sheet: Sheet = build_sheet(hand, PARTS)
         self._shape, self._law = shape, law
         self._layer = hand.layer_m or 0.0
         self._near = np.arange(self.sheet.n_taxels)

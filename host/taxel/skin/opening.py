@@ -3,8 +3,8 @@
 import os
 from typing import cast, get_args
 
-from taxel.hand import Hand, load_hand, packaged_hands
-from taxel.hand.description import hand_of_text
+from taxel.hand import Hand, list_packaged_hands, load_hand
+from taxel.hand.description import parse_hand_description
 from taxel.link import Link, LinkError, open_link
 from taxel.skin.skin import FrameFormat, Skin
 
@@ -51,9 +51,9 @@ def recorded_hand(link: Link) -> Hand:
     header = getattr(link, "header", {})
     text = header.get("hand_description")
     if isinstance(text, str):
-        return hand_of_text(text.encode(), f"{link.name} (its hand)")
+        return parse_hand_description(text.encode(), f"{link.name} (its hand)")
     name = header.get("hand")
-    return load_hand(name if isinstance(name, str) and name in packaged_hands() else DEFAULT_HAND)
+    return load_hand(name if isinstance(name, str) and name in list_packaged_hands() else DEFAULT_HAND)
 
 
 def _loaded_hand(hand: Hand | str | os.PathLike[str]) -> Hand:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any, Protocol
 
 from taxel.hand import Hand
-from taxel.hand.description import description_text
+from taxel.hand.description import read_hand_text
 from taxel.link import Chunk, Link
 from taxel.stream.frame_stream import has_arrivals
 from taxel.version import VERSION
@@ -84,7 +84,7 @@ def recording_header(
         "taxel_version": VERSION,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    text = description_text(hand if hand_source is None else hand_source)
+    text = read_hand_text(hand if hand_source is None else hand_source)
     if text is not None:
         header["hand_description"] = text
     return header | getattr(link, "header", {}) | {"clock": clock} if link.is_recorded else header

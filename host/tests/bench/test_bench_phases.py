@@ -154,7 +154,7 @@ def test_the_plan_may_ask_for_a_firmware(benches):
 
 def test_a_crossing_map_of_another_design_is_named(benches):
     hand = load_hand("allegro")
-    board = hand.board(ADDRESS)
+    board = hand.get_board(ADDRESS)
     other = board.kind.crossings.copy()
     tx, rx = np.argwhere(other)[0]
     other[tx, rx], other[np.argwhere(~other)[0][0], np.argwhere(~other)[0][1]] = False, True
@@ -240,7 +240,7 @@ def test_a_kind_that_no_hand_has_is_refused():
 def test_a_board_at_the_address_of_another_kind_is_noted(benches):
     bench = benches()
     hand = load_hand("allegro")
-    moved = replace(hand, boards=(replace(hand.board(0x22), address=ADDRESS),))
+    moved = replace(hand, boards=(replace(hand.get_board(0x22), address=ADDRESS),))
     bench.station = open_station(bench.station.wire, ADDRESS, moved)
     record = bench.run(short_plan("identify"))
     assert "in hand 'allegro' the board of this address is of kind 'fingertip'" in phase_of(record, "identify").notes

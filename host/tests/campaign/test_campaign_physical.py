@@ -108,7 +108,7 @@ def test_joint_angles_are_those_of_the_arm_and_the_hand(finished, setup, plan):
             hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
             assert (hold[closing] > 0.3).all()  # nothing stops the fingers
             mean = grasp.joint_position[grasp.phase == Phase.HOLD].mean(axis=0)
-            assert grasp.sensor_pose == pytest.approx(setup.kinematics.sensor_poses(mean))
+            assert grasp.sensor_pose == pytest.approx(setup.kinematics.compute_sensor_poses(mean))
 
 
 def test_the_placement_is_confirmed_before_each_session(finished, plan):
@@ -152,14 +152,14 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
 
 def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup, plan, tmp_path):
     with rig_of(setup) as rig:
-        joint_angles = rig.arm.joint_angles
+        joint_angles = rig.arm.read_joint_angles
 
         def joint_angles_with_fault() -> np.ndarray:
             if rig.virtual.demand.any():
                 rig.virtual.faults.dropped_fingers = {2}
             return joint_angles()
 
-        rig.arm.joint_angles = joint_angles_with_fault
+        rig.arm.read_joint_angles = joint_angles_with_fault
         with pytest.raises(AllegroSilentError, match="no pose of"):
             run_physical(tmp_path / "real.h5", plan, rig.station, PhysicalSettings(LASTING), setup)
         assert is_eventually(lambda: not rig.virtual.demand.any())

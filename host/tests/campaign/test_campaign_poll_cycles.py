@@ -16,7 +16,7 @@ PERIOD_S = 0.05
 
 def frame(address: int, cycle: int, count: int | None = None, clock_us: int | None = None) -> TaxelFrame:
     """A frame of cycle number `cycle` before any wrap; every count of it is `count`."""
-    size = HAND.board(address).kind.taxel_count
+    size = HAND.get_board(address).kind.taxel_count
     value = cycle % 1000 + address if count is None else count
     clock = round(cycle * PERIOD_S * 1e6) if clock_us is None else clock_us
     return TaxelFrame(
@@ -32,7 +32,7 @@ def frame(address: int, cycle: int, count: int | None = None, clock_us: int | No
 
 def board_columns(rows: PollCycles, address: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(counts of the first taxel, valid, clock) of a board."""
-    taxels, column = HAND.slice_of(address), ADDRESSES.index(address)
+    taxels, column = HAND.get_slice(address), ADDRESSES.index(address)
     counts = rows.raw_counts[:, taxels]
     assert (counts == counts[:, :1]).all()
     return counts[:, 0], rows.valid[:, column], rows.sensor_time[:, column]
@@ -59,7 +59,7 @@ def group_frame_by_frame(frames: list[TaxelFrame], cycles: list[int]) -> PollCyc
                 previous_us = item.board_time_us
                 rows.valid[row, column] = True
                 rows.time_s[row] = min(rows.time_s[row], item.time_s)
-            rows.raw_counts[row, HAND.slice_of(address)] = counts
+            rows.raw_counts[row, HAND.get_slice(address)] = counts
             rows.sensor_time[row, column] = clock
     return rows
 

@@ -82,7 +82,7 @@ def test_sensor_poses_are_those_of_the_mean_joint_angles_in_hold(records, setup)
     for record in records:
         mean = record.joint_position[record.phase == Phase.HOLD].mean(axis=0)
         assert record.joint_position.shape == (len(record.timestamp), 22)
-        assert record.sensor_pose == pytest.approx(setup.kinematics.sensor_poses(mean))
+        assert record.sensor_pose == pytest.approx(setup.kinematics.compute_sensor_poses(mean))
 
 
 def test_the_arm_holds_the_planned_wrist_pose_and_starts_withdrawn(records, setup, two_of_one_session):
@@ -143,7 +143,7 @@ def test_a_board_that_stops_responding_repeats_its_latest_counts(setup, two_of_o
     assert record.valid[record.timestamp < begin - 0.1, column].any()
     assert not record.valid[is_after, column].any()
     assert 0.5 < np.delete(record.valid, column, axis=1).mean() < 0.95
-    counts = record.raw_counts[is_after][:, setup.hand.slice_of(0x22)]
+    counts = record.raw_counts[is_after][:, setup.hand.get_slice(0x22)]
     assert counts.min() > 0
     assert (counts == counts[0]).all()
     assert (np.diff(record.timestamp) > 0).all()

@@ -94,7 +94,7 @@ def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, cont
         for sign in (1, -1):
             angles = dynamics.angles
             angles[joint] += sign * step
-            true.append(wrist @ kinematics.sensor_poses(angles) @ REMOUNT)
+            true.append(wrist @ kinematics.compute_sensor_poses(angles) @ REMOUNT)
         for board, (plus, minus) in enumerate(zip(*true, strict=True)):
             motion = inverse(minus) @ plus
             twist = np.r_[motion[:3, 3], to_rotation_vector(motion)] / (2 * step)

@@ -24,7 +24,7 @@ from taxel.campaign.indentation.simulated_equilibrium import SimulatedEquilibriu
 from taxel.campaign.indentation.stroke import AWAY_M, CLEARANCE_M, MIN_CLEARANCE_M, Stroke
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
-from taxel.hand.kinematics import kinematics_of
+from taxel.hand.kinematics import build_kinematics
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.sim.soft_contact import LayerLaw
 
@@ -139,9 +139,9 @@ def test_every_family_samples_solids_of_the_stated_sizes_with_features_on_their_
 
 def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(hand):
     assert (hand.n_taxels, [board.name for board in hand.boards]) == (190, ["slab", "wall", "dome", "sleeve"])
-    kinematics = kinematics_of(hand)
-    normals = kinematics.taxel_normals(np.zeros(1))
-    slab, wall, dome, sleeve = (normals[hand.slice_of(board.address)] for board in hand.boards)
+    kinematics = build_kinematics(hand)
+    normals = kinematics.compute_taxel_normals(np.zeros(1))
+    slab, wall, dome, sleeve = (normals[hand.get_slice(board.address)] for board in hand.boards)
     assert np.ptp(slab, axis=0).max() < 1e-9
     assert slab[0] @ wall[0] == pytest.approx(np.cos(np.radians(70.0)), abs=1e-5)
     assert slab[0, 0] > 0 > wall[0, 0]

@@ -9,7 +9,7 @@ import pytest
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.models import models
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 from taxel.recording import GraspDatasetWriter, GraspRecord, ObjectMesh, SensorModel, SensorTable, TaxelTable
 
 ROWS, COLUMNS = 6, 5
@@ -18,7 +18,7 @@ NAMES = ("palm", "fingertip_index", "fingertip_middle", "back")
 KINDS = ("palm", "fingertip", "fingertip", "hand_back")
 PHASES = np.repeat([0, 1, 2, 3], [10, 2, 4, 2]).astype(np.uint8)
 REST = 30_000
-OBJECT_POSE = pose([0.4, -0.1, 0.2], [0.6, 0.0, 0.8, 0.0])
+OBJECT_POSE = make_pose([0.4, -0.1, 0.2], [0.6, 0.0, 0.8, 0.0])
 
 
 def sheet() -> TaxelTable:

@@ -14,9 +14,9 @@ from taxel.emulated.contact import ContactLibraryError, SkinContact
 from taxel.emulated.scene import Scene, scene_text
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import from_rotation_vector
-from taxel.hand.world import world_text
+from taxel.hand.world import format_world
 
 FLAT8, ALLEGRO = load_hand("flat8"), load_hand("allegro")
 LAYER_M = 0.002
@@ -52,7 +52,7 @@ def test_a_block_presses_all_taxels_alike_and_pushes_the_board_and_its_margin_aw
     assert load.touched == 1
     assert forces.min() > 0
     assert forces == pytest.approx(np.full(64, forces[0]))
-    assert load.wrench[0] == pytest.approx([0, 0, -forces[0] * sheet_of(FLAT8).n_taxels, 0, 0, 0], abs=1e-9)
+    assert load.wrench[0] == pytest.approx([0, 0, -forces[0] * build_sheet(FLAT8).n_taxels, 0, 0, 0], abs=1e-9)
 
 
 def test_force_rises_with_depth_ever_more_steeply(flat8):
@@ -129,7 +129,7 @@ def test_offsets_of_brackets_and_objects_are_applied():
     ("world", "complaint"),
     [
         ("taxel-world 1\nnonsense 4\n", r"^world file, line 2: .* \(found 'nonsense 4'\)$"),
-        (world_text(FLAT8), "surface"),
+        (format_world(FLAT8), "surface"),
         (scene_text(FLAT8, BLOCK) + "effect spread film length_m=-1\n", "length_m"),
         (scene_text(FLAT8, BLOCK) + "bracket_offset 0x22 0 0 0 0 0 0\n", "0x22"),
     ],

@@ -21,11 +21,11 @@ from taxel.grasp.calibration import (
     load_points,
     save_calibration,
 )
-from taxel.hand.transforms import apply, from_rotation_vector, inverse, pose, to_rotation_vector
+from taxel.hand.transforms import apply, from_rotation_vector, inverse, make_pose, to_rotation_vector
 
 SEED = 22
 SIGMA_M = 50e-6
-TRUE_POSE = pose([0.612, -0.104, 0.021], [0.8, 0.1, -0.5, 0.3])
+TRUE_POSE = make_pose([0.612, -0.104, 0.021], [0.8, 0.1, -0.5, 0.3])
 # Marks on a box of 60 x 40 x 100 mm, metres.
 MARKS = np.array([[0, 0, 0], [0.06, 0, 0], [0.06, 0.04, 0], [0, 0.04, 0.1], [0, 0, 0.1], [0.06, 0.02, 0.1]])
 
@@ -265,14 +265,14 @@ def test_a_file_gives_the_poses_of_objects_and_brackets(tmp_path: Path) -> None:
     assert list(calibration.objects) == ["box", "cylinder"]
     assert list(calibration.brackets) == ["palm"]
     box = calibration.objects["box"]
-    expected = pose([0.6, 0.1, 0.02], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    expected = make_pose([0.6, 0.1, 0.02], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
     np.testing.assert_allclose(box.transform, expected, atol=1e-12)
     assert (box.sigma_m, box.sigma_given, box.measured, box.instrument) == (25e-6, True, "2024-05-17", "C-Track 780")
     assert box.points is not None
     assert box.points.names == ("a", "b", "c", "d")
     assert box.source == f"{path}: objects[0].points"
     palm = calibration.brackets["palm"]
-    np.testing.assert_allclose(palm.transform, pose([0, 0, 0.0951], [0, 1, 0, 0]))
+    np.testing.assert_allclose(palm.transform, make_pose([0, 0, 0.0951], [0, 1, 0, 0]))
     assert np.isnan(palm.covariance).all()
     assert np.isnan(palm.interval_95).all()
 
@@ -398,7 +398,7 @@ def test_points_are_read_from_csv(tmp_path: Path) -> None:
     points = load_points(path)
     assert points.names == ("a", "b", "c")
     estimate = fit_pose(points.known, points.measured, names=points.names)
-    np.testing.assert_allclose(estimate.transform, pose([0.1, 0, 0], [1, 0, 0, 0]), atol=1e-14)
+    np.testing.assert_allclose(estimate.transform, make_pose([0.1, 0, 0], [1, 0, 0, 0]), atol=1e-14)
 
 
 @pytest.mark.parametrize(

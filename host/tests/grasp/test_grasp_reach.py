@@ -10,7 +10,7 @@ from taxel.grasp.reach import ArmReach, UnreachableError
 from taxel.hand.errors import UnknownLinkError
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import load_robot
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 
 ROBOT = load_robot("ur5e_allegro")
 REACH = ArmReach(ROBOT)
@@ -26,7 +26,7 @@ def arm_of(key):
 def palm_at(arm):
     angles = np.zeros(len(ROBOT.joint_names))
     angles[: len(arm)] = arm
-    return Kinematics(ROBOT).link_poses(angles)[ROBOT.link_index("palm")]
+    return Kinematics(ROBOT).compute_link_poses(angles)[ROBOT.get_link_index("palm")]
 
 
 def test_it_solves_for_the_six_joints_of_the_arm():
@@ -49,7 +49,7 @@ def test_the_arm_stays_above_the_table():
     for key in APPROACHES:
         angles = np.zeros(len(ROBOT.joint_names))
         angles[:6] = arm_of(key)
-        moving = kinematics.link_poses(angles)[ROBOT.link_index("upper_arm") : ROBOT.link_index("palm")]
+        moving = kinematics.compute_link_poses(angles)[ROBOT.get_link_index("upper_arm") : ROBOT.get_link_index("palm")]
         assert moving[:, 2, 3].min() > 0.02
 
 
@@ -69,7 +69,7 @@ def test_random_poses_that_the_arm_took_are_found_again():
 
 def test_a_pose_out_of_reach_is_one_line_that_says_what_to_do():
     with pytest.raises(UnreachableError) as caught:
-        REACH.solve(pose([2.0, 0.0, 0.3], [1, 0, 0, 0]))
+        REACH.solve(make_pose([2.0, 0.0, 0.3], [1, 0, 0, 0]))
     text = str(caught.value)
     assert "'ur5e_allegro'" in text
     assert "(2.000, 0.000, 0.300)" in text

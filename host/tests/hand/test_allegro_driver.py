@@ -75,9 +75,9 @@ def one_line(error: BaseException) -> str:
 
 def test_entering_tells_what_the_hand_is_and_switches_it_on(bench: Bench) -> None:
     with bench.hand() as hand:
-        assert hand.serial() == "SAH040VR"
-        assert hand.info().hand_type == 0
-        assert hand.info().servo_on
+        assert hand.get_serial() == "SAH040VR"
+        assert hand.get_info().hand_type == 0
+        assert hand.get_info().servo_on
         assert bench.virtual.servo_on
 
 
@@ -109,13 +109,13 @@ def test_angles_come_in_joint_order_with_their_age(bench: Bench) -> None:
         bench.virtual.step(0.003)
         hand.update()
         bench.virtual.step(0.002)
-        reading = hand.joint_angles()
+        reading = hand.read_joint_angles()
     np.testing.assert_allclose(reading.angles, MIDDLE, atol=RAD_PER_COUNT / 2)
     assert reading.age_s == pytest.approx(0.002)
 
 
 def test_before_the_first_frame_angles_are_nan_and_infinitely_old(bench: Bench) -> None:
-    reading = bench.hand().joint_angles()
+    reading = bench.hand().read_joint_angles()
     assert np.isnan(reading.angles).all()
     assert reading.age_s == np.inf
     assert not reading.is_complete
@@ -124,21 +124,21 @@ def test_before_the_first_frame_angles_are_nan_and_infinitely_old(bench: Bench) 
 def test_a_reading_is_complete_once_all_fingers_have_come_again(bench: Bench) -> None:
     with bench.hand() as hand:
         bench.tick(hand, 0.009)
-        assert hand.joint_angles().is_complete
-        assert not hand.joint_angles().is_complete
+        assert hand.read_joint_angles().is_complete
+        assert not hand.read_joint_angles().is_complete
         bench.virtual.faults.dropped_fingers = {2}
         bench.tick(hand, 0.003)
-        assert not hand.joint_angles().is_complete
+        assert not hand.read_joint_angles().is_complete
         bench.virtual.faults.dropped_fingers = set()
         bench.tick(hand, 0.003)
-        assert hand.joint_angles().is_complete
+        assert hand.read_joint_angles().is_complete
 
 
 def test_the_angles_returned_are_the_callers_own(bench: Bench) -> None:
     with bench.hand() as hand:
         bench.tick(hand, 0.003)
-        hand.joint_angles().angles[:] = 9.0
-        assert hand.joint_angles().angles.max() < 9.0
+        hand.read_joint_angles().angles[:] = 9.0
+        assert hand.read_joint_angles().angles.max() < 9.0
 
 
 def test_a_demand_above_full_pwm_is_clipped(bench: Bench) -> None:
@@ -181,10 +181,10 @@ def test_periods_are_set_on_entry_and_by_command(bench: Bench) -> None:
 def test_with_period_zero_poses_come_on_request_and_silence_is_no_fault(bench: Bench) -> None:
     with bench.hand(position_ms=0) as hand:
         bench.tick(hand, 1.0)
-        assert hand.joint_angles().age_s == np.inf
+        assert hand.read_joint_angles().age_s == np.inf
         hand.request_poses()
         bench.tick(hand, 0.003)
-        assert hand.joint_angles().is_complete
+        assert hand.read_joint_angles().is_complete
 
 
 def test_a_hand_that_does_not_answer_is_named(bench: Bench) -> None:
@@ -288,7 +288,7 @@ def test_frames_that_are_not_understood_are_counted(bench: Bench) -> None:
 
     with bench.hand() as hand:
         bench.tick(hand, 0.003)
-        before, angles = hand.frames, hand.joint_angles().angles
+        before, angles = hand.frames, hand.read_joint_angles().angles
         send(0x20 << 2, bytes(7))  # a short pose
         send(0x88 << 2, b"\xff" * 8)  # no serial number
         send(0x7F << 2, bytes(8))  # no message
@@ -296,14 +296,14 @@ def test_frames_that_are_not_understood_are_counted(bench: Bench) -> None:
         bench.listener.send(encode(SystemOn()))  # a command
         assert hand.poll() == 5
         after = hand.frames
-        np.testing.assert_array_equal(hand.joint_angles().angles, angles)
-        assert hand.serial() == "SAH040VR"
+        np.testing.assert_array_equal(hand.read_joint_angles().angles, angles)
+        assert hand.get_serial() == "SAH040VR"
     assert (after.taken - before.taken, after.ignored - before.ignored, after.malformed - before.malformed) == (0, 3, 2)
 
 
 def test_nothing_is_known_before_the_hand_is_opened(bench: Bench) -> None:
     hand = bench.hand()
-    for question in (hand.info, hand.serial):
+    for question in (hand.get_info, hand.get_serial):
         with pytest.raises(AllegroSilentError, match="open the hand with 'with'"):
             question()
 
@@ -346,13 +346,13 @@ def test_a_joint_pd_law_reaches_its_target_in_virtual_time(bench: Bench) -> None
     target = np.clip(MIDDLE + 0.2, JOINT_MIN_RAD, JOINT_MAX_RAD)
     with bench.hand() as hand:
         bench.tick(hand, 0.003)
-        last = hand.joint_angles().angles
+        last = hand.read_joint_angles().angles
         for _ in range(500):
-            angles = hand.joint_angles().angles
+            angles = hand.read_joint_angles().angles
             hand.set_torque(5.0 * (target - angles) - 0.1 * (angles - last) / 0.003)
             last = angles
             bench.tick(hand, 0.003)
-        np.testing.assert_allclose(hand.joint_angles().angles, target, atol=0.02)
+        np.testing.assert_allclose(hand.read_joint_angles().angles, target, atol=0.02)
 
 
 def test_a_virtual_channel_opens_by_its_url() -> None:

@@ -218,11 +218,11 @@ def test_in_a_thread_it_answers_in_real_time(pair: Pair) -> None:
         with AllegroHand(host, answer_timeout_s=10.0, silence_limit_s=10.0) as hand:
             for _ in range(1000):
                 hand.update(0.1)
-                reading = hand.joint_angles()
+                reading = hand.read_joint_angles()
                 if np.isfinite(reading.angles).all():
                     break
         assert np.isfinite(reading.angles).all()
-        assert hand.serial() == "SAH040VR"
+        assert hand.get_serial() == "SAH040VR"
     finally:
         stop.set()
         thread.join(10.0)

@@ -75,7 +75,7 @@ def test_without_the_package_one_line_says_what_to_install(monkeypatch: pytest.M
 
 def test_a_move_is_asynchronous_with_the_speed_and_acceleration_asked_for(controller: Controller) -> None:
     with Ur5eArm(HOST, acceleration_rad_s2=0.5) as arm:
-        np.testing.assert_array_equal(arm.joint_angles(), [0.1] * 6)
+        np.testing.assert_array_equal(arm.read_joint_angles(), [0.1] * 6)
         arm.move_joints(np.zeros(6), 0.25)
     assert controller.calls[0] == ("moveJ", [0.0] * 6, 0.25, 0.5, True)
     assert [call[0] for call in controller.calls[1:]] == ["stopJ", "stopScript", "disconnect", "disconnect"]
@@ -112,7 +112,7 @@ def test_a_controller_that_is_lost_is_one_line_and_still_disconnected(controller
     def work() -> None:
         with Ur5eArm(HOST) as arm:
             controller.failure = RuntimeError("lost\n the link")
-            arm.joint_angles()
+            arm.read_joint_angles()
 
     with pytest.raises(ArmConnectionError, match=r"does not answer \(lost the link\)") as caught:
         work()

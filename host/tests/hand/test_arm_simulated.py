@@ -40,7 +40,7 @@ def test_it_arrives_at_the_target_and_stands() -> None:
     assert arm.is_moving
     assert isinstance(arm, SimulatedArm)
     duration_of(arm)
-    np.testing.assert_allclose(arm.joint_angles(), TARGET, atol=1e-12)
+    np.testing.assert_allclose(arm.read_joint_angles(), TARGET, atol=1e-12)
 
 
 def test_the_way_takes_the_time_of_the_trapezoid() -> None:
@@ -55,7 +55,7 @@ def test_all_joints_move_along_one_line_and_the_furthest_keeps_the_speed() -> No
     path = []
     while arm.is_moving:
         arm.step(0.01)
-        path.append(arm.joint_angles())
+        path.append(arm.read_joint_angles())
     share = np.array(path)[:, 5] / 2.0
     np.testing.assert_allclose(np.array(path), np.outer(share, TARGET), atol=1e-12)
     assert np.abs(np.diff(np.array(path)[:, 5])).max() == pytest.approx(0.01)
@@ -82,15 +82,15 @@ def test_a_stop_brakes_along_the_line_within_the_braking_distance() -> None:
     arm.move_joints(TARGET, 1.0)
     for _ in range(100):
         arm.step(0.01)
-    before = arm.joint_angles()
+    before = arm.read_joint_angles()
     arm.stop()
     duration_of(arm, 0.003)
-    after = arm.joint_angles()
+    after = arm.read_joint_angles()
     assert after[5] - before[5] == pytest.approx(1.0**2 / (2 * 2.0))
     np.testing.assert_allclose(after, after[5] / 2.0 * np.array(TARGET), atol=1e-12)
     arm.move_joints(TARGET, 1.0)
     duration_of(arm)
-    np.testing.assert_allclose(arm.joint_angles(), TARGET, atol=1e-12)
+    np.testing.assert_allclose(arm.read_joint_angles(), TARGET, atol=1e-12)
 
 
 def test_a_stop_before_the_first_step_leaves_it_where_it_is() -> None:
@@ -99,7 +99,7 @@ def test_a_stop_before_the_first_step_leaves_it_where_it_is() -> None:
     arm.stop()
     arm.step(0.01)
     assert not arm.is_moving
-    assert arm.joint_angles().tolist() == [0.0] * 6
+    assert arm.read_joint_angles().tolist() == [0.0] * 6
 
 
 def test_a_target_where_it_stands_is_no_motion() -> None:

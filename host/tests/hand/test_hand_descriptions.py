@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taxel.hand import BoardKind, load_hand, packaged_hands
+from taxel.hand import BoardKind, list_packaged_hands, load_hand
 
 # Thesis, Table 2.1: taxels, RX lines, TX lines.
 TABLE_2_1 = {
@@ -57,7 +57,7 @@ def is_connected(crossings: NDArray[np.bool_]) -> bool:
 
 
 def test_three_hands_are_packaged() -> None:
-    assert packaged_hands() == ["allegro", "flat8", "rig4"]
+    assert list_packaged_hands() == ["allegro", "flat8", "rig4"]
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])

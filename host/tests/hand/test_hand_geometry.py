@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from taxel.hand import BoardKind, Hand, load_hand
-from taxel.hand.geometry import Surface, surface_of
-from taxel.hand.kinematics import kinematics_of
+from taxel.hand.geometry import Surface, build_surface
+from taxel.hand.kinematics import build_kinematics
 
 HAND = load_hand("allegro")
 KINDS = {board.kind.name: board.kind for board in HAND.boards}
@@ -50,7 +50,7 @@ def bent_length(sheet: Surface, one: int, other: int) -> float:
 
 def open_pose() -> NDArray[np.float64]:
     """Arm and fingers straight, the thumb at the lower end of its first joint."""
-    robot = kinematics_of(HAND).robot
+    robot = build_kinematics(HAND).robot
     return np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper)
 
 
@@ -63,7 +63,7 @@ def test_every_taxel_of_the_hand_has_a_place_and_three_right_angles() -> None:
 
 def test_positions_follow_the_order_of_every_other_array() -> None:
     for index, board in enumerate(HAND.boards):
-        part = HAND.slice_of(board.address)
+        part = HAND.get_slice(board.address)
         np.testing.assert_array_equal(HAND.position[part], surface(board.kind.name).position)
         assert set(HAND.board_index[part].tolist()) == {index}
         assert set(HAND.sensor[part].tolist()) == {board.address}
@@ -151,7 +151,7 @@ def test_a_fingertips_rows_across_are_one_pitch_apart_round_the_finger() -> None
 
 
 def test_boards_do_not_meet_on_the_open_hand() -> None:
-    positions = kinematics_of(HAND).taxel_positions(open_pose())
+    positions = build_kinematics(HAND).compute_taxel_positions(open_pose())
     apart = distances(positions)
     apart[HAND.board_index[:, None] == HAND.board_index] = np.inf
     closest = np.unravel_index(np.argmin(apart), apart.shape)
@@ -159,9 +159,9 @@ def test_boards_do_not_meet_on_the_open_hand() -> None:
 
 
 def test_fronts_look_out_of_the_palm_and_backs_away_from_it() -> None:
-    kinematics = kinematics_of(HAND)
-    palm = kinematics.link_poses(open_pose())[kinematics.robot.link_index("palm")]
-    for board, pose in zip(HAND.boards, kinematics.sensor_poses(open_pose()), strict=True):
+    kinematics = build_kinematics(HAND)
+    palm = kinematics.compute_link_poses(open_pose())[kinematics.robot.get_link_index("palm")]
+    for board, pose in zip(HAND.boards, kinematics.compute_sensor_poses(open_pose()), strict=True):
         if board.name.endswith("thumb"):
             continue
         outward = float(palm[:3, 0] @ pose[:3, 2])
@@ -227,6 +227,6 @@ def test_equal_surfaces_compare_and_hash_alike() -> None:
 def test_a_lone_taxel_still_has_a_direction_along_its_side(normal: list[float]) -> None:
     rows = np.array([[0.0, 0.0, 0.0, *normal]])
     line = np.zeros(1, dtype=np.uint8)
-    sheet = surface_of(rows, line, line)
+    sheet = build_surface(rows, line, line)
     assert np.linalg.norm(sheet.distal) == pytest.approx(1.0)
     assert sheet.distal[0] @ sheet.normal[0] == pytest.approx(0.0)

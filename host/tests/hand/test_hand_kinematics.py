@@ -22,12 +22,11 @@ from taxel.errors import TaxelError
 from taxel.hand import load_hand
 from taxel.hand import transforms as tf
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
-from taxel.hand.frames import FrameBuffer
-from taxel.hand.kinematics import JointCountError, Kinematics, kinematics_of
+from taxel.hand.kinematics import JointCountError, Kinematics, build_kinematics
 from taxel.hand.robot import load_robot
 
 HAND = load_hand("allegro")
-KINEMATICS = kinematics_of(HAND)
+KINEMATICS = build_kinematics(HAND)
 ROBOT = KINEMATICS.robot
 SEED = 32
 VECTORS = 50
@@ -151,15 +150,17 @@ def test_the_joints_are_the_arms_six_and_then_the_fingers() -> None:
 
 def test_the_arm_follows_its_denavit_hartenberg_table() -> None:
     q = joint_vectors()
-    poses = KINEMATICS.link_poses(q)
+    poses = KINEMATICS.compute_link_poses(q)
     expected = np.stack([arm_flange(angles[:6]) for angles in q])
-    np.testing.assert_allclose(poses[:, ROBOT.link_index("flange")], expected, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(poses[:, ROBOT.get_link_index("flange")], expected, rtol=0, atol=EXACT)
 
 
 def test_the_palm_sits_on_the_flange_with_its_fingers_pointing_away() -> None:
     q = joint_vectors()
     expected = np.stack([palm_in_world(angles[:6]) for angles in q])
-    np.testing.assert_allclose(KINEMATICS.link_poses(q)[:, ROBOT.link_index("palm")], expected, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(
+        KINEMATICS.compute_link_poses(q)[:, ROBOT.get_link_index("palm")], expected, rtol=0, atol=EXACT
+    )
 
 
 def test_every_link_of_the_hand_is_where_mujoco_puts_it() -> None:
@@ -167,7 +168,7 @@ def test_every_link_of_the_hand_is_where_mujoco_puts_it() -> None:
     links = [link for link in ROBOT.links if link[:3] in ("ff_", "mf_", "rf_", "th_")]
     assert len(links) == 16
     bodies = [model.body(link).id for link in links]
-    found = KINEMATICS.link_poses(q)[:, [ROBOT.link_index(link) for link in links]]
+    found = KINEMATICS.compute_link_poses(q)[:, [ROBOT.get_link_index(link) for link in links]]
     for index, angles in enumerate(q):
         data, palm = moved(model, angles), palm_in_world(angles[:6])
         np.testing.assert_allclose(found[index, :, :3, 3], tf.apply(palm, data.xpos[bodies]), rtol=0, atol=EXACT)
@@ -179,7 +180,7 @@ def test_every_taxel_is_where_mujoco_puts_its_site_and_looks_the_same_way() -> N
     model, q = mujoco_hand(), joint_vectors(10)
     sites = site_ids(model)
     assert len(sites) == HAND.n_taxels == 1073
-    positions, normals = KINEMATICS.taxel_positions(q), KINEMATICS.taxel_normals(q)
+    positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     for index, angles in enumerate(q):
         data, palm = moved(model, angles), palm_in_world(angles[:6])
         np.testing.assert_allclose(positions[index], tf.apply(palm, data.site_xpos[sites]), rtol=0, atol=EXACT)
@@ -191,14 +192,14 @@ def test_every_bracket_is_where_mujoco_puts_its_body() -> None:
     model = mujoco_hand()
     angles = joint_vectors(1)[0]
     data, palm = moved(model, angles), palm_in_world(angles[:6])
-    found = KINEMATICS.sensor_poses(angles)
+    found = KINEMATICS.compute_sensor_poses(angles)
     for pose, board in zip(found, HAND.boards, strict=True):
         body = data.body(f"{board.name}_board")
         np.testing.assert_allclose(pose[:3, 3], tf.apply(palm, body.xpos), rtol=0, atol=EXACT)
         np.testing.assert_allclose(pose[:3, :3], palm[:3, :3] @ body.xmat.reshape(3, 3), rtol=0, atol=EXACT)
 
 
-@pytest.mark.parametrize("name", ["link_poses", "sensor_poses", "taxel_positions", "taxel_normals"])
+@pytest.mark.parametrize("name", ["compute_link_poses", "compute_sensor_poses", "compute_taxel_positions", "compute_taxel_normals"])
 def test_many_times_at_once_are_the_times_one_by_one(name: str) -> None:
     function = getattr(KINEMATICS, name)
     q = joint_vectors(12)
@@ -211,23 +212,23 @@ def test_many_times_at_once_are_the_times_one_by_one(name: str) -> None:
 
 
 def test_no_times_give_no_poses() -> None:
-    assert KINEMATICS.link_poses(np.empty((0, 22))).shape == (0, len(ROBOT.links), 4, 4)
-    assert KINEMATICS.taxel_positions(np.empty((0, 22))).shape == (0, 1073, 3)
+    assert KINEMATICS.compute_link_poses(np.empty((0, 22))).shape == (0, len(ROBOT.links), 4, 4)
+    assert KINEMATICS.compute_taxel_positions(np.empty((0, 22))).shape == (0, 1073, 3)
 
 
 def test_joint_angles_may_be_a_list_of_integers() -> None:
-    np.testing.assert_array_equal(KINEMATICS.link_poses([0] * 22), KINEMATICS.link_poses(np.zeros(22)))
+    np.testing.assert_array_equal(KINEMATICS.compute_link_poses([0] * 22), KINEMATICS.compute_link_poses(np.zeros(22)))
 
 
 def test_every_pose_is_rigid() -> None:
-    tf.check_rigid(KINEMATICS.link_poses(joint_vectors()))
-    tf.check_rigid(KINEMATICS.sensor_poses(joint_vectors()))
+    tf.check_rigid(KINEMATICS.compute_link_poses(joint_vectors()))
+    tf.check_rigid(KINEMATICS.compute_sensor_poses(joint_vectors()))
 
 
 @pytest.mark.parametrize(("angles", "found"), [(np.zeros(16), 16), (np.zeros((22, 5)), 5), (0.0, 0), ([], 0)])
 def test_another_number_of_joints_is_refused_with_one_line(angles: Any, found: int) -> None:
     with pytest.raises(JointCountError) as caught:
-        KINEMATICS.taxel_positions(angles)
+        KINEMATICS.compute_taxel_positions(angles)
     line = f"robot 'ur5e_allegro': expected 22 joint angles on the last axis, found {found}"
     assert str(caught.value) == line
     assert isinstance(caught.value, TaxelError)
@@ -241,56 +242,28 @@ def test_a_hand_on_another_robot_is_refused_with_the_links_that_it_has() -> None
 
 def test_links_need_no_hand_but_taxels_do() -> None:
     bare = Kinematics(ROBOT)
-    np.testing.assert_array_equal(bare.link_poses(np.zeros(22)), KINEMATICS.link_poses(np.zeros(22)))
+    np.testing.assert_array_equal(bare.compute_link_poses(np.zeros(22)), KINEMATICS.compute_link_poses(np.zeros(22)))
     with pytest.raises(ValueError, match="without a hand"):
-        bare.taxel_positions(np.zeros(22))
+        bare.compute_taxel_positions(np.zeros(22))
 
 
 def test_the_index_finger_flexes_towards_the_palms_front() -> None:
     straight, bent = np.zeros(22), np.zeros(22)
     bent[7] = 0.5
-    palm = tf.inverse(KINEMATICS.link_poses(straight)[ROBOT.link_index("palm")])
-    tips = [tf.apply(palm, KINEMATICS.link_poses(q)[ROBOT.link_index("ff_distal")][:3, 3]) for q in (straight, bent)]
+    palm = tf.inverse(KINEMATICS.compute_link_poses(straight)[ROBOT.get_link_index("palm")])
+    tips = [
+        tf.apply(palm, KINEMATICS.compute_link_poses(q)[ROBOT.get_link_index("ff_distal")][:3, 3])
+        for q in (straight, bent)
+    ]
     assert tips[1][0] > tips[0][0] + 0.02  # out of the front
     assert tips[1][2] < tips[0][2]
     assert tips[0][1] > 0.03  # the index finger is on the thumb's side
 
 
-def test_published_frames_are_found_by_name() -> None:
-    frames = FrameBuffer()
-    q = joint_vectors(3)
-    for stamp, angles in enumerate(q):
-        KINEMATICS.publish(frames, angles, float(stamp))
-    for stamp, angles in enumerate(q):
-        links, boards = KINEMATICS.link_poses(angles), KINEMATICS.sensor_poses(angles)
-        for name, expected in [
-            *zip(ROBOT.links, links, strict=True),
-            ("palm_bracket", boards[0]),
-            *((board.name, pose) for board, pose in zip(HAND.boards[1:], boards[1:], strict=True)),
-        ]:
-            found = frames.lookup("world", name, float(stamp))
-            np.testing.assert_allclose(found, expected, rtol=0, atol=EXACT, err_msg=name)
-    assert set(frames.frames()) == {*ROBOT.links, "palm_bracket", *(board.name for board in HAND.boards)}
-
-
-def test_a_published_fingertip_is_found_between_two_stamps() -> None:
-    frames = FrameBuffer()
-    start, end = np.zeros(22), np.zeros(22)
-    end[7] = 0.4
-    KINEMATICS.publish(frames, start, 10.0)
-    KINEMATICS.publish(frames, end, 11.0)
-    # One revolute joint: the interpolated rotation is that of the interpolated angle.
-    expected = KINEMATICS.sensor_poses(0.75 * start + 0.25 * end)[
-        HAND.boards.index(HAND.board_named("fingertip_index"))
-    ]
-    found = frames.lookup("world", "fingertip_index", 10.25)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=EXACT)
-
-
 def test_flat8_lifts_its_distal_edge_on_the_hinge() -> None:
     hand = load_hand("flat8")
-    kinematics = kinematics_of(hand)
-    down, up = kinematics.taxel_positions([[0.0], [np.pi / 2]])
+    kinematics = build_kinematics(hand)
+    down, up = kinematics.compute_taxel_positions([[0.0], [np.pi / 2]])
     np.testing.assert_allclose(down, hand.position + np.array([0.0, 0.0, 0.1]), rtol=0, atol=EXACT)
     x, y, z = hand.position.T
     np.testing.assert_allclose(up, np.column_stack([-z, y, x + 0.1]), rtol=0, atol=EXACT)
@@ -298,16 +271,16 @@ def test_flat8_lifts_its_distal_edge_on_the_hinge() -> None:
 
 def test_a_hand_without_a_robot_has_no_kinematics() -> None:
     with pytest.raises(HandGeometryError, match="'allegro'"):
-        kinematics_of(replace(HAND, robot=None))
+        build_kinematics(replace(HAND, robot=None))
 
 
 def test_neighbours_on_a_line_are_one_pitch_apart_along_the_sheet() -> None:
     """Where both look the same way the sheet is flat between them; the world's figures, not the bracket's."""
     q = joint_vectors(1)[0]
-    positions, normals = KINEMATICS.taxel_positions(q), KINEMATICS.taxel_normals(q)
+    positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     checked = 0
     for board in HAND.boards:
-        part = HAND.slice_of(board.address)
+        part = HAND.get_slice(board.address)
         place = {key: part.start + i for i, key in enumerate(zip(board.kind.tx, board.kind.rx, strict=True))}
         for (tx, rx), index in place.items():
             for neighbour in (place.get((tx + 1, rx)), place.get((tx, rx + 1))):

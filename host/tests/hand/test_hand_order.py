@@ -81,7 +81,7 @@ def test_slices_follow_one_another_and_cover_the_taxel_axis() -> None:
     hand = load_hand("allegro")
     end = 0
     for board in hand.boards:
-        part = hand.slice_of(board.address)
+        part = hand.get_slice(board.address)
         assert part == slice(end, end + board.kind.taxel_count)
         end = part.stop
     assert end == hand.n_taxels
@@ -92,7 +92,7 @@ def test_the_taxel_table_is_in_the_order_of_the_slices() -> None:
     assert hand.sensor.shape == hand.tx.shape == hand.rx.shape == (1073,)
     assert hand.sensor.dtype == hand.tx.dtype == hand.rx.dtype == np.uint8
     for board in hand.boards:
-        part = hand.slice_of(board.address)
+        part = hand.get_slice(board.address)
         assert (hand.sensor[part] == board.address).all()
         assert np.array_equal(hand.tx[part], board.kind.tx)
         assert np.array_equal(hand.rx[part], board.kind.rx)
@@ -116,10 +116,10 @@ def test_split_refuses_another_number_of_taxels(shape: tuple[int, ...]) -> None:
 
 def test_boards_are_found_by_address_and_by_name() -> None:
     hand = load_hand("allegro")
-    assert hand.board(0x23) is hand.board_named("fingertip_index")
+    assert hand.get_board(0x23) is hand.find_board("fingertip_index")
 
 
-@pytest.mark.parametrize("ask", [lambda hand: hand.board(0x77), lambda hand: hand.slice_of(0x77)])
+@pytest.mark.parametrize("ask", [lambda hand: hand.get_board(0x77), lambda hand: hand.get_slice(0x77)])
 def test_an_unknown_address_is_named_with_those_that_exist(ask: object) -> None:
     assert callable(ask)
     with pytest.raises(UnknownBoardError, match=r"^hand 'small' has no board 0x77; it has 0x10, 0x20, 0x30$"):
@@ -128,7 +128,7 @@ def test_an_unknown_address_is_named_with_those_that_exist(ask: object) -> None:
 
 def test_an_unknown_name_is_named_with_those_that_exist() -> None:
     with pytest.raises(UnknownBoardError, match="no board 'thumb'; it has first, middle, last"):
-        small_hand().board_named("thumb")
+        small_hand().find_board("thumb")
 
 
 def test_arrays_of_a_hand_cannot_be_changed_by_accident() -> None:

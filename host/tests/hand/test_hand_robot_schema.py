@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from taxel.hand import HandDescriptionError, robot_schema
 from taxel.hand.errors import UnknownLinkError
-from taxel.hand.robot import load_robot, packaged_robots
+from taxel.hand.robot import list_packaged_robots, load_robot
 from taxel.hand.robot_schema import parse_robot
 
 GOOD = """\
@@ -240,7 +240,7 @@ def test_an_axis_written_rounded_is_normalised(tmp_path: Path) -> None:
 
 
 def test_the_packaged_robots_are_the_plate_and_the_workstation() -> None:
-    assert packaged_robots() == ["plate", "ur5e_allegro"]
+    assert list_packaged_robots() == ["plate", "ur5e_allegro"]
     assert len(load_robot("ur5e_allegro").joint_names) == 22
     assert load_robot("plate").joint_names == ("hinge",)
 
@@ -271,7 +271,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
 
 def test_an_unknown_link_is_answered_with_the_known_ones() -> None:
     robot = load_robot("plate")
-    for ask in (robot.link_index, robot.joint_of):
+    for ask in (robot.get_link_index, robot.joint_of):
         with pytest.raises(UnknownLinkError, match=r"robot 'plate' has no link 'hand'; it has .*plate$"):
             ask("hand")
 

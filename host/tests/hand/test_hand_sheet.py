@@ -10,7 +10,7 @@ import pytest
 from taxel.hand import BoardKind, Hand, load_hand
 from taxel.hand.errors import HandGeometryError
 from taxel.hand.geometry import Surface
-from taxel.hand.sheet import Sheet, margin_of, sheet_of
+from taxel.hand.sheet import Sheet, build_margin, build_sheet
 from taxel.types import FloatArray
 
 HAND = load_hand("allegro")
@@ -25,7 +25,7 @@ PITCH = 0.005
 def margin(kind: BoardKind) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Centres, normals and distal directions of a kind's bare squares."""
     assert kind.surface is not None
-    rows = margin_of(kind, kind.surface, PITCH)
+    rows = build_margin(kind, kind.surface, PITCH)
     return rows[:, :3], rows[:, 3:6], rows[:, 6:]
 
 
@@ -60,7 +60,7 @@ def bent_kind(radius_tx: float, radius_rx: float, tx: int = 4, rx: int = 5) -> B
 
 @pytest.mark.parametrize("hand", HANDS, ids=lambda hand: hand.name)
 def test_the_taxels_come_first_in_the_hands_order(hand: Hand) -> None:
-    sheet = sheet_of(hand)
+    sheet = build_sheet(hand)
     for name in ("position", "normal", "distal", "board_index"):
         np.testing.assert_array_equal(getattr(sheet, name)[: hand.n_taxels], getattr(hand, name))
     assert (sheet.name, sheet.boards, sheet.layer_m) == (hand.name, hand.boards, hand.layer_m)
@@ -71,7 +71,7 @@ def test_the_taxels_come_first_in_the_hands_order(hand: Hand) -> None:
 
 @pytest.mark.parametrize("parts", [1, 2, 3])
 def test_every_normal_and_direction_is_a_unit_vector_and_they_are_square_to_each_other(parts: int) -> None:
-    sheet = sheet_of(HAND, parts)
+    sheet = build_sheet(HAND, parts)
     for vectors in (sheet.normal, sheet.distal):
         np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.sum(sheet.normal * sheet.distal, axis=1), 0.0, atol=1e-6)
@@ -154,7 +154,7 @@ def test_a_board_of_one_taxel_has_four_bare_neighbours() -> None:
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
 def test_pieces_share_a_flat_squares_area_evenly_and_keep_its_centre(parts: int) -> None:
-    whole, cut = sheet_of(HAND), sheet_of(HAND, parts)
+    whole, cut = build_sheet(HAND), build_sheet(HAND, parts)
     assert cut.n_taxels == parts**2 * whole.n_taxels
     np.testing.assert_array_equal(cut.board_index, np.repeat(whole.board_index, parts**2))
     flat = np.isin([board.kind.name for board in HAND.boards], FLAT)[whole.board_index]
@@ -177,7 +177,7 @@ def test_pieces_of_a_bent_board_lie_on_its_cylinder_and_face_outward(radii: tupl
     parts, radius = 4, 0.012
     kind = bent_kind(*radii)
     board = type(HAND.boards[0])("bent", kind, 8, None, np.eye(4))
-    cut = sheet_of(Hand("bent", "a bent board", PITCH, 0.003, (board,)), parts)
+    cut = build_sheet(Hand("bent", "a bent board", PITCH, 0.003, (board,)), parts)
     own = slice(0, kind.crossings.sum() * parts**2)
     axis = 0 if np.isfinite(radii[0]) else 1
     away = cut.position[own] + radius * np.array([0.0, 0.0, 1.0])
@@ -190,7 +190,7 @@ def test_pieces_of_a_bent_board_lie_on_its_cylinder_and_face_outward(radii: tupl
 
 
 def test_one_part_is_the_square_itself() -> None:
-    sheet = sheet_of(HAND, 1)
+    sheet = build_sheet(HAND, 1)
     assert isinstance(sheet, Sheet)
     np.testing.assert_allclose(sheet.position[: HAND.n_taxels], HAND.position, rtol=0, atol=1e-15)
 
@@ -200,4 +200,4 @@ def test_a_hand_without_positions_has_no_sheet() -> None:
     kind = BoardKind(board.kind.name, board.kind.code, board.kind.crossings)
     bare = Hand("bare", "no geometry", PITCH, 0.003, (type(board)(board.name, kind, board.address),))
     with pytest.raises(HandGeometryError):
-        sheet_of(bare)
+        build_sheet(bare)

@@ -31,7 +31,7 @@ def rotation_vectors() -> NDArray[np.float64]:
 def random_transforms(*shape: int) -> NDArray[np.float64]:
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
-    return tf.pose(rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 4)))
+    return tf.make_pose(rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 4)))
 
 
 def close(found: NDArray[np.float64], expected: NDArray[np.float64], tolerance: float = EXACT) -> None:
@@ -92,12 +92,12 @@ def test_roll_pitch_and_yaw_give_the_same_rotation_at_gimbal_lock(off: float, si
 
 
 def test_a_pose_has_its_position_and_its_rotation() -> None:
-    transform = tf.pose([1, 2, 3], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    transform = tf.make_pose([1, 2, 3], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
     close(transform, np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], dtype=float))
 
 
 def test_positions_and_quaternions_of_a_pose_broadcast() -> None:
-    assert tf.pose(np.zeros((5, 1, 3)), np.ones((7, 4))).shape == (5, 7, 4, 4)
+    assert tf.make_pose(np.zeros((5, 1, 3)), np.ones((7, 4))).shape == (5, 7, 4, 4)
 
 
 def test_the_inverse_undoes_a_transform() -> None:
@@ -128,7 +128,7 @@ def test_composition_is_the_matrix_product() -> None:
 
 
 def test_interpolation_is_linear_in_position_and_even_in_angle() -> None:
-    start, end = tf.pose([0, 0, 0], [1, 0, 0, 0]), tf.from_rotation_vector([0, 0, 2.0])
+    start, end = tf.make_pose([0, 0, 0], [1, 0, 0, 0]), tf.from_rotation_vector([0, 0, 2.0])
     end[:3, 3] = 1, 2, 3
     found = tf.interpolate(start, end, [0, 0.25, 1])
     close(tf.to_rotation_vector(found), np.array([[0, 0, 0], [0, 0, 0.5], [0, 0, 2]]))

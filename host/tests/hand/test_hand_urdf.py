@@ -18,7 +18,7 @@ from taxel.hand import transforms as tf
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Joint, Robot, Shape, load_robot
-from taxel.hand.urdf import BARE_RADIUS_M, DENSITY_KG_M3, urdf_text
+from taxel.hand.urdf import BARE_RADIUS_M, DENSITY_KG_M3, format_urdf
 
 ROBOT = load_robot("ur5e_allegro")
 HAND = load_hand("allegro")
@@ -28,7 +28,7 @@ EXACT = 1e-9  # metres and radians
 
 
 def parsed(robot: Robot = ROBOT, hand: Any = None) -> ET.Element:
-    return ET.fromstring(urdf_text(robot, hand))
+    return ET.fromstring(format_urdf(robot, hand))
 
 
 def joint_vectors(robot: Robot = ROBOT) -> NDArray[np.float64]:
@@ -101,7 +101,7 @@ def test_a_box_is_a_box_and_a_capsule_a_cylinder_and_two_spheres_seen_and_touche
 
 
 def test_the_spheres_of_a_capsule_sit_on_the_ends_of_its_cylinder() -> None:
-    turned = tf.pose([0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])  # the capsule's z is the link's x
+    turned = tf.make_pose([0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])  # the capsule's z is the link's x
     link = parsed(one_link(Shape("part", "capsule", (0.01, 0.04), turned))).find("link[@name='part']")
     assert link is not None
     centres = [
@@ -114,22 +114,22 @@ def test_the_spheres_of_a_capsule_sit_on_the_ends_of_its_cylinder() -> None:
 @pytest.mark.parametrize("kind", ["box", "capsule"])
 def test_mass_and_inertia_are_those_that_mujoco_gives_the_same_solid(kind: str) -> None:
     size = (0.01, 0.02, 0.05) if kind == "box" else (0.012, 0.03)
-    origin = tf.pose([0.01, -0.02, 0.03], [0.9, 0.1, -0.3, 0.2])
+    origin = tf.make_pose([0.01, -0.02, 0.03], [0.9, 0.1, -0.3, 0.2])
     w, x, y, z = tf.to_quaternion(origin)
     geom = f'<geom type="{kind}" size="{" ".join(map(str, size))}" density="{DENSITY_KG_M3}" pos="0.01 -0.02 0.03"'
     expected = mujoco.MjModel.from_xml_string(
         f'<mujoco><worldbody><body><joint/>{geom} quat="{w} {x} {y} {z}"/></body></worldbody></mujoco>'
     )
-    found = mujoco.MjModel.from_xml_string(urdf_text(one_link(Shape("part", kind, size, origin))))
+    found = mujoco.MjModel.from_xml_string(format_urdf(one_link(Shape("part", kind, size, origin))))
     np.testing.assert_allclose(found.body_mass[-1], expected.body_mass[-1], rtol=1e-12)
     np.testing.assert_allclose(found.body_ipos[-1], expected.body_ipos[-1], rtol=1e-12)
     np.testing.assert_allclose(np.sort(found.body_inertia[-1]), np.sort(expected.body_inertia[-1]), rtol=1e-9)
 
 
 def test_the_masses_of_a_links_shapes_add_up_about_their_common_centre() -> None:
-    ends = [tf.pose([0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]) for z in (0.01, 0.03)]
+    ends = [tf.make_pose([0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]) for z in (0.01, 0.03)]
     halves = [Shape("part", "box", (0.01, 0.02, 0.01), end) for end in ends]
-    middle = tf.pose([0.0, 0.0, 0.02], [1.0, 0.0, 0.0, 0.0])
+    middle = tf.make_pose([0.0, 0.0, 0.02], [1.0, 0.0, 0.0, 0.0])
     whole = parsed(one_link(Shape("part", "box", (0.01, 0.02, 0.02), middle)))
     for tag in ("origin", "mass", "inertia"):
         found = parsed(one_link(*halves)).find(f"link/inertial/{tag}")
@@ -172,14 +172,14 @@ def test_mujoco_finds_every_link_where_we_do(robot: str, hand: str) -> None:
     model, skin = load_robot(robot), load_hand(hand)
     q = joint_vectors(model)
     kinematics = Kinematics(model, skin)
-    expected = np.concatenate([kinematics.link_poses(q), kinematics.sensor_poses(q)], axis=1)
-    text = urdf_text(model, skin)
+    expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
+    text = format_urdf(model, skin)
     names = [link.attrib["name"] for link in ET.fromstring(text).findall("link")]
     assert_same_poses(mujoco_poses(text, names, model.joint_names, q), expected)
 
 
 def test_mujoco_takes_over_the_joint_limits() -> None:
-    model = mujoco.MjModel.from_xml_string(urdf_text(ROBOT))
+    model = mujoco.MjModel.from_xml_string(format_urdf(ROBOT))
     ranges = [model.joint(name).range for name in ROBOT.joint_names]
     np.testing.assert_allclose(ranges, np.column_stack([ROBOT.lower, ROBOT.upper]), rtol=0, atol=1e-12)
 
@@ -187,11 +187,11 @@ def test_mujoco_takes_over_the_joint_limits() -> None:
 def test_pinocchio_finds_every_link_where_we_do() -> None:
     pytest.importorskip("pinocchio")
     pinocchio: Any = importlib.import_module("pinocchio")
-    model = pinocchio.buildModelFromXML(urdf_text(ROBOT, HAND))
+    model = pinocchio.buildModelFromXML(format_urdf(ROBOT, HAND))
     data = model.createData()
     q = joint_vectors()
     kinematics = Kinematics(ROBOT, HAND)
-    expected = np.concatenate([kinematics.link_poses(q), kinematics.sensor_poses(q)], axis=1)
+    expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
     names = [*ROBOT.links, "palm_bracket", *(board.name for board in HAND.boards[1:])]
     frames = [model.getFrameId(name, pinocchio.FrameType.BODY) for name in names]
     places = [model.joints[model.getJointId(name)].idx_q for name in ROBOT.joint_names]
@@ -210,8 +210,8 @@ def test_names_are_escaped() -> None:
 
 
 def test_the_same_robot_gives_the_same_text_one_element_a_line() -> None:
-    text = urdf_text(ROBOT, HAND)
-    assert text == urdf_text(load_robot("ur5e_allegro"), load_hand("allegro"))
+    text = format_urdf(ROBOT, HAND)
+    assert text == format_urdf(load_robot("ur5e_allegro"), load_hand("allegro"))
     assert text.startswith('<?xml version="1.0"?>\n<robot name="ur5e_allegro">\n  <link name="world" />\n')
     assert all(line.count("<") in (1, 2) for line in text.splitlines())
     assert re.search(r'-0\.0[ "]', text) is None
@@ -220,9 +220,9 @@ def test_the_same_robot_gives_the_same_text_one_element_a_line() -> None:
 def test_a_hand_without_places_is_refused() -> None:
     boards = tuple(replace(board, link=None, pose=None) for board in HAND.boards)
     with pytest.raises(HandGeometryError, match="'allegro': its description gives no taxel positions"):
-        urdf_text(ROBOT, replace(HAND, boards=boards))
+        format_urdf(ROBOT, replace(HAND, boards=boards))
 
 
 def test_a_hand_on_another_robots_links_is_refused() -> None:
     with pytest.raises(UnknownLinkError, match="'plate' has no link 'palm'"):
-        urdf_text(load_robot("plate"), HAND)
+        format_urdf(load_robot("plate"), HAND)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Link
 
 PATIENCE_S = 20.0
@@ -58,7 +58,7 @@ def read_bytes() -> Callable[[Link, int], bytes]:
 @pytest.fixture
 def small_world() -> str:
     """One board of 64 taxels."""
-    return world_text(load_hand("flat8"), WorldSettings())
+    return format_world(load_hand("flat8"), WorldSettings())
 
 
 @pytest.fixture

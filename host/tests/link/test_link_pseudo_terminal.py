@@ -13,7 +13,7 @@ import pytest
 
 import taxel
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import PortVanishedError, SerialLink, write_stimulus
 from taxel.link.emulator import emulator_program
 from taxel_protocol import FrameType, ReferenceDecoder
@@ -29,7 +29,7 @@ def serve(tmp_path):
 
     def start(hand, *arguments):
         description = load_hand(hand)
-        (tmp_path / "world.txt").write_text(world_text(description, WorldSettings()))
+        (tmp_path / "world.txt").write_text(format_world(description, WorldSettings()))
         write_stimulus(tmp_path / "a.stm", [0.0], [COUNTS[hand]], "counts")
         command = [emulator_program(), "--world", tmp_path / "world.txt", "--uart", "pty"]
         command += ["--stimulus", tmp_path / "a.stm"]
@@ -46,7 +46,7 @@ def serve(tmp_path):
 
 def check_counts(skin, frames):
     for frame in frames:
-        assert np.array_equal(frame.raw_counts, COUNTS[skin.hand.name][skin.hand.slice_of(frame.address)])
+        assert np.array_equal(frame.raw_counts, COUNTS[skin.hand.name][skin.hand.get_slice(frame.address)])
 
 
 @pytest.mark.parametrize("hand", ["flat8", "allegro"])
@@ -97,7 +97,7 @@ def test_what_was_sent_while_nobody_listened_is_never_a_wrong_frame(serve):
     hand = load_hand("allegro")
     for _, _, payload in taxels:
         counts = np.frombuffer(payload[14:-4], "<u2")
-        assert np.array_equal(counts, COUNTS["allegro"][hand.slice_of(payload[0])])
+        assert np.array_equal(counts, COUNTS["allegro"][hand.get_slice(payload[0])])
     assert decoder.discarded_bytes < 600  # no more than the one frame whose beginning the other client took with it
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import Hand, load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.emulator import emulator_program
 from taxel.monitor import SkinMonitor
 from taxel.stream import BoardCount, TaxelFrame
@@ -46,7 +46,7 @@ class Puppet:
     def frames(self, boards: Any = None) -> list[TaxelFrame]:
         self._cycle += 1
         return [
-            TaxelFrame(b.address, self._cycle, self._cycle, self.now_s, 0, 0, self.raw[self.hand.slice_of(b.address)])
+            TaxelFrame(b.address, self._cycle, self._cycle, self.now_s, 0, 0, self.raw[self.hand.get_slice(b.address)])
             for b in (self.hand.boards if boards is None else boards)
         ]
 
@@ -75,7 +75,7 @@ def emulated_port() -> Iterator[str]:
     """A pseudo-terminal with the emulated hand behind it, as `taxel emulate` makes one."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
-        world.write_text(world_text(load_hand("allegro"), WorldSettings()))
+        world.write_text(format_world(load_hand("allegro"), WorldSettings()))
         process = subprocess.Popen(
             [emulator_program(), "--world", world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
         )

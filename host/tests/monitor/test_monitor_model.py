@@ -53,7 +53,7 @@ def test_a_board_that_is_plugged_in_later_takes_its_own_baseline(puppet):
     reading = skin.read()
     assert reading.is_measuring
     assert reading.boards[-1].state == "no frame yet"
-    assert np.isnan(reading.signal_counts[skin.hand.slice_of(late.address)]).all()
+    assert np.isnan(reading.signal_counts[skin.hand.get_slice(late.address)]).all()
     skin.pass_time(0.1)
     assert skin.read().boards[-1].baseline == pytest.approx(2 / 3)
     skin.pass_time(0.1)

@@ -23,7 +23,7 @@ def pressed(puppet):
     skin.pass_time(3.0)
     skin.read()
     for name in ("palm", "back_of_hand"):
-        skin.raw[skin.hand.slice_of(skin.hand.board_named(name).address)][40] -= 500
+        skin.raw[skin.hand.get_slice(skin.hand.find_board(name).address)][40] -= 500
     skin.pass_time(0.1)
     return skin.read()
 

@@ -58,7 +58,7 @@ def show(puppet):
 
 def test_the_hand_is_seen_in_a_browser(show):
     skin = show.skin
-    palm = skin.hand.slice_of(skin.hand.board_named("palm").address)
+    palm = skin.hand.get_slice(skin.hand.find_board("palm").address)
     show.until_text("17/17 boards")
     skin.raw[palm] -= 450
     show.until_text("121 active")
@@ -93,7 +93,7 @@ def test_time_series_are_of_what_is_chosen(puppet):
     pytest.importorskip("viser")
     skin = puppet()
     skin.pass_time(1.0)
-    thumb = skin.hand.slice_of(skin.hand.board_named("fingertip_thumb").address)
+    thumb = skin.hand.get_slice(skin.hand.find_board("fingertip_thumb").address)
     with web.WebView(skin.monitor, "puppet", 0) as view:
         for signal in (0, 300, 600):
             skin.raw[thumb.start + 7] -= signal

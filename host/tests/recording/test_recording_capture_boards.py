@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import run_emulator, write_stimulus
 from taxel.recording import activity_of, read_boards
 from taxel.signal import Activation, compute_baseline
@@ -27,7 +27,7 @@ def capture(tmp_path_factory):
     write_stimulus(folder / "press.stm", [0.0, 2.5, 2.6], forces)
     write_start_script(folder / "start.bin")
     path = folder / "capture.bin"
-    run_emulator(world_text(hand, WorldSettings(scl_hz=1e6)), path, 3.0, folder / "start.bin", folder / "press.stm")
+    run_emulator(format_world(hand, WorldSettings(scl_hz=1e6)), path, 3.0, folder / "start.bin", folder / "press.stm")
     return path
 
 

@@ -15,8 +15,8 @@ from taxel.grasp.plan import Approach, thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
-from taxel.hand.kinematics import kinematics_of
-from taxel.hand.transforms import inverse, pose, to_rotation_vector
+from taxel.hand.kinematics import build_kinematics
+from taxel.hand.transforms import inverse, make_pose, to_rotation_vector
 from taxel.sim.closing import simulate_grasp
 from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
 
@@ -140,7 +140,7 @@ def test_the_baseline_and_recovery_are_still_and_without_load(key):
 
 
 def test_a_palm_that_withdraws_feels_nothing_before_it_comes_to_an_object_that_stands_too_near():
-    offset = pose([0.0, 0.002, 0.0], [1, 0, 0, 0])
+    offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])
     for approach in (replace(FIRST, withdraw_m=0.0), FIRST):
         motion = simulate_grasp(scene_of("rectangular_prism"), approach, LINE, object_offset=offset)
         assert (np.abs(motion.wrench[0]).max() == 0.0) == (approach.withdraw_m > 0)
@@ -157,14 +157,14 @@ def test_a_palm_that_does_not_withdraw_presses_on_the_object_from_the_beginning(
 
 def test_poses_agree_with_forward_kinematics():
     motion = motion_of("cylinder-top")
-    kinematics = kinematics_of(HAND)
+    kinematics = build_kinematics(HAND)
     angles = np.zeros((len(motion.time_s), 22))
     angles[:, 6:] = motion.joint_angles
-    wanted = kinematics.link_poses(angles)
-    palm = scene_of("cylinder").robot.link_index("palm")
+    wanted = kinematics.compute_link_poses(angles)
+    palm = scene_of("cylinder").robot.get_link_index("palm")
     step = motion.link_poses[:, :1] @ inverse(wanted[:, palm : palm + 1])
     assert np.allclose(step @ wanted[:, palm:], motion.link_poses, atol=1e-9)
-    assert np.allclose(step @ kinematics.sensor_poses(angles), motion.sensor_poses, atol=1e-9)
+    assert np.allclose(step @ kinematics.compute_sensor_poses(angles), motion.sensor_poses, atol=1e-9)
 
 
 def test_the_same_arguments_give_the_same_bytes_and_seeds_differ():
@@ -176,7 +176,7 @@ def test_the_same_arguments_give_the_same_bytes_and_seeds_differ():
 
 
 def test_an_object_that_stands_elsewhere_than_planned_is_pressed_where_it_stands():
-    offset = pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm
+    offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm
     moved = simulate_grasp(scene_of("rectangular_prism"), FIRST, LINE, object_offset=offset)
     nominal = motion_of("rectangular_prism-wide_side_1")
     assert np.allclose(moved.object_pose[0], standing_pose() @ offset, atol=1e-6)
@@ -198,7 +198,7 @@ def test_one_hinge_closes_on_a_brick():
     hand = load_hand("flat8")
     scene = build_scene(hand, GraspObject("brick", ConvexPolytope.box(0.02, 0.02, 0.02), ""), "world")
     swing = Approach("brick", "under", np.eye(4), np.array([0.3]), np.array([np.nan]), np.array([0.2]))
-    place = pose([0.02, 0.0, 0.125], [1, 0, 0, 0])
+    place = make_pose([0.02, 0.0, 0.125], [1, 0, 0, 0])
     above = simulate_grasp(scene, swing, LINE, object_pose=np.eye(4), object_offset=place)
     assert above.joint_angles.shape[1] == 1
     assert above.wrench.shape[1:] == (len(hand.boards), 6)

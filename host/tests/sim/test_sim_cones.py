@@ -5,12 +5,12 @@ import pytest
 
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
-from taxel.hand.kinematics import taxel_positions
+from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, base_radius, nominal_forces
 from taxel.sim.sensor_model import SimSensor
 
 HAND = load_hand("allegro")
-PALM = HAND.slice_of(HAND.board_named("palm").address)
+PALM = HAND.get_slice(HAND.find_board("palm").address)
 SLAB = ConvexPolytope.box(0.4, 0.4, 0.1)
 IDENTITY = np.eye(4)[None]
 
@@ -44,7 +44,7 @@ def test_a_narrow_object_activates_the_taxels_over_it_and_a_wide_base_their_neig
     poses = palm_over(0.0, rod)
     narrow = ConeSensing(base_radius(HAND)).active(HAND, rod, poses, IDENTITY)[0]
     wide = ConeSensing(base_radius(HAND, pitches=1)).active(HAND, rod, poses, IDENTITY)[0]
-    centres = taxel_positions(HAND, poses)[0]
+    centres = compute_taxel_positions(HAND, poses)[0]
     np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)
     gap = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
     np.testing.assert_array_equal(wide[PALM], gap[PALM] < 0.0072)
@@ -54,7 +54,7 @@ def test_a_narrow_object_activates_the_taxels_over_it_and_a_wide_base_their_neig
 def test_the_engines_own_contact_points_count_too():
     poses = palm_over(0.02)
     taxel = PALM.start + 60
-    centre = taxel_positions(HAND, poses)[0, taxel]
+    centre = compute_taxel_positions(HAND, poses)[0, taxel]
     cones = ConeSensing(base_radius(HAND))
     assert not cones.active(HAND, SLAB, poses, IDENTITY).any()
     points = (np.array([0]), centre[None] - [0, 0, 0.001])

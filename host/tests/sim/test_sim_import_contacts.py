@@ -10,7 +10,7 @@ from taxel.grasp.objects import standing_pose, thesis_objects
 from taxel.grasp.plan import thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
-from taxel.hand.kinematics import kinematics_of, taxel_normals, taxel_positions
+from taxel.hand.kinematics import build_kinematics, compute_taxel_normals, compute_taxel_positions
 from taxel.hand.transforms import to_quaternion
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
@@ -76,7 +76,7 @@ def tips():
     """The cones' tips that touch, as the thesis's simulator would report them."""
     made = motion()
     frame, taxel = np.nonzero(CONES.tips_in_contact(HAND, CYLINDER.shape, made.sensor_poses, made.object_pose))
-    position = taxel_positions(HAND, made.sensor_poses) + 0.001 * taxel_normals(HAND, made.sensor_poses)
+    position = compute_taxel_positions(HAND, made.sensor_poses) + 0.001 * compute_taxel_normals(HAND, made.sensor_poses)
     return frame, position[frame, taxel]
 
 
@@ -181,8 +181,8 @@ def test_a_contact_that_names_its_board_is_felt_there_only(tmp_path):
         joints=joints_file(tmp_path / "joints.csv"),
         options=STANDING,
     )
-    palm = HAND.slice_of(HAND.board_named("palm").address)
-    centres = taxel_positions(HAND, made.sensor_poses)[frame, palm]
+    palm = HAND.get_slice(HAND.find_board("palm").address)
+    centres = compute_taxel_positions(HAND, made.sensor_poses)[frame, palm]
     near = np.linalg.norm(centres - position[:, None], axis=2).min(axis=1) <= default_threshold(HAND)
     assert report.far_contacts == len(frame) - near.sum()
 
@@ -243,13 +243,13 @@ def test_poses_of_links_or_boards_do_as_well_as_joint_angles(tmp_path):
 
 
 def test_joints_of_the_whole_robot_put_the_world_into_its_base(tmp_path):
-    kinematics = kinematics_of(HAND)
+    kinematics = build_kinematics(HAND)
     rng = np.random.default_rng(11)
     angles = rng.uniform(0.0, 0.3, len(kinematics.robot.joint_names))
     joints = write(tmp_path / "j.csv", ["grasp", *kinematics.robot.joint_names], [["a", *angles]])
-    sensors = kinematics.sensor_poses(angles)
+    sensors = kinematics.compute_sensor_poses(angles)
     item = sensors[0].copy()
-    centre = taxel_positions(HAND, sensors)[7]
+    centre = compute_taxel_positions(HAND, sensors)[7]
     points = write(
         tmp_path / "p.csv", ["grasp", "object", "approach", "x", "y", "z"], [["a", "cylinder", "?", *centre]]
     )
@@ -281,7 +281,7 @@ def test_lists_of_active_taxels_come_back(tmp_path):
     end = int(np.flatnonzero(made.phase == Phase.HOLD)[-1])
     active = CONES.active(HAND, CYLINDER.shape, made.sensor_poses, made.object_pose)[end]
     rng = np.random.default_rng(3)
-    centres = taxel_positions(HAND, made.sensor_poses)[end] + rng.uniform(-2e-4, 2e-4, (HAND.n_taxels, 3))
+    centres = compute_taxel_positions(HAND, made.sensor_poses)[end] + rng.uniform(-2e-4, 2e-4, (HAND.n_taxels, 3))
     rows = [["g", "cylinder", "side_1", *centre, int(on)] for centre, on in zip(centres, active, strict=True)]
     points = write(tmp_path / "points.csv", ["Grasp", "object", "approach", "X", "y", "z", "activated"], rows)
     header = ["grasp", *SCENE.joint_names, *(f"wrist_{p}" for p in ("x", "y", "z", "qw", "qx", "qy", "qz"))]
@@ -295,7 +295,7 @@ def test_lists_of_active_taxels_come_back(tmp_path):
 def test_ids_of_grasps_sort_in_the_order_of_the_file(tmp_path):
     made = motion()
     end = int(np.flatnonzero(made.phase == Phase.HOLD)[-1])
-    centre = taxel_positions(HAND, made.sensor_poses)[end, 5]
+    centre = compute_taxel_positions(HAND, made.sensor_poses)[end, 5]
     header = ["grasp", *SCENE.joint_names]
     for names, ids in ((("9", "10"), ("0009", "0010")), (("b", "a"), ("0001_b", "0002_a"))):
         points = write(
@@ -355,8 +355,8 @@ def test_progress_is_told(tmp_path):
 
 def test_a_hand_without_an_arm_stands_at_the_root_of_its_robot(tmp_path):
     plate = load_hand("flat8")
-    kinematics = kinematics_of(plate)
-    centre = taxel_positions(plate, kinematics.sensor_poses([0.1]))[3]
+    kinematics = build_kinematics(plate)
+    centre = compute_taxel_positions(plate, kinematics.compute_sensor_poses([0.1]))[3]
     points = write(
         tmp_path / "p.csv", ["grasp", "object", "approach", "x", "y", "z"], [["a", "cylinder", "?", *centre]]
     )

@@ -5,9 +5,9 @@ import pickle
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.kinematics import Kinematics, taxel_positions
+from taxel.hand.kinematics import Kinematics, compute_taxel_positions
 from taxel.hand.robot import load_robot
-from taxel.hand.transforms import pose
+from taxel.hand.transforms import make_pose
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.importers.active_points import import_active
 from taxel.sim.importers.errors import ImportDataError
@@ -15,11 +15,11 @@ from taxel.sim.importers.gazebo_csv import import_contacts
 from taxel.sim.importers.options import ImportOptions
 
 HAND = load_hand("allegro")
-ROBOT = load_robot(HAND.robot).below("palm")
-WRIST = pose([0.5, 0.0, 0.3], [1, 0, 0, 0])
-CENTRES = taxel_positions(HAND, WRIST @ Kinematics(ROBOT, HAND).sensor_poses([0.0] * 16))
+ROBOT = load_robot(HAND.robot).get_subtree("palm")
+WRIST = make_pose([0.5, 0.0, 0.3], [1, 0, 0, 0])
+CENTRES = compute_taxel_positions(HAND, WRIST @ Kinematics(ROBOT, HAND).compute_sensor_poses([0.0] * 16))
 OPTIONS = ImportOptions(
-    object_poses={"cylinder": pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist=WRIST, baseline_frames=100
+    object_poses={"cylinder": make_pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist=WRIST, baseline_frames=100
 )
 
 X, Y, Z = CENTRES[3].tolist()

@@ -133,7 +133,7 @@ def press_of_every_board(hand, seed, frames=6):
     wrench = np.zeros((frames, len(hand.boards), 6))
     for frame in range(frames):
         for index, board in enumerate(hand.boards):
-            own = hand.slice_of(board.address)
+            own = hand.get_slice(board.address)
             surface, normal = hand.position[own] + hand.layer_m * hand.normal[own], hand.normal[own]
             middle = rng.integers(len(surface))
             inward = np.array([-1.0, 0.0, 0.0])

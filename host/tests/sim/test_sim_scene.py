@@ -6,8 +6,8 @@ from taxel.grasp.objects import GraspObject, thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 from taxel.hand.errors import UnknownLinkError
-from taxel.hand.kinematics import kinematics_of
-from taxel.hand.sheet import sheet_of
+from taxel.hand.kinematics import build_kinematics
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import apply, inverse
 from taxel.sim.scene import BACKING_M, build_scene
 
@@ -23,20 +23,20 @@ def scene():
 def test_the_links_below_the_wrist_and_their_joints_are_simulated(scene):
     robot = scene.robot
     assert scene.joint_names == robot.joint_names[6:]
-    assert scene.links == robot.links[robot.link_index("palm") :]
+    assert scene.links == robot.links[robot.get_link_index("palm") :]
     assert np.allclose(scene.model.jnt_range[[scene.model.joint(n).id for n in scene.joint_names], 0], robot.lower[6:])
 
 
 def test_bodies_are_where_forward_kinematics_puts_the_links(scene):
     seed = 4
     rng = np.random.default_rng(seed)
-    kinematics = kinematics_of(HAND)
+    kinematics = build_kinematics(HAND)
     angles = np.concatenate([np.zeros(6), rng.uniform(scene.robot.lower[6:], scene.robot.upper[6:])])
     data = mujoco.MjData(scene.model)
     data.qpos[scene.joint_addresses] = angles[6:]
     mujoco.mj_kinematics(scene.model, data)
-    links = kinematics.link_poses(angles)
-    wanted = inverse(links[scene.robot.link_index("palm")]) @ links[scene.robot.link_index("palm") :]
+    links = kinematics.compute_link_poses(angles)
+    wanted = inverse(links[scene.robot.get_link_index("palm")]) @ links[scene.robot.get_link_index("palm") :]
     assert np.allclose(data.xpos[scene.link_bodies], wanted[:, :3, 3], atol=1e-9), f"seed {seed}"
     assert np.allclose(data.xmat[scene.link_bodies].reshape(-1, 3, 3), wanted[:, :3, :3], atol=1e-9), f"seed {seed}"
 
@@ -59,7 +59,7 @@ def test_a_boards_solid_holds_its_whole_sheet_and_the_layer_on_it_and_no_more(sc
     """Squares one pitch wide over taxels and bare margin, from the bracket below to the layer's surface."""
     vertices = solid_of(scene, board)
     solid = ConvexPolytope.from_mesh(vertices)
-    sheet = sheet_of(HAND)
+    sheet = build_sheet(HAND)
     part = sheet.board_index == HAND.boards.index(board)
     position, normal, distal = sheet.position[part], sheet.normal[part], sheet.distal[part]
     lateral, half = np.cross(normal, distal), HAND.pitch_m / 2
@@ -73,8 +73,8 @@ def test_a_boards_solid_holds_its_whole_sheet_and_the_layer_on_it_and_no_more(sc
 
 def test_the_palms_solid_reaches_one_and_a_half_pitches_beyond_its_outermost_taxels(scene):
     """Half a pitch of the taxel's own square and a whole one of bare margin."""
-    palm = HAND.board_named("palm")
-    corners, taxels = solid_of(scene, palm), HAND.position[HAND.slice_of(palm.address)]
+    palm = HAND.find_board("palm")
+    corners, taxels = solid_of(scene, palm), HAND.position[HAND.get_slice(palm.address)]
     assert np.allclose(corners[:, :2].max(axis=0), taxels[:, :2].max(axis=0) + 1.5 * HAND.pitch_m, atol=1e-6)
     assert np.allclose(corners[:, :2].min(axis=0), taxels[:, :2].min(axis=0) - 1.5 * HAND.pitch_m, atol=1e-6)
     assert np.allclose([corners[:, 2].min(), corners[:, 2].max()], [-BACKING_M, HAND.layer_m], atol=1e-6)

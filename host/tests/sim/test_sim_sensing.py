@@ -40,7 +40,7 @@ def felt(level, **options):
 def on_boards(force):
     """Sum of each board's taxel forces along its load, f64[T, s]; 0 for a board without load."""
     vectors = -force[:, :, None] * HAND.normal
-    sums = np.stack([vectors[:, HAND.slice_of(board.address)].sum(axis=1) for board in HAND.boards], axis=1)
+    sums = np.stack([vectors[:, HAND.get_slice(board.address)].sum(axis=1) for board in HAND.boards], axis=1)
     directions = motion().wrench[:, :, :3] / np.maximum(loads(), 1e-12)[:, :, None]
     return np.sum(sums * directions, axis=2)
 
@@ -72,14 +72,14 @@ def test_cones_stand_as_high_as_the_layer_so_that_a_hand_that_touches_is_felt():
     """Cones that end below the surface with which boards touch would hardly ever reach an object."""
     hold = motion().phase == Phase.HOLD
     active, load = felt("cones").contact_force[hold] > 0, loads()[hold]
-    flat = HAND.board_named("palm")
+    flat = HAND.find_board("palm")
     assert (load[:, HAND.boards.index(flat)] > 1.0).all()
-    assert active[:, HAND.slice_of(flat.address)].any(axis=1).all()
+    assert active[:, HAND.get_slice(flat.address)].any(axis=1).all()
 
 
 @pytest.mark.parametrize("level", ["rigid", "coupled"])
 def test_a_board_without_load_feels_nothing(level):
-    per_board = np.stack([felt(level).contact_force[:, HAND.slice_of(b.address)].sum(axis=1) for b in HAND.boards], 1)
+    per_board = np.stack([felt(level).contact_force[:, HAND.get_slice(b.address)].sum(axis=1) for b in HAND.boards], 1)
     assert not per_board[loads() == 0].any()
 
 
@@ -141,7 +141,7 @@ def test_a_soft_layer_bears_while_the_bodies_move():
     net = np.linalg.norm(motion.wrench[hold][:, :, :3], axis=2).sum(axis=1)
     assert (result.contact_force[hold].sum(axis=1) < 1.05 * net).all()
     assert (result.contact_force[hold].sum(axis=1) > 0.4 * net).all()
-    palm = HAND.slice_of(HAND.board_named("palm").address)
+    palm = HAND.get_slice(HAND.find_board("palm").address)
     pressed = (result.contact_force > 0.1) & (result.separation < 0)
     assert pressed[hold][:, palm].any()
     middle = result.contact_force[hold][:, palm], result.separation[hold][:, palm]

@@ -11,7 +11,7 @@ import pytest
 import taxel
 from taxel.errors import TaxelError
 from taxel.hand import Board, Hand, UnknownBoardError
-from taxel.hand.world import world_text
+from taxel.hand.world import format_world
 from taxel.link import CaptureError, CaptureLink, CaptureWriter, EmulatorLink, PortVanishedError, write_stimulus
 from taxel.skin import BoardMismatchError, Skin
 
@@ -41,7 +41,7 @@ class Recording:
 
 def record(hand, path, duration_s=1.5, stimulus=None):
     """Frames of a live skin that is recorded."""
-    link = EmulatorLink(world_text(hand), stimulus, fast=True, duration_s=duration_s)
+    link = EmulatorLink(format_world(hand), stimulus, fast=True, duration_s=duration_s)
     with Skin(Recording(link, CaptureWriter(path, {"baud": 1e6})), hand) as skin:
         return list(skin), skin.losses.frames_received, skin.bytes_received
 

@@ -10,7 +10,7 @@ import pytest
 import taxel
 from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink, write_stimulus
 from taxel.skin import Skin
 
@@ -23,7 +23,7 @@ def steady(tmp_path_factory, allegro, known_counts):
 
 
 def open_with(hand, stimulus=None, duration_s=4.0, world_hand=None, **settings):
-    world = world_text(world_hand or hand, WorldSettings(**settings))
+    world = format_world(world_hand or hand, WorldSettings(**settings))
     return Skin(EmulatorLink(world, stimulus, fast=True, duration_s=duration_s), hand)
 
 
@@ -62,7 +62,7 @@ def test_a_missing_board_is_never_valid_and_its_counts_are_0(tmp_path, allegro, 
     gone = allegro.boards[5]
     there = Hand("part", "", 0.005, 0.003, tuple(board for board in allegro.boards if board is not gone))
     where = np.zeros(allegro.n_taxels, dtype=bool)
-    where[allegro.slice_of(gone.address)] = True
+    where[allegro.get_slice(gone.address)] = True
     write_stimulus(tmp_path / "a.stm", [0.0], [known_counts(allegro)[~where]], "counts")
     with open_with(allegro, tmp_path / "a.stm", world_hand=there) as skin:
         assert skin.missing_boards == [gone.name]
@@ -77,7 +77,7 @@ def test_a_board_that_is_unplugged_is_not_valid_until_it_is_back(allegro, known_
     faults = ("2.0 unplug 0x22", "3.0 plug 0x22")
     with open_with(allegro, steady, 5.0, faults=faults) as skin:
         scans = list(skin.scans())
-    own = allegro.slice_of(0x22)
+    own = allegro.get_slice(0x22)
     assert [scan.cycle for scan in scans] == list(range(scans[0].cycle, scans[0].cycle + len(scans)))
     for scan in scans[:-1]:
         others = np.delete(scan.valid, np.r_[own])
@@ -112,7 +112,7 @@ def test_a_baseline_has_no_number_for_a_board_that_does_not_answer(allegro):
     there = Hand("part", "", 0.005, 0.003, allegro.boards[1:])
     with open_with(allegro, None, 15.0, world_hand=there) as skin:
         result = skin.take_baseline(samples=50)
-    own = allegro.slice_of(gone.address)
+    own = allegro.get_slice(gone.address)
     assert np.isnan(result.mean[own]).all()
     assert np.isfinite(np.delete(result.mean, np.r_[own])).all()
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, board_clocks_ppm, world_text
+from taxel.hand.world import WorldSettings, format_world, sample_board_clocks_ppm
 from taxel.link import CaptureLink, CaptureWriter, Chunk, run_emulator
 from taxel.stream import FrameStream
 from taxel.stream.clock import LowerEnvelope
@@ -246,8 +246,8 @@ def test_frames_of_the_emulator_have_their_true_times(tmp_path, hand, hub_ppm, l
     description = load_hand(hand)
     settings = WorldSettings(usb_latency_ms=latency_ms, hub_clock_ppm=hub_ppm)
     write_host_input(tmp_path / "host.bin")
-    run_emulator(world_text(description, settings), tmp_path / "a.bin", 6.5, host_input=tmp_path / "host.bin")
-    clocks = zip(description.boards, board_clocks_ppm(description, settings), strict=True)
+    run_emulator(format_world(description, settings), tmp_path / "a.bin", 6.5, host_input=tmp_path / "host.bin")
+    clocks = zip(description.boards, sample_board_clocks_ppm(description, settings), strict=True)
     rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
 
     def truth(frame):
@@ -264,8 +264,8 @@ def test_a_restarted_board_of_the_emulator_is_mapped_again(tmp_path, reader):
     description = load_hand("allegro")
     settings = WorldSettings(faults=("4.0 restart 0x22",))
     write_host_input(tmp_path / "host.bin")
-    run_emulator(world_text(description, settings), tmp_path / "a.bin", 7.5, host_input=tmp_path / "host.bin")
-    clocks = zip(description.boards, board_clocks_ppm(description, settings), strict=True)
+    run_emulator(format_world(description, settings), tmp_path / "a.bin", 7.5, host_input=tmp_path / "host.bin")
+    clocks = zip(description.boards, sample_board_clocks_ppm(description, settings), strict=True)
     rates = {board.address: 1.0 + ppm * 1e-6 for board, ppm in clocks}
 
     def truth(frame):

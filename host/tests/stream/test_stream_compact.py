@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Chunk
 from taxel.link.virtual import VirtualWorld
 from taxel.stream import FrameStream
@@ -94,7 +94,7 @@ class PolledSkin:
 
 @pytest.fixture
 def skin():
-    with VirtualWorld(world_text(HAND, WorldSettings(seed=3, noise_counts=1.5)), "none") as world:
+    with VirtualWorld(format_world(HAND, WorldSettings(seed=3, noise_counts=1.5)), "none") as world:
         world.run(0.4)
         hub = PolledSkin(world)
         hub.start_compact()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
 from taxel_protocol.bootloader import BootDevice, image
 from taxel_tools.files import Firmware, FirmwareImage
@@ -41,7 +41,7 @@ def worlds() -> Iterator[Callable[..., VirtualWorld]]:
     open_worlds: list[VirtualWorld] = []
 
     def make(*lines: str, hand: str = "rig4", boards: int | None = None, **settings) -> VirtualWorld:
-        text = world_text(load_hand(hand), WorldSettings(**settings)).splitlines()
+        text = format_world(load_hand(hand), WorldSettings(**settings)).splitlines()
         board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]
         removed_lines = set(board_lines[boards:]) if boards is not None else set()
         kept_lines = [line for i, line in enumerate(text) if i not in removed_lines]

@@ -12,7 +12,7 @@ import pytest
 
 from host.tests.command_line import exit_status
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.files.intel_hex import write_intel_hex
@@ -75,4 +75,4 @@ def test_the_guide_shows_every_command_and_its_plan_names_a_board_of_the_hand():
         assert part in guide_commands
     plan = next(text for kind, text in BLOCK.findall(GUIDE.read_text()) if "taxel_provisioning" in text)
     unique_id = re.search(r'unique_id = "(\w+)"', plan)[1]
-    assert unique_id in world_text(load_hand("allegro"), WorldSettings())
+    assert unique_id in format_world(load_hand("allegro"), WorldSettings())

@@ -6,7 +6,7 @@ import pytest
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink
 from taxel.link.virtual import VirtualMemoryLink, VirtualSerialLink, VirtualWorld
 from taxel.stream import HubClient
@@ -204,7 +204,7 @@ def test_a_missing_hub_gives_one_error_line(worlds, make_hub_firmware):
 
 
 def test_an_update_works_over_a_serial_port(make_hub_firmware):
-    text = world_text(load_hand("rig4"), WorldSettings())
+    text = format_world(load_hand("rig4"), WorldSettings())
     with VirtualWorld(text, "pty") as world:
         world.run(0.3)
         link = VirtualSerialLink(world)
@@ -213,7 +213,7 @@ def test_an_update_works_over_a_serial_port(make_hub_firmware):
 
 
 def test_frames_and_packets_share_a_link_in_real_time(make_hub_firmware):
-    link = EmulatorLink(world_text(load_hand("rig4"), WorldSettings(usb_latency_ms=1.0)))
+    link = EmulatorLink(format_world(load_hand("rig4"), WorldSettings(usb_latency_ms=1.0)))
     try:
         target = HubTarget(link)
         outcome = run(target.wire, update_target(target, make_hub_firmware(size=200), lambda progress: None))

@@ -16,8 +16,8 @@ from taxel_tools.bench.probe.emulated import EmulatedProbe
 from taxel_tools.bench.probe.gcode import open_gcode
 from taxel_tools.bench.station import Station
 from taxel_tools.errors import PlanError
-from taxel_tools.open_wire import EmulatedBench, open_emulated, open_wire
 from taxel_tools.firmware_update import format_version
+from taxel_tools.open_wire import EmulatedBench, open_emulated, open_wire
 from taxel_tools.scan import scan_bus
 from taxel_tools.testing.engine import Report, check_plan, run_test
 from taxel_tools.testing.operator import Operator
@@ -116,7 +116,7 @@ def open_probe(text: str | None, station: Station, emulated: EmulatedBench | Non
     if name == "emulated":
         if emulated is None:
             raise TaxelError("--probe: 'emulated' presses emulated boards only; this one is on a wire")
-        first = emulated.hand.slice_of(station.address).start
+        first = emulated.hand.get_slice(station.address).start
         return EmulatedProbe(emulated.world, station.kind, first, pitch_m)
     if name.startswith("gcode:"):
         return open_gcode(name, station.kind, pitch_m, person)

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any, Final, Protocol, runtime_checkable
 
 from taxel.errors import TaxelError
-from taxel.hand.checks import suggestion
+from taxel.hand.checks import suggest_name
 from taxel_tools.errors import PlanError
 from taxel_tools.testing.errors import FatalTestError
 from taxel_tools.testing.log import PhaseLog, Report
@@ -64,7 +64,7 @@ def check_plan(plan: Plan, phases: Sequence[Phase]) -> None:
         for _, planned in plan.every_phase(kind):
             place = f"phases.{planned.name}"
             if planned.name not in by_name:
-                remedy = suggestion(planned.name, by_name)
+                remedy = suggest_name(planned.name, by_name)
                 raise PlanError(plan.source, place, "the name of a phase", "an unknown one", remedy)
             _check_phase(plan, by_name[planned.name], planned)
 
@@ -72,7 +72,7 @@ def check_plan(plan: Plan, phases: Sequence[Phase]) -> None:
 def _check_phase(plan: Plan, phase: Phase, planned: PhasePlan) -> None:
     for limit in planned.limits:
         if limit not in phase.limit_names:
-            known = suggestion(limit, phase.limit_names) if phase.limit_names else "this phase has no limits"
+            known = suggest_name(limit, phase.limit_names) if phase.limit_names else "this phase has no limits"
             place = planned.places[f"limits.{limit}"]
             raise PlanError(plan.source, place, "a measurement of this phase", "an unknown one", known)
     if isinstance(phase, ChecksOptions):

@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import NoReturn
 
-from taxel.hand.checks import suggestion
-from taxel.hand.errors import shown
+from taxel.hand.checks import suggest_name
+from taxel.hand.errors import format_value
 from taxel_tools.testing.errors import ResultFileError
 
 REMEDY = "take the file as the test wrote it"
@@ -31,14 +31,14 @@ class Field:
 
     def fail(self, expected: str, remedy: str = REMEDY, found: str = "") -> NoReturn:
         """Refuse this place."""
-        raise ResultFileError(self.file, self.path or "file", expected, found or shown(self.content), remedy)
+        raise ResultFileError(self.file, self.path or "file", expected, found or format_value(self.content), remedy)
 
     def table(self, keys: Collection[str]) -> dict[str, Field]:
         """A table of exactly these keys."""
         fields = dict(self.entries())
         for key, field in fields.items():
             if key not in keys:
-                field.fail("a known key", suggestion(key, keys), "an unknown one")
+                field.fail("a known key", suggest_name(key, keys), "an unknown one")
         for key in keys:
             if key not in fields:
                 Field(self.file, None, f"{self.path}.{key}" if self.path else key).fail("this key", found="nothing")
@@ -49,7 +49,7 @@ class Field:
         if not isinstance(self.content, dict):
             self.fail("a table")
         for key, content in self.content.items():
-            name = key if key.isidentifier() and len(key) <= 60 else shown(key)
+            name = key if key.isidentifier() and len(key) <= 60 else format_value(key)
             yield key, Field(self.file, content, f"{self.path}.{name}" if self.path else name)
 
     def items(self) -> list[Field]:

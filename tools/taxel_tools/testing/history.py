@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel_tools.testing.drift import Change, change_of
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.record import Outcome, TestRecord
@@ -231,7 +231,7 @@ class History:
             self._fail(f"expected a history of tests, found: {reason}; check the file, or name another")
 
     def _fail(self, problem: str) -> None:
-        raise HistoryError(shown_path(self.path), problem) from None
+        raise HistoryError(format_path(self.path), problem) from None
 
 
 def _digest(record: TestRecord) -> str:

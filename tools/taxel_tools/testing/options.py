@@ -6,8 +6,8 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, NoReturn
 
-from taxel.hand.checks import suggestion
-from taxel.hand.errors import shown
+from taxel.hand.checks import suggest_name
+from taxel.hand.errors import format_value
 from taxel_tools.errors import PlanError
 
 
@@ -58,7 +58,7 @@ class Options:
         """Call after the last `take_...`, before anything is measured. Raises `PlanError` for a key left over."""
         for key in self._values:
             if key not in self._taken:
-                known = suggestion(key, self._taken) if self._taken else "this phase has no options; take it out"
+                known = suggest_name(key, self._taken) if self._taken else "this phase has no options; take it out"
                 raise PlanError(self._source, self._place(key), "an option of this phase", "an unknown key", known)
 
     def _take(self, key: str, default: Any) -> Any:
@@ -69,7 +69,7 @@ class Options:
         return self._places.get(key, key)
 
     def _fail(self, key: str, expected: str, value: object) -> NoReturn:
-        raise PlanError(self._source, self._place(key), expected, shown(value), "correct it, or leave it out")
+        raise PlanError(self._source, self._place(key), expected, format_value(value), "correct it, or leave it out")
 
 
 def is_number(value: object) -> bool:

@@ -30,8 +30,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from taxel.hand.checks import suggestion
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.checks import suggest_name
+from taxel.hand.errors import format_path, format_value
 from taxel_tools.testing.errors import SerialNumberError
 from taxel_tools.testing.options import Options
 from taxel_tools.testing.plan_tables import LARGEST_BYTES, PhaseTable, Place, parse_toml, read_phases
@@ -86,15 +86,15 @@ class Plan:
     def check_serial(self, serial_number: str) -> None:
         """Raises `SerialNumberError` for one that is not printable, too long, or not as `serial_pattern` says."""
         if not serial_number.isprintable() or len(serial_number) > MAX_SERIAL:
-            raise SerialNumberError(shown(serial_number), f"at most {MAX_SERIAL} printable characters")
+            raise SerialNumberError(format_value(serial_number), f"at most {MAX_SERIAL} printable characters")
         if self.serial_pattern is not None and not re.fullmatch(self.serial_pattern, serial_number):
-            raise SerialNumberError(shown(serial_number), f"one that matches {self.serial_pattern}")
+            raise SerialNumberError(format_value(serial_number), f"one that matches {self.serial_pattern}")
 
     def check_kinds(self, known: Collection[str]) -> None:
         """Raises `PlanError` if the plan speaks of a kind of board that there is not."""
         for kind in self.kinds:
             if kind not in known:
-                Place(self.source, f"kinds.{kind}").fail("a kind of board", "an unknown one", suggestion(kind, known))
+                Place(self.source, f"kinds.{kind}").fail("a kind of board", "an unknown one", suggest_name(kind, known))
 
     def _merged(self, table: PhaseTable, differing: PhaseTable | None) -> tuple[bool, PhasePlan]:
         layers = [table] if differing is None else [table, differing]
@@ -116,7 +116,7 @@ class Plan:
 
 def read_plan(path: str | PathLike[str]) -> Plan:
     """A plan from a file. Raises `PlanError` of one line, also for a file that cannot be read."""
-    place = Place(shown_path(path))
+    place = Place(format_path(path))
     try:
         with Path(path).open("rb") as stream:
             data = stream.read(LARGEST_BYTES + 1)
@@ -131,7 +131,7 @@ def parse_plan(data: bytes, source: str) -> Plan:
     document = parse_toml(data, top)
     found = document.get("taxel_test_plan")
     if type(found) is not int or found != VERSION:  # true == 1 and 1.0 == 1 in Python
-        top.key("taxel_test_plan").fail(str(VERSION), shown(found), "is this a test plan of this release?")
+        top.key("taxel_test_plan").fail(str(VERSION), format_value(found), "is this a test plan of this release?")
     top.check_keys(document, _REQUIRED, _OPTIONAL)
     kinds = top.key("kinds").table(document.get("kinds", {}))
     plan = Plan(
@@ -176,5 +176,5 @@ def _pattern(place: Place, value: object) -> str | None:
             warnings.simplefilter("error")  # a pattern that a later Python reads otherwise
             re.compile(text)
     except (re.error, OverflowError, RecursionError, Warning) as error:
-        place.fail("a regular expression", f"{shown(text)} ({error})", "correct it")
+        place.fail("a regular expression", f"{format_value(text)} ({error})", "correct it")
     return text

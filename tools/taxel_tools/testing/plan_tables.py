@@ -8,8 +8,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from taxel.hand.checks import suggestion
-from taxel.hand.errors import shown
+from taxel.hand.checks import suggest_name
+from taxel.hand.errors import format_value
 from taxel_tools.errors import PlanError
 
 LARGEST_BYTES = 2**18
@@ -31,31 +31,31 @@ class Place:
 
     def key(self, name: str) -> Place:
         """The place of a key below this one."""
-        bare = name if _NAME.fullmatch(name) else shown(name)
+        bare = name if _NAME.fullmatch(name) else format_value(name)
         return Place(self.file, f"{self.path}.{bare}" if self.path else bare)
 
     def name(self, name: str) -> Place:
         """The place of a key that is the name of a phase, a kind or a limit."""
         if not _NAME.fullmatch(name):
-            self.key(name).fail("a letter, then letters, digits and _ (64 at most)", shown(name), "rename it")
+            self.key(name).fail("a letter, then letters, digits and _ (64 at most)", format_value(name), "rename it")
         return self.key(name)
 
     def table(self, value: object) -> dict[str, Any]:
         """A table."""
         if not isinstance(value, dict):
-            self.fail("a table", shown(value), "make it a table")
+            self.fail("a table", format_value(value), "make it a table")
         return value
 
     def flag(self, value: object) -> bool:
         """True or false."""
         if not isinstance(value, bool):
-            self.fail("true or false", shown(value), "correct it")
+            self.fail("true or false", format_value(value), "correct it")
         return value
 
     def line(self, value: object, longest: int) -> str:
         """Text of one line."""
         if not (isinstance(value, str) and value.strip() and value.isprintable() and len(value) <= longest):
-            self.fail(f"one line of text, at most {longest} characters", shown(value), "correct it")
+            self.fail(f"one line of text, at most {longest} characters", format_value(value), "correct it")
         return value
 
     def check_keys(self, table: dict[str, Any], required: Collection[str], optional: Collection[str] = ()) -> None:
@@ -63,7 +63,7 @@ class Place:
         known = (*required, *optional)
         for key in table:
             if key not in known:
-                self.key(key).fail("a known key", "an unknown one", suggestion(key, known))
+                self.key(key).fail("a known key", "an unknown one", suggest_name(key, known))
         for key in required:
             if key not in table:
                 self.key(key).fail("this key", "nothing", f"add {key}")
@@ -96,7 +96,7 @@ def parse_toml(data: bytes, top: Place) -> dict[str, Any]:
         top.fail("UTF-8 text", f"byte 0x{data[error.start]:02X} in line {line}", "save the file as UTF-8")
     except ValueError as error:
         problem = str(error).partition("\n")[0]
-        top.fail("TOML", problem if problem.isprintable() else shown(problem), "correct the syntax there")
+        top.fail("TOML", problem if problem.isprintable() else format_value(problem), "correct the syntax there")
 
 
 def read_phases(place: Place, value: object) -> dict[str, PhaseTable]:
@@ -129,5 +129,5 @@ def _bound(place: Place, key: str, value: object) -> float:
     none_there = float("inf" if key == "max" else "-inf")
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not (value == none_there or abs(value) < 1e300):  # type: ignore[arg-type, operator, unused-ignore]
-        place.fail(f"a number, or {none_there} for no bound", shown(value), "correct it, without quotes")
+        place.fail(f"a number, or {none_there} for no bound", format_value(value), "correct it, without quotes")
     return float(value)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.fields import Field, written
 from taxel_tools.testing.record import (
@@ -72,7 +72,7 @@ def json_bytes(record: TestRecord) -> bytes:
 
 def read_json(path: str | os.PathLike[str]) -> TestRecord:
     """Read and check a result file. Raises `ResultFileError` of one line for the first defect, OSError never."""
-    top = Field(shown_path(path), None)
+    top = Field(format_path(path), None)
     try:
         with Path(path).open("rb") as stream:
             data = stream.read(LARGEST_BYTES + 1)
@@ -87,7 +87,7 @@ def parse_json(data: bytes, source: str) -> TestRecord:
     version = top.content.get("taxel_test_record") if isinstance(top.content, dict) else None
     if type(version) is not int or version != VERSION:
         remedy = "is it a result file of this release?"
-        raise ResultFileError(source, "taxel_test_record", str(VERSION), shown(version), remedy)
+        raise ResultFileError(source, "taxel_test_record", str(VERSION), format_value(version), remedy)
     fields = top.table(_TEST_KEYS)
     phases = [_phase(item) for item in fields["phases"].items()]
     _check_once(fields["phases"], [phase.name for phase in phases])
@@ -118,7 +118,7 @@ def _parsed(data: bytes, top: Field) -> object:
         table = dict(pairs)
         if len(table) != len(pairs):
             counts = Counter(key for key, _ in pairs)
-            fail("each key once", f"{shown(counts.most_common(1)[0][0])} twice")
+            fail("each key once", f"{format_value(counts.most_common(1)[0][0])} twice")
         return table
 
     if len(data) > LARGEST_BYTES:
@@ -236,5 +236,5 @@ def _check_once(field: Field, names: list[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            field.fail("each once", found=f"{shown(name)} twice")
+            field.fail("each once", found=f"{format_value(name)} twice")
         seen.add(name)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel_tools.testing.errors import ResultFileError
 
 
@@ -29,7 +29,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes, overwrite: bool) -> N
         _wait_for_folder(target.parent)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise ResultFileError(shown_path(path), "file", "a file that can be written", reason, "mend that") from None
+        raise ResultFileError(format_path(path), "file", "a file that can be written", reason, "mend that") from None
     finally:
         with suppress(OSError):
             part.unlink()
@@ -59,5 +59,5 @@ def _wait_for_folder(folder: Path) -> None:
 
 def _taken(target: Path) -> NoReturn:
     raise ResultFileError(
-        shown_path(target), "file", "a new file", "an existing one", "choose another name, or ask to overwrite it"
+        format_path(target), "file", "a new file", "an existing one", "choose another name, or ask to overwrite it"
     )

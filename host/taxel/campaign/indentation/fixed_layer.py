@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.sim.soft_contact import DEEPEST_M, LayerLaw
 from taxel.types import FloatArray
 
@@ -48,7 +48,7 @@ class FixedSkinLayer:
     def __init__(
         self, hand: Hand, bracket_poses: FloatArray, law: LayerLaw, springs_per_side: int = SPRINGS_PER_SIDE
     ) -> None:
-        sheet = sheet_of(hand, springs_per_side)
+        sheet = build_sheet(hand, springs_per_side)
         pose = bracket_poses[sheet.board_index]
         point = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.position) + pose[:, :3, 3]
         normal = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.normal)

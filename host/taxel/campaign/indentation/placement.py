@@ -23,7 +23,7 @@ from taxel.campaign.indentation.stroke import AWAY_M, CLEARANCE_M, MIN_CLEARANCE
 from taxel.campaign.variation import FACTORS
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.sheet import sheet_of
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import from_rotation_vector
 from taxel.sim.sensor_model import SimSensor
 from taxel.sim.soft_contact import LayerLaw
@@ -88,7 +88,7 @@ class SkinSurface:
     @classmethod
     def of(cls, hand: Hand, bracket_poses: FloatArray) -> SkinSurface:
         """The surface of `hand` with brackets at `bracket_poses` f64[s, 4, 4]."""
-        sheet = sheet_of(hand)
+        sheet = build_sheet(hand)
         poses = bracket_poses[sheet.board_index]
         outer = sheet.position + (hand.layer_m or 0.0) * sheet.normal
         surface = np.einsum("mij,mj->mi", poses[:, :3, :3], outer) + poses[:, :3, 3]

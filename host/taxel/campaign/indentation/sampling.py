@@ -16,7 +16,7 @@ from taxel.campaign.indentation.settings import indentation_timeline
 from taxel.cloud.contacts import BACK
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand
-from taxel.hand.kinematics import kinematics_of
+from taxel.hand.kinematics import build_kinematics
 
 MIN_APPROACHES_PER_BOARD = 2
 
@@ -88,10 +88,10 @@ def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | N
 
 
 def _bracket_poses(hand: Hand, joints: ArrayLike | None) -> NDArray[np.float64]:
-    kinematics = kinematics_of(hand)
+    kinematics = build_kinematics(hand)
     robot = kinematics.robot
     angles = np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper) if joints is None else joints
-    return kinematics.sensor_poses(angles)
+    return kinematics.compute_sensor_poses(angles)
 
 
 class _ApproachSampler:

@@ -26,7 +26,7 @@ from taxel.gap.effects.effect import OBJECT
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import PLACE_TOLERANCE_M
 from taxel.gap.report.reading import ReportedGap, read_report
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM
 
@@ -84,7 +84,7 @@ def _made(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple
     inputs = Path(report), Path(sim), *([found.real] if found.real is not None else [])
     with made_beside(Path(out), inputs, overwrite) as whole:
         with GraspDataset(sim) as data:
-            _check_hand(found, data, shown_path(sim))
+            _check_hand(found, data, format_path(sim))
         if not found.effects:
             copied(sim, whole)
         yield found, whole
@@ -131,7 +131,7 @@ def _check_hand(found: ReportedGap, data: GraspDataset, path: str) -> None:
     if data.source != SIM:
         remedy = "give the simulation: effects are never added to a recording"
         raise GapInputError(f"{path}: /source", f'"{SIM}"', f'"{data.source}"', remedy)
-    report = shown_path(found.path)
+    report = format_path(found.path)
     if data.taxels.n != len(found.sensor):
         expected = f"{len(found.sensor)} taxels as in {report}"
         raise GapInputError(f"{path}: /taxels", expected, str(data.taxels.n), SAME_HAND)
@@ -145,13 +145,13 @@ def _check_hand(found: ReportedGap, data: GraspDataset, path: str) -> None:
 
 def _check_made(found: ReportedGap, sim: Path, made: Path, out: Path) -> None:
     """Refuse what a simulator made where it is not of the same taxels, or holds nothing."""
-    path = shown_path(out)
+    path = format_path(out)
     with GraspDataset(sim) as before, GraspDataset(made) as after:
         _check_hand(found, after, path)
         apart = np.linalg.norm(before.taxels.position - after.taxels.position, axis=1)
         if apart.max() > PLACE_TOLERANCE_M:
             k = int(apart.argmax())
-            expected, far = f"the place that {shown_path(sim)} gives", f"one {1e3 * apart[k]:.3g} mm away"
+            expected, far = f"the place that {format_path(sim)} gives", f"one {1e3 * apart[k]:.3g} mm away"
             raise GapInputError(f"{path}: /taxels/position[{k}]", expected, far, SAME_HAND)
         if not len(after):
             raise GapInputError(f"{path}: /grasps", "grasps", "none", "have the simulator make them")

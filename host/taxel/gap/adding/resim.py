@@ -11,7 +11,7 @@ from typing import Final
 
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.reading import ReportedGap
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 
 FORMAT: Final = "taxel-gap-effects"
 VERSION: Final = 1
@@ -45,10 +45,10 @@ def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
         done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stdout=2, check=False)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise GapInputError("--resim", f"a program that runs ({shown(arguments[0])})", reason, remedy) from None
+        raise GapInputError("--resim", f"a program that runs ({format_value(arguments[0])})", reason, remedy) from None
     if done.returncode:
         found = f"status {done.returncode}" if done.returncode > 0 else f"its end by signal {-done.returncode}"
-        raise GapInputError("--resim", f"a command that succeeds ({shown(arguments[0])})", found, remedy)
+        raise GapInputError("--resim", f"a command that succeeds ({format_value(arguments[0])})", found, remedy)
     if not out.is_file():
         raise GapInputError("--resim", "a dataset where {out} says", "no file", "have the command write it there")
 
@@ -57,10 +57,10 @@ def _split(command: str) -> list[str]:
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise GapInputError("--resim", "a command", f"{shown(command)} ({error})", "close the quotes") from None
+        raise GapInputError("--resim", "a command", f"{format_value(command)} ({error})", "close the quotes") from None
     missing = [place for place in NEEDED if place not in command]
     if not words or missing:
         expected = f"a command with {' and '.join(NEEDED)} in it"
         remedy = "say where it reads the effects and where it writes the dataset"
-        raise GapInputError("--resim", expected, shown(command), remedy)
+        raise GapInputError("--resim", expected, format_value(command), remedy)
     return words

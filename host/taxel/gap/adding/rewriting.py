@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.errors import GapInputError
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_hdf5 import open_hdf5
@@ -35,7 +35,7 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
     place = Place(str(target))
     for path in inputs:
         if target.exists() and path.exists() and target.samefile(path):
-            raise GapInputError("--out", "another file than the inputs", shown_path(target), "choose another name")
+            raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
     check_target(target, overwrite, place)
     with writing_errors(place):
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
@@ -45,9 +45,9 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
         with writing_errors(place):
             put_in_place(whole, target, overwrite, place)
     except DatasetError as error:
-        if error.file != shown_path(whole):
+        if error.file != format_path(whole):
             raise
-        raise DatasetError(shown_path(target), *error.args[1:]) from None
+        raise DatasetError(format_path(target), *error.args[1:]) from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

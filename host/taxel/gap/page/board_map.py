@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taxel.gap.page.report import Report
-from taxel.hand.sides import SIDES, short_name
+from taxel.hand.unrolled_layout import SIDES, get_short_name
 
 LABEL = 3.1  # above each board: its name, and the marks of its RX lines
 HEADING = 2.6  # above each column: its finger
@@ -124,7 +124,7 @@ def _grid(title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_
         for column, board in here:
             x = lefts[column] + (widths[column] - board.columns) / 2
             y = top + tallest - board.rows
-            placed.append(Placed(board, short_name(board.name), x, y))
+            placed.append(Placed(board, get_short_name(board.name), x, y))
             if board.name.endswith(f"_{fingers[column]}") and fingers[column] not in headings:
                 middle = lefts[column] + widths[column] / 2
                 headings[fingers[column]] = Heading(fingers[column], middle, y - LABEL)

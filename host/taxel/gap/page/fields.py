@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from taxel.gap.errors import GapInputError
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 
 Interval = tuple[float, float]
 
@@ -28,7 +28,7 @@ class Value:
 
     def fail(self, expected: str) -> NoReturn:
         """Raise GapInputError for this place."""
-        raise GapInputError(f"report: {self.path or 'file'}", expected, shown(self.content), REMEDY)
+        raise GapInputError(f"report: {self.path or 'file'}", expected, format_value(self.content), REMEDY)
 
     # --- itself
 
@@ -153,5 +153,5 @@ class Value:
 
 
 def _joined(path: str, key: str) -> str:
-    name = key if key.isidentifier() and len(key) <= 60 else shown(key)
+    name = key if key.isidentifier() and len(key) <= 60 else format_value(key)
     return f"{path}.{name}" if path else name

@@ -10,7 +10,7 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.page.fields import REMEDY, Value
 from taxel.gap.page.glossary import STATUSES
 from taxel.gap.page.text import escaped
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 
 FORMAT = "taxel-gap-report"
 VERSION = 1
@@ -33,7 +33,7 @@ class Report:
         for key, expected in (("format", FORMAT), ("version", VERSION)):
             found = self.root.field(key).content
             if type(found) is not type(expected) or found != expected:
-                raise GapInputError(f"report: {key}", repr(expected), shown(found), REMEDY)
+                raise GapInputError(f"report: {key}", repr(expected), format_value(found), REMEDY)
 
     @cached_property
     def verdict(self) -> Value:

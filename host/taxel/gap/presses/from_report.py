@@ -27,7 +27,7 @@ from taxel.gap.presses.findings import Findings, findings_of, pairs_of, rivals_o
 from taxel.gap.report.model import block_names
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.gap.state import State
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 
 AGAIN = "make the report again with taxel gap diagnose"
 
@@ -69,16 +69,16 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
 def _pair(report: Report, reported: ReportedGap, show: Show) -> Pair:
     inputs = report.root.field("inputs")
     named = [(inputs.field(side).text("path"), inputs.field(side).text("sha256")) for side in ("real", "sim")]
-    source = shown_path(reported.path)
+    source = format_path(reported.path)
     for place, _ in named:
         if not Path(place).is_file():
             remedy = "go to the folder where it was diagnosed, or give REAL.h5 and SIM.h5 instead of the report"
-            raise GapInputError(f"{source}: inputs", f"the file {shown_path(place)}", "none", remedy)
+            raise GapInputError(f"{source}: inputs", f"the file {format_path(place)}", "none", remedy)
     pair = read_pair(named[0][0], named[1][0], lambda done, total: show("reading", done, total))
     for (place, digest), found in zip(named, pair.digests, strict=True):
         if digest != found:
-            expected = f"the file that {source} was made from, SHA-256 {shown(digest)}"
-            raise GapInputError(shown_path(place), expected, found, AGAIN)
+            expected = f"the file that {source} was made from, SHA-256 {format_value(digest)}"
+            raise GapInputError(format_path(place), expected, found, AGAIN)
     return pair
 
 
@@ -86,8 +86,8 @@ def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> Link:
     pair, values = state.pair, one.values
     own = block_names(pair, one.effect.scope)[: int(one.effect.blocks_of(pair).max()) + 1]
     if list(one.blocks) != own:
-        where = f"{shown_path(reported.path)}: {one.name}.model.blocks"
-        raise GapInputError(where, f"the blocks of {pair.paths[0]}", shown(list(one.blocks)), AGAIN)
+        where = f"{format_path(reported.path)}: {one.name}.model.blocks"
+        raise GapInputError(where, f"the blocks of {pair.paths[0]}", format_value(list(one.blocks)), AGAIN)
     if one.name == "noise":
         values = np.vstack([values[:1], np.sqrt((values[1:] ** 2).sum(axis=0))[None]])
     return Link(one.effect, values)
@@ -105,8 +105,8 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
     named = {} if found is None else {name: [item.as_text() for item in own.items()] for name, own in found.entries()}
     for name in {*named, *(other for others in named.values() for other in others)}:
         if name not in catalogue.all_effects():
-            where = f"{shown_path(reported.path)}: verdict.confounded_with"
-            raise GapInputError(where, "names of the catalogue", shown(name), AGAIN)
+            where = f"{format_path(reported.path)}: verdict.confounded_with"
+            raise GapInputError(where, "names of the catalogue", format_value(name), AGAIN)
     return named
 
 

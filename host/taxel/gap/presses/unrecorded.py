@@ -12,7 +12,7 @@ from taxel.gap.pair import Key, check_tables, first_poses, silent
 from taxel.gap.prepare import means_of, simulated_state
 from taxel.gap.reading import Progress, read_recording, require_hold
 from taxel.gap.state import State
-from taxel.hand.errors import shown_path
+from taxel.hand.errors import format_path
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM
 
@@ -26,7 +26,7 @@ def unrecorded(
     """
     pair = state.pair
     with GraspDataset(path) as more:
-        name = shown_path(more.path)
+        name = format_path(more.path)
         if more.source != SIM:
             raise GapInputError(f"{name}: /source", f'"{SIM}"', f'"{more.source}"', "give approaches of the simulator")
         with GraspDataset(pair.paths[0]) as real:

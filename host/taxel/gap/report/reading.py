@@ -22,7 +22,7 @@ from taxel.gap.page.fields import REMEDY, Interval, Value
 from taxel.gap.page.report import Report
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.verdict import UNKNOWN
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.types import FloatArray
 
 Block = int | str
@@ -86,7 +86,7 @@ def read_report(path: str | PathLike[str]) -> ReportedGap:
     try:
         return _reported(place, _parsed(place, content), hashlib.sha256(content).hexdigest())
     except GapInputError as error:
-        where = error.where.replace("report: ", f"{shown_path(place)}: ", 1)
+        where = error.where.replace("report: ", f"{format_path(place)}: ", 1)
         raise GapInputError(where, error.expected, error.found, error.remedy) from None
 
 
@@ -97,7 +97,7 @@ def _size(path: Path) -> int:
 
 
 def _fail(path: Path, expected: str, found: str) -> NoReturn:
-    raise GapInputError(shown_path(path), expected, found, REMEDY)
+    raise GapInputError(format_path(path), expected, found, REMEDY)
 
 
 def _parsed(path: Path, content: bytes) -> dict[str, Any]:
@@ -107,8 +107,8 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
     try:
         found = json.loads(content, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
-        _fail(path, "a report in JSON", shown(str(error)))
-    return found if isinstance(found, dict) else _fail(path, "a report in JSON", shown(found))
+        _fail(path, "a report in JSON", format_value(str(error)))
+    return found if isinstance(found, dict) else _fail(path, "a report in JSON", format_value(found))
 
 
 def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
@@ -123,7 +123,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     effects = []
     for index, name in enumerate(known):
         if name not in catalogue.all_effects() or known.index(name) != index:
-            raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", shown(name), REMEDY)
+            raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", format_value(name), REMEDY)
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
         effects.append(_effect(name, entries[name], len(sensor)))
@@ -186,7 +186,7 @@ def _form(name: str, form: str, scope: str, model: Value) -> Effect:
     if found is None:
         known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)
         where, remedy = f"report: {model.path}.form", "use the release of taxel that made the report"
-        raise GapInputError(where, f"a form of {name} ({known})", f"{shown(form)} of {shown(scope)}", remedy)
+        raise GapInputError(where, f"a form of {name} ({known})", f"{format_value(form)} of {format_value(scope)}", remedy)
     return found
 
 

@@ -7,7 +7,7 @@
 ...     hand.set_torque([0.2] * 16)
 ...     virtual.step(0.003)
 ...     hand.update()
-...     hand.joint_angles().is_complete
+...     hand.read_joint_angles().is_complete
 4
 True
 >>> host_end.shutdown(), hand_end.shutdown()

@@ -184,15 +184,15 @@ class AllegroHand:
             self._check_silence(now_s)
         return number
 
-    def joint_angles(self) -> JointReading:
+    def read_joint_angles(self) -> JointReading:
         """The latest joint angles that `poll` or `update` has taken, with their age."""
         return self._reports.read_angles(self._clock())
 
-    def info(self) -> HandInfo:
+    def get_info(self) -> HandInfo:
         """What the hand last said of itself. Raises AllegroSilentError if it has not been asked or not answered."""
         return self._known(self._reports.info, "hand info")
 
-    def serial(self) -> str:
+    def get_serial(self) -> str:
         """The serial number. Raises AllegroSilentError if it has not been asked or not answered."""
         return self._known(self._reports.serial, "serial number").text
 
@@ -242,7 +242,7 @@ class AllegroHand:
             if self._ask(HandInfo).servo_on:
                 break
             (self._advance or time.sleep)(_SERVO_PAUSE_S)
-        self._check(self.info())
+        self._check(self.get_info())
 
     def _check(self, info: HandInfo) -> None:
         where = self.channel, self.device_id

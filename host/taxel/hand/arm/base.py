@@ -23,7 +23,7 @@ class Arm(Protocol):
         """Whether a motion is under way."""
         ...
 
-    def joint_angles(self) -> FloatArray:
+    def read_joint_angles(self) -> FloatArray:
         """Measured angles, f64[6], radians."""
         ...
 

@@ -69,7 +69,7 @@ class Ur5eArm:
             return True
         return bool(np.abs(self._call(self._receive.getActualQd)).max() > _STANDING_RAD_S)
 
-    def joint_angles(self) -> FloatArray:
+    def read_joint_angles(self) -> FloatArray:
         """Measured angles, f64[6], radians."""
         return np.array(self._call(self._receive.getActualQ), dtype=np.float64)
 

@@ -77,7 +77,7 @@ class SimulatedArm:
         """Whether a motion is under way."""
         return self._profile is not None
 
-    def joint_angles(self) -> FloatArray:
+    def read_joint_angles(self) -> FloatArray:
         """Angles, f64[6], radians."""
         if self._profile is None:
             return self._from.copy()
@@ -111,7 +111,7 @@ class SimulatedArm:
             self._since_s += dt_s
             self._travelled, self._speed = self._profile.at(self._since_s)
         if self._speed == 0.0 and (self._is_braking or self._since_s > 0):
-            self._from = self.joint_angles()
+            self._from = self.read_joint_angles()
             self._profile = None
 
     def _brake(self, dt_s: float, profile: TrapezoidalProfile) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from taxel.hand.kinematics import taxel_positions
+from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import nominal_forces
 from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
@@ -61,7 +61,7 @@ def import_active(
     motion = read_hand(joints, poses, options)
 
     def feel(one: PlacedGrasp, report: ImportReport) -> FloatArray:
-        centres = taxel_positions(options.hand, one.hand.sensor_pose)
+        centres = compute_taxel_positions(options.hand, one.hand.sensor_pose)
         result = np.zeros(centres.shape[:2], bool)
         for index, rows in frame_rows(one, np.ones(len(where), bool)):
             result[index, _matched(table, rows, where[rows], centres[index])] = active[rows] > 0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.objects import GraspObject
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.sim.importers.csv_table import CsvTable
 from taxel.sim.importers.errors import Source, near_names
@@ -109,7 +109,7 @@ def _felt(name: str, one: PlacedGrasp, feel: Feel, options: ImportOptions, repor
 def _placed(table: CsvTable, rows: GraspRows, motion: HandMotion, options: ImportOptions) -> PlacedGrasp:
     if rows.object not in options.objects:
         near = near_names(rows.object, options.objects)
-        table.at(rows.rows[0], "object").fail("an object whose shape is known", shown(rows.object), near)
+        table.at(rows.rows[0], "object").fail("an object whose shape is known", format_value(rows.object), near)
     track = motion.of(rows.id)
     frames = frames_of(table, rows, track)
     hand = track.at(frames.time_s, rows.id)
@@ -125,7 +125,7 @@ def _placed(table: CsvTable, rows: GraspRows, motion: HandMotion, options: Impor
 
 def _no_object_pose(source: Source, name: str) -> NoReturn:
     remedy = "add object_x, object_y, object_z, object_qw, object_qx, object_qy, object_qz, or give a calibration file"
-    source.fail(f"where {shown(name)} stands", "no columns object_x ... object_qz and no calibrated pose", remedy)
+    source.fail(f"where {format_value(name)} stands", "no columns object_x ... object_qz and no calibrated pose", remedy)
 
 
 def frame_rows(one: PlacedGrasp, own: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:

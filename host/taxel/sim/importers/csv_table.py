@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown
-from taxel.hand.transforms import pose
+from taxel.hand.errors import format_value
+from taxel.hand.transforms import make_pose
 from taxel.sim.importers.errors import Source, near_names
 from taxel.types import FloatArray
 
@@ -79,7 +79,7 @@ class CsvTable:
         if short.any():
             place = self.at(int(np.argmax(short)), names[3])
             place.fail("a quaternion w, x, y, z", "zeros", "write 1, 0, 0, 0 where nothing is turned")
-        return pose(values[:, :3], values[:, 3:])
+        return make_pose(values[:, :3], values[:, 3:])
 
 
 def pose_columns(prefix: str, required: bool = False) -> tuple[Column, ...]:
@@ -105,7 +105,7 @@ def read_csv(path: str | os.PathLike[str], columns: Sequence[Column], progress: 
     except UnicodeDecodeError:
         source.fail("UTF-8 text", "other bytes", "save the file as UTF-8")
     except csv.Error as error:
-        source.at(reader.line_num).fail("comma-separated values", shown(str(error)), "correct that line")
+        source.at(reader.line_num).fail("comma-separated values", format_value(str(error)), "correct that line")
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
 
@@ -148,15 +148,15 @@ def _header(cells: list[str], columns: Sequence[Column], source: Source) -> list
     order: list[Column] = []
     place = source.at(1)
     if len(cells) == 1 and any(mark in cells[0] for mark in ";\t"):
-        place.fail("columns apart by commas", shown(cells[0]), "save the file with commas")
+        place.fail("columns apart by commas", format_value(cells[0]), "save the file with commas")
     for cell in cells:
         name = cell.strip()
         column = known.get(name.lower())
         if column is None:
             near = near_names(name, [column.name for column in columns])
-            place.fail("known columns", shown(name), f"rename or remove that column ({near})")
+            place.fail("known columns", format_value(name), f"rename or remove that column ({near})")
         if column in order:
-            place.fail("each column once", f"{shown(name)}, which is {column.name} again", "remove one of the two")
+            place.fail("each column once", f"{format_value(name)}, which is {column.name} again", "remove one of the two")
         order.append(column)
     for column in columns:
         if column.required and column not in order:
@@ -178,5 +178,5 @@ def _value(cell: str, column: Column, source: Source, line: int) -> str | float:
     whole = column.kind == "integer"
     if not np.isfinite(value) or (whole and (value < 0 or value % 1)):
         expected = "an integer of 0 or more" if whole else "a finite number"
-        source.at(line, column.name).fail(expected, shown(cell), f"write it as {'3' if whole else '0.125'}")
+        source.at(line, column.name).fail(expected, format_value(cell), f"write it as {'3' if whole else '0.125'}")
     return value

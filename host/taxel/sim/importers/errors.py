@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from taxel.errors import FieldError
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 
 __all__ = ["ImportDataError", "Source", "near_names"]
 
@@ -29,16 +29,16 @@ class Source:
 
     def at(self, line: int, column: str = "") -> Source:
         """A line, and a column, of a CSV file."""
-        return Source(self.file, f"line {line}, column {shown_path(column)}" if column else f"line {line}")
+        return Source(self.file, f"line {line}, column {format_path(column)}" if column else f"line {line}")
 
     def key(self, name: str) -> Source:
         """A named part of the file."""
-        bare = shown_path(name) if len(name) <= _NEAR_CHARACTERS else shown(name)
+        bare = format_path(name) if len(name) <= _NEAR_CHARACTERS else format_value(name)
         return Source(self.file, bare if self.field == "file" else f"{self.field}.{bare}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
         """Raise ImportDataError for this place."""
-        raise ImportDataError(shown_path(self.file), self.field, expected, found, remedy)
+        raise ImportDataError(format_path(self.file), self.field, expected, found, remedy)
 
 
 def near_names(name: str, known: Iterable[str]) -> str:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from taxel.hand import Hand
-from taxel.hand.errors import shown
-from taxel.hand.kinematics import taxel_positions
+from taxel.hand.errors import format_value
+from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import ConeSensing, base_radius, nominal_forces
 from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
@@ -114,7 +114,7 @@ def _contacts(table: CsvTable, hand: Hand) -> _Contacts:
 
 def _felt(contacts: _Contacts, one: PlacedGrasp, hand: Hand, threshold_m: float, report: ImportReport) -> FloatArray:
     """Contact forces of one grasp, f64[T, n]."""
-    centres = taxel_positions(hand, one.hand.sensor_pose)
+    centres = compute_taxel_positions(hand, one.hand.sensor_pose)
     result, nearest = np.zeros(centres.shape[:2]), np.inf
     frames = frame_rows(one, contacts.there)
     for index, rows in frames:
@@ -207,7 +207,7 @@ def _boards(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
     for row, name in enumerate(table.texts.get("board", ())):
         if name not in names:
             remedy = f"a name of Gazebo's belongs into a column collision ({near_names(name, names)})"
-            table.at(row, "board").fail(f"a board of {hand.name}", shown(name), remedy)
+            table.at(row, "board").fail(f"a board of {hand.name}", format_value(name), remedy)
         result[row] = names[name]
     return result
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.timeline import Phase
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.sim.importers.csv_table import Column, CsvTable
 from taxel.sim.importers.hand_motion import GraspTrack, phase_number
 
@@ -73,7 +73,7 @@ def _check_same(table: CsvTable, rows: list[int], column: str, grasp: str) -> No
     values = table.texts[column] if column in table.texts else table.numbers[column]
     for row in rows:
         if values[row] != values[rows[0]]:
-            found = f"{shown(values[row])} after {shown(values[rows[0]])} in grasp {shown(grasp)}"
+            found = f"{format_value(values[row])} after {format_value(values[rows[0]])} in grasp {format_value(grasp)}"
             table.at(row, column).fail(f"the same {column} in a whole grasp", found, "correct it, or name a new grasp")
 
 
@@ -97,7 +97,7 @@ def frames_of(table: CsvTable, grasp: GraspRows, track: GraspTrack) -> Frames:
         times = table.numbers["time"][grasp.rows]
     else:
         if len(track.time_s) > 1:
-            found = f"none, where {track.source.file} has {len(track.time_s)} moments of grasp {shown(grasp.id)}"
+            found = f"none, where {track.source.file} has {len(track.time_s)} moments of grasp {format_value(grasp.id)}"
             table.at(0).fail("a column time", found, "add it, or give the hand once for each grasp")
         times = np.full(len(grasp.rows), track.time_s[0])
     if track.phase is not None:

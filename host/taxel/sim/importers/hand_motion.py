@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.errors import HandGeometryError, shown
+from taxel.hand.errors import HandGeometryError, format_value
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot, load_robot
 from taxel.hand.transforms import interpolate
@@ -55,7 +55,7 @@ class GraspTrack:
             return self._taken(time_s, pick, pick, np.zeros(len(time_s)))
         if time_s[0] < known[0] - OUTSIDE_S or time_s[-1] > known[-1] + OUTSIDE_S:
             found = f"{known[0]:.6g} to {known[-1]:.6g} s"
-            wanted = f"times from {time_s[0]:.6g} to {time_s[-1]:.6g} s for grasp {shown(grasp)}"
+            wanted = f"times from {time_s[0]:.6g} to {time_s[-1]:.6g} s for grasp {format_value(grasp)}"
             self.source.fail(wanted, found, "record the hand as long as the contacts, on the same clock")
         after = np.clip(np.searchsorted(known, time_s), 1, len(known) - 1)
         share = np.clip((time_s - known[after - 1]) / (known[after] - known[after - 1]), 0.0, 1.0)
@@ -93,7 +93,7 @@ class HandMotion:
     def of(self, grasp: str) -> GraspTrack:
         """The hand during a grasp; ImportDataError if the file lacks it."""
         if grasp not in self.tracks:
-            self.source.key("grasp").fail(f"rows of grasp {shown(grasp)}", "none", near_names(grasp, self.tracks))
+            self.source.key("grasp").fail(f"rows of grasp {format_value(grasp)}", "none", near_names(grasp, self.tracks))
         return self.tracks[grasp]
 
 
@@ -118,7 +118,7 @@ def read_joints(
         *pose_columns("object"),
     )
     table = read_csv(path, columns, progress)
-    whole, below = robot, robot.below(WRIST_LINK) if WRIST_LINK in robot.links else robot
+    whole, below = robot, robot.get_subtree(WRIST_LINK) if WRIST_LINK in robot.links else robot
     arm = [name for name in names if name not in below.joint_names]
     wrist_poses = table.poses("wrist")
     if wrist_poses is None and wrist is not None:
@@ -136,7 +136,7 @@ def read_joints(
         remedy = "add the arm's joints or wrist_x ... wrist_qz, or give the wrist's pose (--wrist)"
         table.source.at(1).fail(expected, f"{len(below.joint_names)} joints alone", remedy)
     angles = np.array([table.numbers[name] for name in used.joint_names]).reshape(-1, len(table.line)).T
-    sensors = Kinematics(used, hand).sensor_poses(angles)
+    sensors = Kinematics(used, hand).compute_sensor_poses(angles)
     if wrist_poses is not None:
         sensors = wrist_poses[:, None] @ sensors
     return HandMotion(table.source, _tracks(table, sensors, angles))
@@ -184,13 +184,13 @@ def _moments(table: CsvTable, names: Sequence[str], wanted: Sequence[str], key: 
     for row, (grasp, time) in enumerate(zip(table.texts["grasp"], times.tolist(), strict=True)):
         rows = moments.setdefault((grasp, time), {})
         if names[row] in rows:
-            found = f"{shown(names[row])} twice at {time:.9g} s"
+            found = f"{format_value(names[row])} twice at {time:.9g} s"
             table.at(row, key).fail(f"each {key} once at a time", found, "remove one, or add a column time")
         rows[names[row]] = row
     for (grasp, time), rows in moments.items():
         for name in wanted:
             if name not in rows:
-                found = f"none at {time:.9g} s of grasp {shown(grasp)}"
+                found = f"none at {time:.9g} s of grasp {format_value(grasp)}"
                 table.source.key(key).fail(f"a row of {name}", found, near_names(name, rows))
     return list(moments.values())
 
@@ -209,7 +209,7 @@ def _tracks(
         pick = np.array(moments, np.intp)
         if len(pick) > 1 and not table.has("time"):
             place = table.at(of_moment[pick[1]], "grasp")
-            place.fail("one row for a grasp", f"grasp {shown(name)} again", "add a column time")
+            place.fail("one row for a grasp", f"grasp {format_value(name)} again", "add a column time")
         times = table.numbers["time"][of_moment[pick]] if table.has("time") else np.zeros(len(pick))
         back = np.flatnonzero(np.diff(times) <= 0)
         if len(back):
@@ -237,5 +237,5 @@ def phase_number(value: str, place: Source) -> int:
     """A phase from its number, 0 to 4, or its name."""
     text = value.strip().lower()
     if text not in {*_PHASES, *map(str, _PHASES.values())}:
-        place.fail(f"0 to 4 or {', '.join(_PHASES)}", shown(value), near_names(text, _PHASES))
+        place.fail(f"0 to 4 or {', '.join(_PHASES)}", format_value(value), near_names(text, _PHASES))
     return _PHASES[text] if text in _PHASES else int(text)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Hand
-from taxel.hand.errors import shown
-from taxel.hand.kinematics import taxel_positions
+from taxel.hand.errors import format_value
+from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.closing import GraspMotion
 from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches
 from taxel.sim.importers.csv_grasps import meshes_of
@@ -52,7 +52,7 @@ def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
     try:
         return read(os.fspath(file))
     except (ValueError, mujoco.FatalError) as error:
-        reason = shown(" ".join(str(error).split()))
+        reason = format_value(" ".join(str(error).split()))
         source.fail("a model that MuJoCo reads", reason, "open it in MuJoCo's viewer to see the mistake")
 
 
@@ -242,7 +242,7 @@ class _Run:
         unsure = np.flatnonzero(board < 0)
         if not len(unsure) or not self.parts.by_body.any():
             return board
-        centres = taxel_positions(self.hand, sensors)
+        centres = compute_taxel_positions(self.hand, sensors)
         body_of_taxel = np.where(self.parts.by_body, self.parts.board_body, -1)[self.hand.board_index]
         for index in unsure:
             near = np.linalg.norm(centres - position[index], axis=1)

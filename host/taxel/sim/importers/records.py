@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.errors import HandGeometryError, shown, shown_path
+from taxel.hand.errors import HandGeometryError, format_path, format_value
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_format import BASELINE_FRAMES
@@ -105,9 +105,9 @@ def new_dataset(
         with writing_errors(place):
             put_in_place(whole, target, options.overwrite, place)
     except DatasetError as error:
-        if error.file != shown_path(whole):
+        if error.file != format_path(whole):
             raise
-        raise DatasetError(shown_path(path), *error.args[1:]) from None
+        raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
         whole.unlink(missing_ok=True)
         part_of(whole).unlink(missing_ok=True)
@@ -158,7 +158,7 @@ def _missing_baseline(felt: FeltGrasp, wanted: int | None, source: Source) -> in
     there = int((felt.phase == Phase.BASELINE).sum())
     if wanted is None:
         if there < BASELINE_FRAMES:
-            expected = f"{BASELINE_FRAMES} frames of phase 0 (baseline) in grasp {shown(felt.id)}"
+            expected = f"{BASELINE_FRAMES} frames of phase 0 (baseline) in grasp {format_value(felt.id)}"
             remedy = "without a baseline nobody can tell what is active; record it, or add --baseline-frames 100"
             source.fail(expected, str(there), remedy)
         return 0

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Hand
-from taxel.hand.errors import HandGeometryError, shown
-from taxel.hand.transforms import pose
+from taxel.hand.errors import HandGeometryError, format_value
+from taxel.hand.transforms import make_pose
 from taxel.sim.importers.errors import Source, near_names
 from taxel.types import FloatArray
 
@@ -68,7 +68,7 @@ def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Source]:
     try:
         return tomllib.loads(file.read_text(encoding="utf-8")), source
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        source.fail("valid TOML", shown(str(error).partition("\n")[0]), "correct the syntax there")
+        source.fail("valid TOML", format_value(str(error).partition("\n")[0]), "correct the syntax there")
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
 
@@ -107,7 +107,7 @@ def find_parts(model: mujoco.MjModel, hand: Hand, given: Mapping[str, Any], sour
 
 def _table(value: Any, place: Source) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        place.fail("a table", shown(value), "write it as in the documentation")
+        place.fail("a table", format_value(value), "write it as in the documentation")
     return dict(value)
 
 
@@ -123,13 +123,13 @@ class _Finder:
             kinds = [kind for kind in KINDS if value in self.names[kind] and value]
             if len(kinds) > 1:
                 place.fail(
-                    f"one of {', '.join(KINDS)}", f"{shown(value)} as {' and '.join(kinds)}", "write { body = ... }"
+                    f"one of {', '.join(KINDS)}", f"{format_value(value)} as {' and '.join(kinds)}", "write { body = ... }"
                 )
             if not kinds:
                 self._missing(value, KINDS, place)
             return kinds[0], self.names[kinds[0]].index(value)
         if not isinstance(value, Mapping) or len(value) != 1 or next(iter(value)) not in KINDS:
-            place.fail("a name, or { geom, body or site = name }", shown(value), "write it so")
+            place.fail("a name, or { geom, body or site = name }", format_value(value), "write it so")
         kind, name = next(iter(value.items()))
         if not isinstance(name, str) or not name or name not in self.names[kind]:
             self._missing(str(name), (kind,), place)
@@ -137,14 +137,14 @@ class _Finder:
 
     def _missing(self, name: str, kinds: Sequence[str], place: Source) -> None:
         known = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
-        place.fail(f"a {' or '.join(kinds)} of the model", f"{shown(name)}, which it lacks", near_names(name, known))
+        place.fail(f"a {' or '.join(kinds)} of the model", f"{format_value(name)}, which it lacks", near_names(name, known))
 
     def others(self, boards: Sequence[str], prefix: Any) -> dict[str, tuple[str, int]]:
         """What the boards without an entry are."""
         if not boards:
             return {}
         if prefix is not None and not isinstance(prefix, str):
-            self.source.key("prefix").fail("a text", shown(prefix), "write the part before the links' names")
+            self.source.key("prefix").fail("a text", format_value(prefix), "write the part before the links' names")
         links = {board.name: str(board.link) for board in self.hand.boards if board.name in boards}
         found = self._with_prefix("geom", {name: name for name in boards}, prefix)
         if found is None:
@@ -171,7 +171,7 @@ class _Finder:
         lost = next(name for name in boards if best + links[name] not in self.names["body"])
         place = self.source.key("boards").key(lost)
         near = near_names(best + links[lost], [name for name in self.names["body"] if name])
-        found = f"no body {shown(best + links[lost])}"
+        found = f"no body {format_value(best + links[lost])}"
         place.fail("a body, geom or site for every board", found, f"name it under [boards] ({near})")
 
     def _prefixes(self, kind: str, ending: str, prefix: Any) -> Iterator[str]:
@@ -188,7 +188,7 @@ class _Finder:
                 place.key(key).fail("body or known", "an unknown key", near_names(key, ("body", "known")))
         known = given.get("known", "")
         if not isinstance(known, str):
-            place.key("known").fail("a name", shown(known), "name a known object, or leave it out")
+            place.key("known").fail("a name", format_value(known), "name a known object, or leave it out")
         wanted = given.get("body", "object")
         if wanted not in self.names["body"] or not wanted:
             self._missing(str(wanted), ("body",), place.key("body"))
@@ -204,7 +204,7 @@ class _Finder:
             if kind == "site":
                 body[index], place[index] = (
                     model.site_bodyid[where],
-                    pose(model.site_pos[where], model.site_quat[where]),
+                    make_pose(model.site_pos[where], model.site_quat[where]),
                 )
             else:
                 if board.pose is None:

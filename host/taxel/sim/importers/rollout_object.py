@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from taxel.grasp.objects import GraspObject
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
-from taxel.hand.errors import shown
-from taxel.hand.transforms import apply, pose
+from taxel.hand.errors import format_value
+from taxel.hand.transforms import apply, make_pose
 from taxel.sim.importers.errors import Source, near_names
 from taxel.sim.importers.rollout_names import ModelParts, model_names
 from taxel.types import FloatArray
@@ -42,7 +42,7 @@ def object_of(
     if parts.known:
         if parts.known not in objects:
             near = near_names(parts.known, objects)
-            source.key("object").key("known").fail("a known object", shown(parts.known), near)
+            source.key("object").key("known").fail("a known object", format_value(parts.known), near)
         return RolloutObject(objects[parts.known], np.eye(4), geoms)
     name = model_names(model, "body")[parts.object_body]
     shape, frame = _shape(model, geoms, source.key(f"body {name}"))
@@ -54,7 +54,7 @@ def _shape(model: mujoco.MjModel, geoms: NDArray[np.bool_], place: Source) -> tu
     if len(colliding) != 1:
         _refuse(place, f"{len(colliding)} geoms that collide")
     geom = int(colliding[0])
-    where, size = pose(model.geom_pos[geom], model.geom_quat[geom]), model.geom_size[geom]
+    where, size = make_pose(model.geom_pos[geom], model.geom_quat[geom]), model.geom_size[geom]
     kind = int(model.geom_type[geom])
     if kind == _CYLINDER:
         base = np.eye(4)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.errors import shown
+from taxel.hand.errors import format_value
 from taxel.sim.importers.errors import Source, near_names
 from taxel.sim.importers.hand_motion import phase_number
 from taxel.types import FloatArray
@@ -51,7 +51,7 @@ class RolloutStates:
             name = self.grasp[int(rows[0])]
             if name in seen:
                 place = self.source.key(f"grasp[{rows[0]}]")
-                place.fail("each grasp's states together", f"{shown(name)} again", "sort the states by grasp")
+                place.fail("each grasp's states together", f"{format_value(name)} again", "sort the states by grasp")
             seen.add(name)
             back = np.flatnonzero(np.diff(self.time_s[rows]) <= 0)
             if len(back):
@@ -63,7 +63,7 @@ class RolloutStates:
                 for row in rows:
                     if values[row] != values[rows[0]]:
                         place = self.source.key(f"{key}[{row}]")
-                        place.fail(f"one {key} in a grasp", shown(str(values[row])), "correct it, or name a new grasp")
+                        place.fail(f"one {key} in a grasp", format_value(str(values[row])), "correct it, or name a new grasp")
         return parts
 
 
@@ -114,7 +114,7 @@ def _arrays(path: Path, source: Source) -> dict[str, NDArray[Any]]:
                 source.fail("an .npz file", "a single array", "save the states by name with numpy.savez")
             return {name: loaded[name] for name in loaded.files}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        reason = shown(str(error).partition("\n")[0])
+        reason = format_value(str(error).partition("\n")[0])
         source.fail("an .npz file of plain arrays", reason, "save numbers and texts with numpy.savez")
 
 
@@ -143,5 +143,5 @@ def _labels(value: Any, frames: int, place: Source) -> list[str]:
 def _integers(values: list[str], place: Source) -> NDArray[np.int64]:
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
-            Source(place.file, f"{place.field}[{row}]").fail("an integer of 0 or more", shown(value), "count from 0")
+            Source(place.file, f"{place.field}[{row}]").fail("an integer of 0 or more", format_value(value), "count from 0")
     return np.array(values, np.int64)

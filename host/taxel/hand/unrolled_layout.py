@@ -17,7 +17,7 @@ SIDES = (("palm side", PALM_SIDE, FINGERS), ("back of the hand", BACK, FINGERS[:
 _PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
 
 
-def short_name(name: str) -> str:
+def get_short_name(name: str) -> str:
     """The words over a board of the default hand; its finger stands over the column, but for the thumb."""
     if name == "fingertip_thumb":
         return "thumb tip"
