@@ -160,21 +160,21 @@ def test_an_executed_hub_streams_executed_boards(hand: Hand) -> None:
 
 
 def test_snapshots_read_at_any_instant_of_a_scan_are_of_one_time(tools: None) -> None:
-    import read_anywhere
+    import random_snapshot_reads
 
-    result = read_anywhere.read_anywhere(3000, seed=7, images=images())
-    assert result.wrong is None
+    result = random_snapshot_reads.read_random_snapshots(3000, seed=7, images=images())
+    assert result.error is None
     assert result.scans > 1000
     assert result.faults == 0
     assert 0 < result.stack <= stack_of(ADDRESS)
 
 
 def test_power_cuts_in_any_write_leave_the_old_or_the_new_program(tools: None) -> None:
-    import cut_executed
+    import executed_power_cuts
 
-    result = cut_executed.cut_updates(20, seed=11, images=images())
+    result = executed_power_cuts.cut_updates(20, seed=11, images=images())
     assert result.failure is None
-    assert result.made >= 20
+    assert result.cut_count >= 20
 
 
 def test_a_board_runs_the_image_that_taxel_flash_gave_it(tools: None) -> None:

@@ -1,5 +1,5 @@
-/* What the firmware costs on a 48 MHz Cortex-M0, in CPU cycles: counted in the executed images by
- * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md says what each is. */
+/* Cost of the firmware on a 48 MHz Cortex-M0 in CPU cycles, counted in the executed images by
+ * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md defines each figure. */
 #ifndef EMULATOR_COSTS_H
 #define EMULATOR_COSTS_H
 

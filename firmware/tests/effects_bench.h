@@ -1,4 +1,5 @@
-/* A board's electronics on a bench: effect lines in, raw counts of a whole scan out, with rises that the test sets. */
+/* Test bench for the electronics of one board: effect lines and rises as inputs, raw counts of a whole scan as output.
+ */
 #ifndef TAXEL_TESTS_EFFECTS_BENCH_H
 #define TAXEL_TESTS_EFFECTS_BENCH_H
 
@@ -8,7 +9,7 @@
 #include "emulator/electronics.h"
 #include "emulator/world_reader.h"
 
-/* One line of a world file without the word `effect`. Returns 0 or -1. */
+/* Read an effect line of a world file, without the word `effect`. Returns 0 or -1. */
 static inline int read_effect(struct world_description *world, const char *text)
 {
     char line[256];
@@ -24,21 +25,21 @@ static inline int read_effect(struct world_description *world, const char *text)
 struct bench {
     struct world_description world;
     struct front_end front_end;
-    struct normals normals;
-    struct electronics *electronics; /* NULL: no effect acts */
+    struct normal_source normals;
+    struct electronics *electronics; /* NULL: no effect is active */
     struct droop_loads loads;
     double rise[TAXEL_TAXELS_MAX];
     uint16_t raw[TAXEL_TAXELS_MAX];
-    double largest, rest[TAXEL_TAXELS_MAX]; /* counts */
+    double max_count, rest[TAXEL_TAXELS_MAX]; /* counts */
 };
 
-static inline double bench_rise(const void *source, size_t taxel, vtime time)
+static inline double bench_get_rise(const void *source, size_t taxel, vtime time)
 {
     (void)time;
     return ((const struct bench *)source)->rise[taxel];
 }
 
-static inline void bench_rises(const void *source, vtime time, double *rise)
+static inline void bench_get_all_rises(const void *source, vtime time, double *rise)
 {
     (void)time;
     memcpy(rise, ((const struct bench *)source)->rise, sizeof ((const struct bench *)source)->rise);
@@ -50,7 +51,7 @@ static inline void bench_close(struct bench *bench)
     bench->electronics = NULL;
 }
 
-/* `boards` boards of one size at 0x20 and up, every crossing a taxel. */
+/* Describe `boards` boards of equal size at 0x20 and up, with a taxel at every crossing. */
 static inline void bench_describe(struct bench *bench, size_t boards, uint8_t rows, uint8_t columns)
 {
     bench_close(bench);
@@ -81,21 +82,21 @@ static inline void bench_open(struct bench *bench, size_t board)
 {
     const struct board_description *description = &bench->world.boards[board];
     bench_close(bench);
-    normals_init(&bench->normals, bench->world.seed, description->address);
+    normal_source_init(&bench->normals, bench->world.seed, description->address);
     front_end_init(&bench->front_end, description->taxel_count, bench->world.noise_counts, &bench->normals);
     gain_apply(&bench->world.effects.gain, board, bench->world.seed, description->address, &bench->front_end);
     front_end_configure(&bench->front_end, &bench->world.scan, 1.0);
-    if (electronics_needed(&bench->world, board)) {
+    if (electronics_are_needed(&bench->world, board)) {
         bench->electronics = electronics_open(&bench->world, board, &bench->front_end);
         CHECK(bench->electronics != NULL);
     }
-    bench->largest = bench->front_end.largest_count;
+    bench->max_count = bench->front_end.max_count;
     for (size_t i = 0; i < description->taxel_count; i++) {
         bench->rest[i] = bench->front_end.taxels[i].rest_hardware_count;
     }
 }
 
-/* The whole board once, conversions 140 us apart; raw[taxels]. */
+/* Scan the whole board once, with conversions 140 us apart; writes raw[taxels]. */
 static inline void bench_scan(struct bench *bench, size_t board, double seconds)
 {
     const struct board_description *description = &bench->world.boards[board];
@@ -104,12 +105,12 @@ static inline void bench_scan(struct bench *bench, size_t board, double seconds)
         const struct electronics_conversion conversion = {
             .tx = n / description->columns,
             .rx = n % description->columns,
-            .begins_scan = n == 0,
+            .is_first_of_scan = n == 0,
             .time = time,
             .loads = &bench->loads,
-            .rise = bench_rise,
-            .rises = bench_rises,
-            .source = bench,
+            .get_rise = bench_get_rise,
+            .get_all_rises = bench_get_all_rises,
+            .rise_context = bench,
         };
         bench->raw[n] = bench->electronics ? electronics_convert(bench->electronics, &conversion)
                                            : front_end_convert(&bench->front_end, (uint16_t)n, bench->rise[n]);

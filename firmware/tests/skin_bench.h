@@ -1,4 +1,4 @@
-/* One board's field on its own, with effects given as lines of a world file. */
+/* Test bench for the fields of one board, with effects given as world-file lines. */
 #ifndef TAXEL_TESTS_SKIN_BENCH_H
 #define TAXEL_TESTS_SKIN_BENCH_H
 
@@ -23,8 +23,8 @@ struct skin_bench {
     double time;
 };
 
-/* `line`: what comes after the word `effect`. Returns 0, or -1 if it is refused. */
-static inline int give_effect(struct world_description *world, const char *line)
+/* Read an effect line without the word `effect`. Returns 0, or -1 if it is rejected. */
+static inline int add_effect(struct world_description *world, const char *line)
 {
     char copy[256];
     struct world_reader reader = {.path = "test", .world = world};
@@ -37,7 +37,7 @@ static inline int give_effect(struct world_description *world, const char *line)
     return effects_read_line(&reader);
 }
 
-/* An 8 x 8 board, without the crossings of `hole` (-1: none). */
+/* Open an 8 x 8 board without the taxel at crossing `hole` (-1: all taxels). */
 static inline void bench_open(struct skin_bench *bench, const char *line, int hole)
 {
     memset(bench, 0, sizeof *bench);
@@ -54,7 +54,7 @@ static inline void bench_open(struct skin_bench *bench, const char *line, int ho
         board->taxel_count--;
     }
     layer_init();
-    CHECK(!line || give_effect(&bench->world, line) == 0);
+    CHECK(!line || add_effect(&bench->world, line) == 0);
     CHECK(patch_init(&bench->patch, BENCH_LINES, BENCH_LINES, board->crossing_map, board->taxel_count, NULL) == 0);
     CHECK(field_init(&bench->field, &bench->world, 0, &bench->patch) == 0);
     CHECK(field_load_init(&bench->before, &bench->patch) == 0 && field_load_init(&bench->after, &bench->patch) == 0);
@@ -68,24 +68,24 @@ static inline void bench_close(struct skin_bench *bench)
     patch_free(&bench->patch);
 }
 
-static inline void bench_go(struct skin_bench *bench, double seconds, bool jump)
+static inline void bench_advance(struct skin_bench *bench, double seconds, bool is_step)
 {
     bench->time += seconds;
-    const struct field_moment moment = {.fraction = 1.0, .seconds = seconds, .time = bench->time, .jump = jump};
+    const struct field_moment moment = {.fraction = 1.0, .seconds = seconds, .time = bench->time, .is_step = is_step};
     field_advance(&bench->field, &bench->before, &bench->after, &moment, bench->fields);
-    const struct field_load spare = bench->before;
+    const struct field_load previous = bench->before;
     bench->before = bench->after;
-    bench->after = spare;
+    bench->after = previous;
     field_load_clear(&bench->after, &bench->patch);
 }
 
-/* One taxel carries that force at the end of the time. */
-static inline void bench_press(struct skin_bench *bench, size_t taxel, double force, double seconds, bool jump)
+/* Apply a force to one taxel, reached at the end of `seconds`. */
+static inline void bench_apply_force(struct skin_bench *bench, size_t taxel, double force, double seconds, bool is_step)
 {
     float forces[BENCH_TAXELS] = {0.0f};
     forces[taxel] = (float)force;
-    field_press_taxels(&bench->field, forces, bench->compression, &bench->after);
-    bench_go(bench, seconds, jump);
+    field_load_forces(&bench->field, forces, bench->compression, &bench->after);
+    bench_advance(bench, seconds, is_step);
 }
 
 #endif

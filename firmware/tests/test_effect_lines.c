@@ -1,11 +1,11 @@
-/* `effect NAME FORM key=value ...`: every mistake is refused with one line. */
+/* Lines `effect NAME FORM key=value ...`: every invalid line is rejected with one line on stderr. */
 #define _GNU_SOURCE
 #include "refusal.h"
 
 #define MAP_3 "0700000000000000000000000000000000000000000000000000000000000000"
 #define WORLD "taxel-world 1\nboard 32 1 1 3 3 " MAP_3 " 0102030405060708 0 5\n"
 
-static void good_lines_are_read(void)
+static void valid_effect_lines_are_read(void)
 {
     static struct world_description world;
     static struct refusal refusal;
@@ -29,7 +29,7 @@ static void good_lines_are_read(void)
     world_file_free(&world);
 }
 
-static const char *const bad_lines[] = {
+static const char *const invalid_lines[] = {
     WORLD "effect\n",
     WORLD "effect spread\n",
     WORLD "effect sprad film length_m=0.002\n",
@@ -69,12 +69,12 @@ static const char *const bad_lines[] = {
     "taxel-world 1\neffect moisture film board=0x20 tx=0 rx=0 radius_m=0.01 water=0.1\n",
 };
 
-static void bad_lines_are_refused_in_one_line(void)
+static void invalid_effect_lines_are_rejected_with_one_line(void)
 {
-    refusal_check_all(bad_lines, sizeof bad_lines / sizeof bad_lines[0]);
+    refusal_check_all(invalid_lines, sizeof invalid_lines / sizeof invalid_lines[0]);
 }
 
-static void a_complaint_names_the_effect_and_the_key(void)
+static void an_error_message_names_the_effect_and_the_key(void)
 {
     static struct world_description world;
     static struct refusal refusal;
@@ -89,8 +89,8 @@ static void a_complaint_names_the_effect_and_the_key(void)
 
 int main(void)
 {
-    RUN(good_lines_are_read);
-    RUN(bad_lines_are_refused_in_one_line);
-    RUN(a_complaint_names_the_effect_and_the_key);
+    RUN(valid_effect_lines_are_read);
+    RUN(invalid_effect_lines_are_rejected_with_one_line);
+    RUN(an_error_message_names_the_effect_and_the_key);
     return check_summary();
 }

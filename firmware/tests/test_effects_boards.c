@@ -1,4 +1,4 @@
-/* Effects on whole worlds: what is off changes no byte; boards that are silent, late or swapped; clocks. */
+/* Effects on whole worlds: effects of strength zero, boards that do not respond, delays, exchanged boards, clocks. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <sys/mman.h>
@@ -13,7 +13,8 @@
 
 static struct fake_world fake;
 
-/* Forces in newtons: `taxel` gets `force` from `at` on, ramped over `ramp` seconds; -1 all taxels, each another share. */
+/* Stimulus of forces in newtons: taxel `pressed` carries `force` from `at` on, ramped over `ramp` seconds; -1: all
+ * taxels, each with a different force. */
 static int stimulus_fd(int pressed, float force, double at, double ramp)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -35,7 +36,7 @@ static int stimulus_fd(int pressed, float force, double at, double ramp)
     return fd;
 }
 
-static void begin(const char *const *effects, int fd)
+static void start_world(const char *const *effects, int fd)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
     for (; effects && *effects; effects++) {
@@ -47,10 +48,10 @@ static void begin(const char *const *effects, int fd)
     CHECK(fake_world_start(&fake));
 }
 
-static uint32_t stream_of(const char *effect)
+static uint32_t stream_crc_with(const char *effect)
 {
     const char *const effects[] = {effect, NULL};
-    begin(effect ? effects : NULL, stimulus_fd(-1, 2.0f, 0.55, 0.1));
+    start_world(effect ? effects : NULL, stimulus_fd(-1, 2.0f, 0.55, 0.1));
     CHECK_EQUAL(fake_world_run(&fake, 0.3), 0);
     const uint32_t crc = fake.stream_crc;
     CHECK(fake.stream_bytes > 1000);
@@ -58,9 +59,9 @@ static uint32_t stream_of(const char *effect)
     return crc;
 }
 
-static void what_is_off_changes_no_byte(void)
+static void effects_of_strength_zero_change_no_byte(void)
 {
-    static const char *const off[] = {
+    static const char *const inactive[] = {
         "coupling resistive tx_ohm=0 rx_ohm=0", "coupling traces picofarad=0", "noise white counts=0",
         "noise line axis=0 counts=0", "noise pink counts=0", "noise impulse counts=0 rate_hz=5",
         "noise impulse counts=9 rate_hz=0", "gain electrode log_std=0", "gain idac factor=1",
@@ -69,17 +70,17 @@ static void what_is_off_changes_no_byte(void)
         "silent from board=0x20 seconds=0 duration=0", "silent flaky p=0", "late delay seconds=0", "late lag seconds=0",
         "clock skew ppm=0", "clock wander ppm=0 period=10", "exchange lines board=0x20 axis=1 index=2 other=2",
         "droop supply ohms=0", "droop reference ohms=0", "nonlinear dead_zone leak=0", "nonlinear bow counts=0"};
-    const uint32_t ideal = stream_of(NULL);
-    for (size_t i = 0; i < sizeof off / sizeof off[0]; i++) {
-        if (!CHECK_EQUAL(stream_of(off[i]), ideal)) {
-            printf("  effect %s\n", off[i]);
+    const uint32_t ideal = stream_crc_with(NULL);
+    for (size_t i = 0; i < sizeof inactive / sizeof inactive[0]; i++) {
+        if (!CHECK_EQUAL(stream_crc_with(inactive[i]), ideal)) {
+            printf("  effect %s\n", inactive[i]);
         }
     }
 }
 
-static void what_is_on_changes_bytes_and_repeats(void)
+static void active_effects_change_bytes_reproducibly(void)
 {
-    static const char *const on[] = {
+    static const char *const active[] = {
         "coupling resistive tx_ohm=2000 rx_ohm=2000", "coupling traces picofarad=2", "noise white counts=3",
         "noise line axis=0 counts=3", "noise pink counts=3", "noise impulse counts=90 rate_hz=20",
         "gain electrode log_std=0.1", "gain idac factor=0.9", "drift warm_up counts=50 seconds=5",
@@ -90,19 +91,19 @@ static void what_is_on_changes_bytes_and_repeats(void)
         "exchange boards board=0x20 other=0x21", "exchange lines board=0x20 axis=1 index=2 other=3", "stuck_bit low bit=2",
         "stuck_bit high bit=12", "droop supply ohms=2000", "droop reference ohms=2000", "nonlinear dead_zone leak=0.01",
         "nonlinear bow counts=30"};
-    const uint32_t ideal = stream_of(NULL);
-    for (size_t i = 0; i < sizeof on / sizeof on[0]; i++) {
-        const uint32_t crc = stream_of(on[i]);
-        if (!CHECK(crc != ideal) || !CHECK_EQUAL(stream_of(on[i]), crc)) {
-            printf("  effect %s\n", on[i]);
+    const uint32_t ideal = stream_crc_with(NULL);
+    for (size_t i = 0; i < sizeof active / sizeof active[0]; i++) {
+        const uint32_t crc = stream_crc_with(active[i]);
+        if (!CHECK(crc != ideal) || !CHECK_EQUAL(stream_crc_with(active[i]), crc)) {
+            printf("  effect %s\n", active[i]);
         }
     }
 }
 
-static void a_silent_board_is_missed_and_the_other_is_not(void)
+static void a_silent_board_loses_frames_and_the_other_board_does_not(void)
 {
     static const char *const effects[] = {"silent from board=0x20 seconds=0.7", NULL};
-    begin(effects, -1);
+    start_world(effects, -1);
     CHECK_EQUAL(fake_world_run(&fake, 0.3), 0);
     const unsigned before = fake.frames_of[0x20], other = fake.frames_of[0x21];
     CHECK_EQUAL(fake_world_run(&fake, 0.5), 0);
@@ -115,10 +116,10 @@ static void a_silent_board_is_missed_and_the_other_is_not(void)
     fake_world_close(&fake);
 }
 
-static void a_board_that_was_silent_comes_back(void)
+static void a_silent_board_resumes_after_its_outage(void)
 {
     static const char *const effects[] = {"silent from board=0x20 seconds=0.7 duration=0.3", NULL};
-    begin(effects, -1);
+    start_world(effects, -1);
     CHECK_EQUAL(fake_world_run(&fake, 0.45), 0);
     const unsigned before = fake.frames_of[0x20];
     CHECK_EQUAL(fake_world_run(&fake, 4.0), 0);
@@ -126,7 +127,7 @@ static void a_board_that_was_silent_comes_back(void)
     fake_world_close(&fake);
 }
 
-static void a_loose_contact_loses_its_share_in_bursts(void)
+static void a_loose_contact_loses_addressings_in_bursts(void)
 {
     struct silent_effect silent = {0};
     struct silent_contact contact;
@@ -137,7 +138,7 @@ static void a_loose_contact_loses_its_share_in_bursts(void)
     silent_open(&contact, &silent, 0, 3, 0x20);
     bool last = false;
     for (unsigned i = 0; i < n; i++) {
-        const bool now = silent_loses(&silent, 0, 0.0, &contact);
+        const bool now = silent_loses_addressing(&silent, 0, 0.0, &contact);
         lost += now;
         bursts += now && !last;
         last = now;
@@ -146,42 +147,42 @@ static void a_loose_contact_loses_its_share_in_bursts(void)
     CHECK_BETWEEN((double)lost / bursts, 4.6, 5.4);
 }
 
-/* When the first of a board's pressed counts has fallen half way, virtual seconds. */
-static double seen_at(const char *const *effects, unsigned address, size_t taxel, int fd)
+/* Virtual time in seconds at which the count of a taxel falls by 200. */
+static double contact_time(const char *const *effects, unsigned address, size_t taxel, int fd)
 {
-    begin(effects, fd);
+    start_world(effects, fd);
     fake.description.noise_counts = 0.0;
     const int rest = fake.counts_of[address][taxel];
-    double seen = 0.0;
-    for (int n = 0; n < 500 && seen == 0.0; n++) {
+    double time = 0.0;
+    for (int n = 0; n < 500 && time == 0.0; n++) {
         CHECK_EQUAL(fake_world_run_in_steps(&fake, 0.001, VTIME_MS), 0);
         if (rest - fake.counts_of[address][taxel] > 200) {
-            seen = (double)fake.world.now / (double)VTIME_SECOND;
+            time = (double)fake.world.now / (double)VTIME_SECOND;
         }
     }
     fake_world_close(&fake);
-    return seen;
+    return time;
 }
 
-static void a_late_board_is_late_by_its_delay(void)
+static void a_delayed_board_reports_contact_after_its_delay(void)
 {
     static const char *const effects[] = {"late delay board=0x20 seconds=0.1", NULL};
-    const double ideal = seen_at(NULL, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
-    const double late = seen_at(effects, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
+    const double ideal = contact_time(NULL, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
+    const double late = contact_time(effects, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
     CHECK_BETWEEN(ideal, 0.6, 0.63);
     CHECK_BETWEEN(late - ideal, 0.09, 0.11);
-    const double other = seen_at(effects, 0x21, 4, stimulus_fd(TAXELS + 4, 3.0f, 0.6, 0.001));
+    const double other = contact_time(effects, 0x21, 4, stimulus_fd(TAXELS + 4, 3.0f, 0.6, 0.001));
     CHECK_BETWEEN(other - ideal, -0.015, 0.015);
 }
 
-static void a_coupled_late_board_is_as_late(void)
+static void coupling_does_not_change_the_delay(void)
 {
     static const char *const effects[] = {"late delay board=0x20 seconds=0.1", "coupling resistive tx_ohm=500 rx_ohm=500", NULL};
-    const double ideal = seen_at(NULL, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
-    CHECK_BETWEEN(seen_at(effects, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001)) - ideal, 0.09, 0.11);
+    const double ideal = contact_time(NULL, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
+    CHECK_BETWEEN(contact_time(effects, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001)) - ideal, 0.09, 0.11);
 }
 
-static void late_fields_are_interpolated_between_records(void)
+static void delayed_fields_are_interpolated_between_records(void)
 {
     struct late_history *history = late_history_open(1, 0.5);
     for (int n = 0; n < 1000; n++) {
@@ -189,16 +190,16 @@ static void late_fields_are_interpolated_between_records(void)
         fields[0].rise = n;
     }
     CHECK(history->count < 80u && history->capacity <= 128u);
-    const struct late_span span = late_history_find(history, 9505u * VTIME_MS, 10000u * VTIME_MS);
+    const struct late_span span = late_history_span_at(history, 9505u * VTIME_MS, 10000u * VTIME_MS);
     CHECK_BETWEEN(span.before->rise + span.fraction * (span.after->rise - span.before->rise), 950.499, 950.501);
     late_history_free(history);
 }
 
-static void exchanged_boards_measure_each_others_skin(void)
+static void exchanged_boards_measure_the_contact_on_each_other(void)
 {
     static const char *const effects[] = {"exchange boards board=0x20 other=0x21", NULL};
     for (int n = 0; n < 2; n++) {
-        begin(n ? effects : NULL, stimulus_fd(4, 3.0f, 0.55, 0.001));
+        start_world(n ? effects : NULL, stimulus_fd(4, 3.0f, 0.55, 0.001));
         const int rest[2] = {fake.counts_of[0x20][4], fake.counts_of[0x21][4]};
         CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
         CHECK(rest[n] - fake.counts_of[0x20 + n][4] > 200);
@@ -210,57 +211,57 @@ static void exchanged_boards_measure_each_others_skin(void)
 static void a_skewed_clock_scans_faster(void)
 {
     static const char *const effects[] = {"clock skew board=0x20 ppm=50000", NULL};
-    begin(effects, -1);
+    start_world(effects, -1);
     CHECK_EQUAL(fake_world_run(&fake, 2.0), 0);
     const double ratio = (double)fake.world.boards[0].conversions / (double)fake.world.boards[1].conversions;
     CHECK_BETWEEN(ratio, 1.045, 1.055);
     fake_world_close(&fake);
 }
 
-static void a_wandering_clock_integrates_its_rate(void)
+static void a_drifting_clock_integrates_its_rate(void)
 {
     struct clock_effect effect = {0};
-    effect.wander_ppm[0] = 200.0;
+    effect.drift_ppm[0] = 200.0;
     effect.period[0] = 30.0;
-    const struct clock_wander wander = clock_wander_open(&effect, 0, 1, 0x20);
-    double sum = 0.0, largest = 0.0;
+    const struct clock_drift drift = clock_drift_open(&effect, 0, 1, 0x20);
+    double sum = 0.0, max_count = 0.0;
     for (int n = 0; n < 47000; n++) {
         const double time = n * 0.001;
-        sum += 0.001 * (clock_wander_rate(&wander, time + 0.0005) - 1.0);
-        largest = fmax(largest, fabs(clock_wander_rate(&wander, time) - 1.0));
+        sum += 0.001 * (clock_drift_factor(&drift, time + 0.0005) - 1.0);
+        max_count = fmax(max_count, fabs(clock_drift_factor(&drift, time) - 1.0));
     }
-    CHECK_BETWEEN(largest, 1.99e-4, 2.01e-4);
-    CHECK_BETWEEN(clock_wander_ahead(&wander, 47.0) - sum, -1e-8, 1e-8);
+    CHECK_BETWEEN(max_count, 1.99e-4, 2.01e-4);
+    CHECK_BETWEEN(clock_drift_offset(&drift, 47.0) - sum, -1e-8, 1e-8);
 }
 
-static void a_press_on_one_board_lowers_the_supply_of_all(void)
+static void contact_on_one_board_lowers_the_supply_of_all_boards(void)
 {
     static const char *const effects[] = {"droop supply ohms=20000", NULL};
     int change[2];
     for (int n = 0; n < 2; n++) {
-        begin(n ? effects : NULL, stimulus_fd(4, 10.0f, 0.55, 0.001));
+        start_world(n ? effects : NULL, stimulus_fd(4, 10.0f, 0.55, 0.001));
         const int rest = fake.counts_of[0x21][7];
         CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
         change[n] = fake.counts_of[0x21][7] - rest;
         fake_world_close(&fake);
     }
     CHECK(abs(change[0]) < 25);
-    CHECK_BETWEEN(change[1], 20, 100); /* 20 kOhm * 1.2 MHz * 0.4 pF * 0.6 to 1: about 1 % of 4000 counts */
+    CHECK_BETWEEN(change[1], 20, 100); /* 20 kOhm * 1.2 MHz * 0.4 pF * (0.6 to 1): about 1 % of 4000 counts */
 }
 
 int main(void)
 {
-    RUN(what_is_off_changes_no_byte);
-    RUN(what_is_on_changes_bytes_and_repeats);
-    RUN(a_silent_board_is_missed_and_the_other_is_not);
-    RUN(a_board_that_was_silent_comes_back);
-    RUN(a_loose_contact_loses_its_share_in_bursts);
-    RUN(a_late_board_is_late_by_its_delay);
-    RUN(a_coupled_late_board_is_as_late);
-    RUN(late_fields_are_interpolated_between_records);
-    RUN(exchanged_boards_measure_each_others_skin);
+    RUN(effects_of_strength_zero_change_no_byte);
+    RUN(active_effects_change_bytes_reproducibly);
+    RUN(a_silent_board_loses_frames_and_the_other_board_does_not);
+    RUN(a_silent_board_resumes_after_its_outage);
+    RUN(a_loose_contact_loses_addressings_in_bursts);
+    RUN(a_delayed_board_reports_contact_after_its_delay);
+    RUN(coupling_does_not_change_the_delay);
+    RUN(delayed_fields_are_interpolated_between_records);
+    RUN(exchanged_boards_measure_the_contact_on_each_other);
     RUN(a_skewed_clock_scans_faster);
-    RUN(a_wandering_clock_integrates_its_rate);
-    RUN(a_press_on_one_board_lowers_the_supply_of_all);
+    RUN(a_drifting_clock_integrates_its_rate);
+    RUN(contact_on_one_board_lowers_the_supply_of_all_boards);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Electrode crosstalk: the network of a board's lines against a dense solution, and what a press does to other counts. */
+/* Electrode crosstalk: the network solver compared with a dense solution, and the effect of contact on other counts. */
 #include <complex.h>
 #include <math.h>
 
@@ -26,20 +26,20 @@ static void prepare_one(const char *effect)
     prepare(effects);
 }
 
-/* Counts above the ideal rest, before quantisation took up to one. */
-static double drop(int taxel)
+/* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
+static double signal_counts(int taxel)
 {
-    return bench.largest - bench.raw[taxel] - bench.rest[taxel];
+    return bench.max_count - bench.raw[taxel] - bench.rest[taxel];
 }
 
 static struct network network;
 
-static void make_network(double tx_ohm, double rx_ohm, double trace_f)
+static void create_network(double tx_ohm, double rx_ohm, double trace_f)
 {
     struct random_source random;
     random_init(&random, 9, 9);
     network = (struct network){.tx_count = ROWS, .rx_count = COLUMNS, .tx_ohm = tx_ohm, .rx_ohm = rx_ohm, .omega = 7.5e6,
-                               .ground_f = 8e-12, .trace_f = trace_f, .changed = true};
+                               .ground_f = 8e-12, .trace_f = trace_f, .is_changed = true};
     for (int i = 0; i < ROWS; i++) {
         for (int k = 0; k < COLUMNS; k++) {
             network.mutual[i][k] = (i + k) % 7 == 6 ? 0.0 : 1.5e-12 * (1.0 + 0.1 * random_normal(&random));
@@ -50,11 +50,11 @@ static void make_network(double tx_ohm, double rx_ohm, double trace_f)
 static void solve(int driven, double *effective_f)
 {
     struct network_state state = {0};
-    network.changed = true;
+    network.is_changed = true;
     CHECK(network_solve(&network, driven, &state, effective_f) < 100);
 }
 
-/* Gauss elimination of the node equations, all lines at once. */
+/* Gaussian elimination of the node equations of all lines. */
 static void solve_dense(int driven, double *effective_f)
 {
     const int n = ROWS + COLUMNS;
@@ -91,14 +91,14 @@ static void solve_dense(int driven, double *effective_f)
 static void the_network_agrees_with_a_dense_solution(void)
 {
     static const double cases[][3] = {{500, 700, 0}, {3000, 100, 0}, {10, 5000, 2e-12}, {4000, 4000, 5e-12}};
-    double swept[COLUMNS], dense[COLUMNS];
+    double iterative[COLUMNS], dense[COLUMNS];
     for (size_t n = 0; n < sizeof cases / sizeof cases[0]; n++) {
-        make_network(cases[n][0], cases[n][1], cases[n][2]);
+        create_network(cases[n][0], cases[n][1], cases[n][2]);
         for (int driven = 0; driven < ROWS; driven++) {
-            solve(driven, swept);
+            solve(driven, iterative);
             solve_dense(driven, dense);
             for (int k = 0; k < COLUMNS; k++) {
-                CHECK_BETWEEN((swept[k] - dense[k]) * 1e12, -3e-7, 3e-7);
+                CHECK_BETWEEN((iterative[k] - dense[k]) * 1e12, -3e-7, 3e-7);
             }
         }
     }
@@ -107,18 +107,18 @@ static void the_network_agrees_with_a_dense_solution(void)
 static void lines_without_resistance_do_not_couple(void)
 {
     double effective[COLUMNS];
-    make_network(0.0, 0.0, 3e-12);
+    create_network(0.0, 0.0, 3e-12);
     solve(2, effective);
     for (int k = 0; k < COLUMNS; k++) {
         CHECK(effective[k] == network.mutual[2][k]);
     }
 }
 
-/* How much more a crossing shows after 0.2 pF have come to crossing (2, 2). */
-static void press_effects(double tx_ohm, double rx_ohm, double change[ROWS][COLUMNS])
+/* Change of each effective capacitance per added capacitance when crossing (2, 2) gains 0.2 pF. */
+static void coupling_changes(double tx_ohm, double rx_ohm, double change[ROWS][COLUMNS])
 {
     double before[COLUMNS], after[COLUMNS];
-    make_network(tx_ohm, rx_ohm, 0.0);
+    create_network(tx_ohm, rx_ohm, 0.0);
     for (int i = 0; i < ROWS; i++) {
         network.mutual[2][2] = 1.5e-12;
         solve(i, before);
@@ -130,33 +130,33 @@ static void press_effects(double tx_ohm, double rx_ohm, double change[ROWS][COLU
     }
 }
 
-static void a_press_couples_along_its_own_lines(void)
+static void contact_couples_along_the_lines_of_its_taxel(void)
 {
     double change[ROWS][COLUMNS], stronger[ROWS][COLUMNS];
-    press_effects(1500.0, 1500.0, change);
-    press_effects(3000.0, 3000.0, stronger);
+    coupling_changes(1500.0, 1500.0, change);
+    coupling_changes(3000.0, 3000.0, stronger);
     CHECK_BETWEEN(change[2][2], 0.5, 1.0);
     for (int i = 0; i < ROWS; i++) {
         for (int k = 0; k < COLUMNS; k++) {
             const bool on_a_line = (i == 2) != (k == 2);
             if (on_a_line && network.mutual[i][k] > 0.0) {
                 CHECK_BETWEEN(change[i][k], -0.1, -1e-4);
-                CHECK(stronger[i][k] < 2.0 * change[i][k]); /* grows faster than the ohms */
+                CHECK(stronger[i][k] < 2.0 * change[i][k]); /* more than proportional to the resistance */
             } else if (!on_a_line && (i != 2 || k != 2)) {
                 CHECK_BETWEEN(change[i][k], -0.1 * fabs(change[2][1]), 0.1 * fabs(change[2][1]));
             }
         }
     }
-    press_effects(1500.0, 0.0, change);
-    CHECK(change[2][1] < -1e-4 && fabs(change[1][2]) < 1e-12); /* TX resistance: its TX line alone */
-    press_effects(0.0, 1500.0, change);
+    coupling_changes(1500.0, 0.0, change);
+    CHECK(change[2][1] < -1e-4 && fabs(change[1][2]) < 1e-12); /* TX resistance couples along the TX line only */
+    coupling_changes(0.0, 1500.0, change);
     CHECK(change[1][2] < -1e-4 && fabs(change[2][1]) < 1e-12);
 }
 
 static void coupling_is_symmetric(void)
 {
     double first[COLUMNS], second[COLUMNS];
-    make_network(2000.0, 2000.0, 0.0);
+    create_network(2000.0, 2000.0, 0.0);
     for (int i = 0; i < ROWS; i++) {
         for (int k = 0; k < COLUMNS; k++) {
             network.mutual[i][k] = 1.5e-12;
@@ -170,26 +170,26 @@ static void coupling_is_symmetric(void)
     CHECK_BETWEEN((first[2] - second[2]) * 1e12, -3e-7, 3e-7);
 }
 
-static void traces_carry_a_press_to_the_neighbouring_line(void)
+static void trace_capacitance_couples_contact_to_the_neighbouring_line(void)
 {
-    double near[2], effective[COLUMNS];
+    double neighbour_f[2], effective[COLUMNS];
     for (int pressed = 0; pressed < 2; pressed++) {
-        make_network(2000.0, 2000.0, 4e-12);
+        create_network(2000.0, 2000.0, 4e-12);
         network.mutual[2][2] += pressed * 0.2e-12;
         solve(2, effective);
-        near[pressed] = effective[1];
+        neighbour_f[pressed] = effective[1];
     }
-    const double through_traces = near[1] - near[0];
+    const double through_traces = neighbour_f[1] - neighbour_f[0];
     for (int pressed = 0; pressed < 2; pressed++) {
-        make_network(2000.0, 2000.0, 0.0);
+        create_network(2000.0, 2000.0, 0.0);
         network.mutual[2][2] += pressed * 0.2e-12;
         solve(2, effective);
-        near[pressed] = effective[1];
+        neighbour_f[pressed] = effective[1];
     }
-    CHECK(through_traces > near[1] - near[0] + 1e-15);
+    CHECK(through_traces > neighbour_f[1] - neighbour_f[0] + 1e-15);
 }
 
-static void a_coupled_board_shows_the_crosstalk_in_its_counts(void)
+static void crosstalk_appears_in_the_counts_of_a_coupled_board(void)
 {
     uint16_t rest[TAXELS];
     prepare_one("coupling resistive tx_ohm=3000 rx_ohm=3000");
@@ -197,8 +197,8 @@ static void a_coupled_board_shows_the_crosstalk_in_its_counts(void)
     memcpy(rest, bench.raw, sizeof rest);
     double mean = 0.0;
     for (int i = 0; i < TAXELS; i++) {
-        mean += drop(i) / bench.rest[i] / TAXELS;
-        CHECK_BETWEEN(drop(i) / bench.rest[i], -0.1, 0.1);
+        mean += signal_counts(i) / bench.rest[i] / TAXELS;
+        CHECK_BETWEEN(signal_counts(i) / bench.rest[i], -0.1, 0.1);
     }
     CHECK_BETWEEN(mean, -0.01, 0.01); /* calibrated */
     bench.rise[2 * COLUMNS + 2] = 1.0;
@@ -216,10 +216,10 @@ int main(void)
 {
     RUN(the_network_agrees_with_a_dense_solution);
     RUN(lines_without_resistance_do_not_couple);
-    RUN(a_press_couples_along_its_own_lines);
+    RUN(contact_couples_along_the_lines_of_its_taxel);
     RUN(coupling_is_symmetric);
-    RUN(traces_carry_a_press_to_the_neighbouring_line);
-    RUN(a_coupled_board_shows_the_crosstalk_in_its_counts);
+    RUN(trace_capacitance_couples_contact_to_the_neighbouring_line);
+    RUN(crosstalk_appears_in_the_counts_of_a_coupled_board);
     bench_close(&bench);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Effects on one board's way from capacitance to count, each as a statement of its physics. */
+/* Effects between capacitance and count on one board; each test states one physical property. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
@@ -28,13 +28,13 @@ static void prepare_one(const char *effect)
     prepare(effects);
 }
 
-/* Counts above the ideal rest, before quantisation took up to one. */
-static double drop(int taxel)
+/* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
+static double signal_counts(int taxel)
 {
-    return bench.largest - bench.raw[taxel] - bench.rest[taxel];
+    return bench.max_count - bench.raw[taxel] - bench.rest[taxel];
 }
 
-static void electrode_gain_is_log_normal_and_spares_the_fixed_part(void)
+static void electrode_gain_is_log_normal_and_leaves_the_fixed_capacitance(void)
 {
     double sum = 0.0, squares = 0.0, n = 0.0;
     for (uint64_t seed = 1; seed <= 40; seed++) {
@@ -56,7 +56,7 @@ static void electrode_gain_is_log_normal_and_spares_the_fixed_part(void)
     CHECK_BETWEEN(sqrt(squares / n - (sum / n) * (sum / n)), 0.19, 0.21);
 }
 
-static void idac_gain_scales_rest_and_drop_alike(void)
+static void idac_gain_scales_rest_count_and_signal_equally(void)
 {
     bench_describe(&bench, 2, ROWS, COLUMNS);
     bench_open(&bench, 1);
@@ -70,43 +70,43 @@ static void idac_gain_scales_rest_and_drop_alike(void)
     CHECK(bench.front_end.idac_gain == 1.0);
 }
 
-static void warming_up_approaches_its_size(void)
+static void warm_up_drift_approaches_its_amplitude(void)
 {
-    double at[4], end = 0.0;
+    double values[4], end = 0.0;
     static const double times[] = {0.0, 10.0, 20.0, 400.0};
     prepare_one("drift warm_up counts=100 seconds=10 share=0");
     for (int n = 0; n < 4; n++) {
         bench_scan(&bench, 0, times[n]);
-        at[n] = end = drop(0);
+        values[n] = end = signal_counts(0);
     }
-    CHECK_BETWEEN(at[0], -1.0, 1.0);
+    CHECK_BETWEEN(values[0], -1.0, 1.0);
     CHECK_BETWEEN(end, 30.0, 300.0); /* 100 exp(0.3 n) */
-    CHECK_BETWEEN(at[1] / end, 0.632 - 0.02, 0.632 + 0.02);
-    CHECK_BETWEEN(at[2] / end, 0.865 - 0.02, 0.865 + 0.02);
+    CHECK_BETWEEN(values[1] / end, 0.632 - 0.02, 0.632 + 0.02);
+    CHECK_BETWEEN(values[2] / end, 0.865 - 0.02, 0.865 + 0.02);
     prepare_one("drift warm_up counts=100 seconds=10 share=0.5");
     bench_scan(&bench, 0, 400.0);
-    CHECK(fabs(drop(0) - drop(1)) > 2.0);
+    CHECK(fabs(signal_counts(0) - signal_counts(1)) > 2.0);
 }
 
-static void saturation_stops_or_bends(void)
+static void saturation_clips_or_compresses_the_signal(void)
 {
     prepare_one("saturation clip counts=300");
     bench.rise[3] = 5.0;
     bench.rise[4] = 0.1;
     bench_scan(&bench, 0, 0.0);
-    CHECK_BETWEEN(drop(3), 299.0, 300.0);
-    CHECK_BETWEEN(drop(4) - 0.1 * bench.front_end.taxels[4].fringe_f * bench.front_end.counts_per_farad, -1.0, 0.0);
-    CHECK_BETWEEN(drop(5), -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(3), 299.0, 300.0);
+    CHECK_BETWEEN(signal_counts(4) - 0.1 * bench.front_end.taxels[4].fringe_f * bench.front_end.counts_per_farad, -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(5), -1.0, 0.0);
     prepare_one("saturation soft counts=300");
     bench.rise[3] = 300.0 / (bench.front_end.taxels[3].fringe_f * bench.front_end.counts_per_farad);
     bench_scan(&bench, 0, 0.0);
-    CHECK_BETWEEN(drop(3), 149.0, 150.0);
+    CHECK_BETWEEN(signal_counts(3), 149.0, 150.0);
     bench.rise[3] *= 0.01;
     bench_scan(&bench, 0, 0.0);
-    CHECK_BETWEEN(drop(3), 1.9, 3.0);
+    CHECK_BETWEEN(signal_counts(3), 1.9, 3.0);
 }
 
-static void a_dead_taxel_rests_or_sticks(void)
+static void a_dead_taxel_returns_its_rest_count_or_a_stuck_count(void)
 {
     static const char *const effects[] = {"dead rest board=0x20 taxel=3", "dead stuck board=0x20 taxel=4 value=777", NULL};
     prepare(effects);
@@ -114,12 +114,12 @@ static void a_dead_taxel_rests_or_sticks(void)
         bench.rise[i] = 0.5;
     }
     bench_scan(&bench, 0, 0.0);
-    CHECK_BETWEEN(drop(3), -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(3), -1.0, 0.0);
     CHECK_EQUAL(bench.raw[4], 777);
-    CHECK(drop(2) > 100.0 && drop(5) > 100.0);
+    CHECK(signal_counts(2) > 100.0 && signal_counts(5) > 100.0);
 }
 
-static void an_open_line_silences_its_taxels_alone(void)
+static void an_open_line_affects_only_its_own_taxels(void)
 {
     for (int axis = 0; axis < 2; axis++) {
         uint16_t pressed[TAXELS];
@@ -135,16 +135,16 @@ static void an_open_line_silences_its_taxels_alone(void)
         }
         for (int i = 0; i < TAXELS; i++) {
             const bool is_silent = (axis ? i % COLUMNS : i / COLUMNS) == 2;
-            CHECK(is_silent ? pressed[i] == bench.raw[i] && bench.raw[i] > 0.95 * bench.largest : bench.raw[i] - pressed[i] > 100);
+            CHECK(is_silent ? pressed[i] == bench.raw[i] && bench.raw[i] > 0.95 * bench.max_count : bench.raw[i] - pressed[i] > 100);
         }
     }
 }
 
-static void shorted_lines_carry_the_mean(void)
+static void short_circuited_lines_measure_the_mean(void)
 {
     prepare_one("line short board=0x20 axis=0 index=1");
     bench.rise[1 * COLUMNS + 3] = 0.5;
-    for (int n = 0; n < 3; n++) { /* and stay so from scan to scan */
+    for (int n = 0; n < 3; n++) { /* the result must not change from scan to scan */
         bench_scan(&bench, 0, n * SCAN_S);
     }
     for (int k = 0; k < COLUMNS; k++) {
@@ -152,8 +152,8 @@ static void shorted_lines_carry_the_mean(void)
     }
     const double swing = 0.5 * bench.front_end.taxels[8].fringe_f * bench.front_end.counts_per_farad;
     const double mean = 0.5 * (bench.rest[COLUMNS + 3] + bench.rest[2 * COLUMNS + 3] + swing);
-    CHECK_BETWEEN(bench.largest - bench.raw[2 * COLUMNS + 3] - mean, -1.0, 0.0);
-    CHECK_BETWEEN(drop(0), -1.0, 0.0);
+    CHECK_BETWEEN(bench.max_count - bench.raw[2 * COLUMNS + 3] - mean, -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(0), -1.0, 0.0);
 }
 
 static void lag_follows_a_step_with_its_time_constant(void)
@@ -164,13 +164,13 @@ static void lag_follows_a_step_with_its_time_constant(void)
     bench_scan(&bench, 0, 0.001);
     const double full = bench.front_end.taxels[0].fringe_f * bench.front_end.counts_per_farad;
     bench_scan(&bench, 0, 0.201);
-    CHECK_BETWEEN(drop(0) / full, 0.61, 0.65);
+    CHECK_BETWEEN(signal_counts(0) / full, 0.61, 0.65);
     bench_scan(&bench, 0, 3.0);
-    CHECK_BETWEEN(drop(0) / full, 0.99, 1.0);
-    CHECK_BETWEEN(drop(1), -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(0) / full, 0.99, 1.0);
+    CHECK_BETWEEN(signal_counts(1), -1.0, 0.0);
 }
 
-static void stuck_bits_read_as_they_are_stuck(void)
+static void stuck_bits_have_their_fixed_value(void)
 {
     static const char *const effects[] = {"stuck_bit low bit=3", "stuck_bit high bit=0", NULL};
     uint16_t ideal[TAXELS];
@@ -184,7 +184,7 @@ static void stuck_bits_read_as_they_are_stuck(void)
     }
 }
 
-static void exchanged_lines_swap_their_taxels_exactly(void)
+static void exchanged_lines_swap_their_taxels(void)
 {
     uint16_t ideal[TAXELS];
     prepare(NULL);
@@ -200,25 +200,25 @@ static void exchanged_lines_swap_their_taxels_exactly(void)
     }
 }
 
-static void supply_and_reference_give_way(void)
+static void supply_and_reference_fall_under_load(void)
 {
     prepare_one("droop supply ohms=1000");
     bench.loads.all_before = bench.loads.all_after = 10e-12;
     bench_scan(&bench, 0, 0.0);
     const double fall = 1000.0 * 1.2e6 * 10e-12;
-    CHECK_BETWEEN(drop(0) / bench.rest[0], -fall - 1e-3, -fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], -fall - 1e-3, -fall);
     prepare_one("droop reference ohms=1000 seconds=0.1");
     bench_scan(&bench, 0, 0.0);
-    CHECK_BETWEEN(drop(0), -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(0), -1.0, 0.0);
     bench.loads.before[0] = bench.loads.after[0] = 10e-12;
     bench_scan(&bench, 0, 0.001);
     bench_scan(&bench, 0, 0.101);
-    CHECK_BETWEEN(drop(0) / bench.rest[0], 0.6 * fall, 0.68 * fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], 0.6 * fall, 0.68 * fall);
     bench_scan(&bench, 0, 2.0);
-    CHECK_BETWEEN(drop(0) / bench.rest[0], 0.98 * fall, 1.03 * fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], 0.98 * fall, 1.03 * fall);
 }
 
-static void a_converter_is_not_a_line(void)
+static void nonlinear_converters_have_plateaus_and_bow(void)
 {
     struct nonlinear_effect nonlinear = {0};
     unsigned at_half = 0;
@@ -234,9 +234,9 @@ static void a_converter_is_not_a_line(void)
     CHECK(nonlinear_count(&nonlinear, 0, 6400.0, 1600.0) - 1600.0 > nonlinear_count(&nonlinear, 0, 6400.0, 4800.0) - 4800.0);
 }
 
-static void wrong_lines_are_refused(void)
+static void invalid_lines_are_rejected(void)
 {
-    static const char *const wrong[] = {
+    static const char *const invalid[] = {
         "coupling resistive tx_ohm=-1", "coupling traces", "noise line counts=1", "noise line axis=3 counts=1",
         "noise brown counts=1", "gain idac factor=0", "drift wander counts=1", "saturation clip counts=0",
         "dead rest board=0x20 taxel=30", "dead rest taxel=1", "line open board=0x20 axis=0 index=6",
@@ -244,11 +244,11 @@ static void wrong_lines_are_refused(void)
         "late delay seconds=9", "clock wander ppm=3", "exchange boards board=0x20 other=0x20",
         "exchange boards board=0x20 other=0x2F", "stuck_bit low bit=16", "droop supply", "nonlinear bow counts=1 leak=1"};
     bench_describe(&bench, 1, ROWS, COLUMNS);
-    const int saved = dup(2), nowhere = open("/dev/null", O_WRONLY);
-    dup2(nowhere, 2);
-    close(nowhere);
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
-        CHECK_EQUAL(read_effect(&bench.world, wrong[i]), -1);
+    const int saved = dup(2), null_device = open("/dev/null", O_WRONLY);
+    dup2(null_device, 2);
+    close(null_device);
+    for (size_t i = 0; i < sizeof invalid / sizeof invalid[0]; i++) {
+        CHECK_EQUAL(read_effect(&bench.world, invalid[i]), -1);
     }
     for (int i = 0; i < NOISE_SLOTS_MAX; i++) {
         CHECK_EQUAL(read_effect(&bench.world, "noise white counts=1"), 0);
@@ -260,19 +260,19 @@ static void wrong_lines_are_refused(void)
 
 int main(void)
 {
-    RUN(electrode_gain_is_log_normal_and_spares_the_fixed_part);
-    RUN(idac_gain_scales_rest_and_drop_alike);
-    RUN(warming_up_approaches_its_size);
-    RUN(saturation_stops_or_bends);
-    RUN(a_dead_taxel_rests_or_sticks);
-    RUN(an_open_line_silences_its_taxels_alone);
-    RUN(shorted_lines_carry_the_mean);
+    RUN(electrode_gain_is_log_normal_and_leaves_the_fixed_capacitance);
+    RUN(idac_gain_scales_rest_count_and_signal_equally);
+    RUN(warm_up_drift_approaches_its_amplitude);
+    RUN(saturation_clips_or_compresses_the_signal);
+    RUN(a_dead_taxel_returns_its_rest_count_or_a_stuck_count);
+    RUN(an_open_line_affects_only_its_own_taxels);
+    RUN(short_circuited_lines_measure_the_mean);
     RUN(lag_follows_a_step_with_its_time_constant);
-    RUN(stuck_bits_read_as_they_are_stuck);
-    RUN(exchanged_lines_swap_their_taxels_exactly);
-    RUN(supply_and_reference_give_way);
-    RUN(a_converter_is_not_a_line);
-    RUN(wrong_lines_are_refused);
+    RUN(stuck_bits_have_their_fixed_value);
+    RUN(exchanged_lines_swap_their_taxels);
+    RUN(supply_and_reference_fall_under_load);
+    RUN(nonlinear_converters_have_plateaus_and_bow);
+    RUN(invalid_lines_are_rejected);
     bench_close(&bench);
     return check_summary();
 }

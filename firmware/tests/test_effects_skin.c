@@ -1,4 +1,4 @@
-/* Each effect of the skin by its physics. */
+/* Physical properties of each effect of the skin. */
 #include <math.h>
 
 #include "skin_bench.h"
@@ -17,46 +17,47 @@ static double total_force(void)
     return sum;
 }
 
-static void a_film_keeps_the_force(void)
+static void a_film_preserves_the_total_force(void)
 {
-    static const double at[] = {0, 7, 27, 63};
+    static const double taxels[] = {0, 7, 27, 63};
     for (size_t i = 0; i < 4; i++) {
         bench_open(&bench, "spread film length_m=0.003", -1);
-        bench_press(&bench, (size_t)at[i], FORCE_N, 0.01, false);
+        bench_apply_force(&bench, (size_t)taxels[i], FORCE_N, 0.01, false);
         CHECK(fabs(total_force() / FORCE_N - 1.0) < 1e-9);
-        CHECK(bench.fields[(size_t)at[i]].force < FORCE_N);
+        CHECK(bench.fields[(size_t)taxels[i]].force < FORCE_N);
         bench_close(&bench);
     }
 }
 
-static void a_films_kernel_falls_to_1_over_e_at_its_length(void)
+static void the_kernel_of_a_film_falls_to_1_over_e_at_its_length(void)
 {
     bench_open(&bench, "spread film length_m=0.00375", -1); /* 3 cells */
     double pressure[BENCH_CELLS] = {0.0};
     const int columns = bench.patch.grid_columns, source = 12 * columns + 12;
     pressure[bench.patch.cell_at[source]] = 1000.0;
     spread_pressure(&bench.field.spread, &bench.world.effects.spread, &bench.patch, pressure);
-    for (int away = 0; away < 9; away++) {
-        const double here = pressure[bench.patch.cell_at[source + away]], there = pressure[bench.patch.cell_at[source + away + 3]];
-        CHECK(fabs(there / here - exp(-1.0)) < 1e-12);
-        CHECK(fabs(pressure[bench.patch.cell_at[source + columns * (away + 3)]] / there - 1.0) < 1e-12);
+    for (int distance = 0; distance < 9; distance++) {
+        const double pressure_near = pressure[bench.patch.cell_at[source + distance]];
+        const double pressure_beyond = pressure[bench.patch.cell_at[source + distance + 3]];
+        CHECK(fabs(pressure_beyond / pressure_near - exp(-1.0)) < 1e-12);
+        CHECK(fabs(pressure[bench.patch.cell_at[source + columns * (distance + 3)]] / pressure_beyond - 1.0) < 1e-12);
     }
     bench_close(&bench);
 }
 
-static void nothing_gets_past_a_hole(void)
+static void pressure_does_not_spread_across_a_hole(void)
 {
     const int columns = BENCH_LINES * CELLS_PER_SIDE;
     bench_open(&bench, "spread film length_m=0.00375", (int)MIDDLE);
     double pressure[BENCH_CELLS] = {0.0};
-    pressure[bench.patch.cell_at[12 * columns + 11]] = 1000.0; /* left of the hole */
+    pressure[bench.patch.cell_at[12 * columns + 11]] = 1000.0; /* beside the hole */
     spread_pressure(&bench.field.spread, &bench.world.effects.spread, &bench.patch, pressure);
     double beyond = 0.0, around = 0.0;
     for (int column = 16; column < columns; column++) {
         beyond += pressure[bench.patch.cell_at[12 * columns + column]];
         around += pressure[bench.patch.cell_at[11 * columns + column]];
     }
-    CHECK(beyond == 0.0 && around == 0.0); /* along its row, and then down the columns that it has reached */
+    CHECK(beyond == 0.0 && around == 0.0); /* pressure spreads along its row first, then along the columns that it reached */
     CHECK(pressure[bench.patch.cell_at[16 * columns + 11]] > 0.0);
     bench_close(&bench);
 }
@@ -80,58 +81,58 @@ static double pressed_cells(double slope)
     return pressed;
 }
 
-static void pillars_grow_the_patch_the_more_the_gentler_they_slope(void)
+static void a_smaller_slope_gives_a_larger_contact_patch(void)
 {
     const double steep = pressed_cells(1.0), mid = pressed_cells(0.2), gentle = pressed_cells(0.05);
     CHECK(steep == 1.0);
     CHECK(mid > steep && gentle > mid);
 }
 
-static void forces_spread_by_pillars_too(void)
+static void forces_of_a_stimulus_spread_by_pillars(void)
 {
     bench_open(&bench, "spread pillars slope=0.05", -1);
-    bench_press(&bench, MIDDLE, FORCE_N, 0.01, false);
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 0.01, false);
     CHECK(bench.fields[MIDDLE].rise > bench.fields[MIDDLE + 1].rise && bench.fields[MIDDLE + 1].rise > 0.0);
     CHECK(bench.fields[0].rise == 0.0);
     bench_close(&bench);
 }
 
-/* Rise of the pressed taxel after a press held for a time. */
-static double held(const char *line, double seconds)
+/* Rise of the loaded taxel after a constant force for `seconds`. */
+static double rise_after_hold(const char *line, double seconds)
 {
     bench_open(&bench, line, -1);
-    bench_press(&bench, MIDDLE, FORCE_N, 0.0, true);
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 0.0, true);
     if (seconds > 0.0) {
-        bench_press(&bench, MIDDLE, FORCE_N, seconds, false);
+        bench_apply_force(&bench, MIDDLE, FORCE_N, seconds, false);
     }
     const double rise = bench.fields[MIDDLE].rise;
     bench_close(&bench);
     return rise;
 }
 
-static void a_solid_creeps_to_the_layers_own_curve_and_recovers(void)
+static void a_solid_creeps_to_the_elastic_curve_and_recovers(void)
 {
     const char *line = "rheology solid fraction=0.3 seconds=2";
-    const double full = layer_pressure_rise(FORCE_N / 25e-6), c = layer_compression(FORCE_N / 25e-6);
-    CHECK(fabs(held(line, 0.0) / layer_compression_rise(0.7 * c) - 1.0) < 1e-4);
-    CHECK(fabs(held(line, 2.0) / layer_compression_rise((1.0 - 0.3 * exp(-1.0)) * c) - 1.0) < 1e-4);
-    CHECK(fabs(held(line, 100.0) / full - 1.0) < 1e-4);
+    const double full = layer_rise_at_pressure(FORCE_N / 25e-6), c = layer_compression(FORCE_N / 25e-6);
+    CHECK(fabs(rise_after_hold(line, 0.0) / layer_rise_at_compression(0.7 * c) - 1.0) < 1e-4);
+    CHECK(fabs(rise_after_hold(line, 2.0) / layer_rise_at_compression((1.0 - 0.3 * exp(-1.0)) * c) - 1.0) < 1e-4);
+    CHECK(fabs(rise_after_hold(line, 100.0) / full - 1.0) < 1e-4);
     bench_open(&bench, line, -1);
-    bench_press(&bench, MIDDLE, FORCE_N, 0.0, true);
-    bench_press(&bench, MIDDLE, FORCE_N, 100.0, false);
-    bench_press(&bench, MIDDLE, 0.0, 0.0, true);
-    CHECK(fabs(bench.fields[MIDDLE].rise / layer_compression_rise(0.3 * c) - 1.0) < 1e-9);
-    bench_press(&bench, MIDDLE, 0.0, 2.0, false);
-    CHECK(fabs(bench.fields[MIDDLE].rise / layer_compression_rise(0.3 * exp(-1.0) * c) - 1.0) < 1e-9);
-    CHECK(field_is_awake(&bench.field, bench.time));
-    bench_press(&bench, MIDDLE, 0.0, 100.0, false);
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 0.0, true);
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 100.0, false);
+    bench_apply_force(&bench, MIDDLE, 0.0, 0.0, true);
+    CHECK(fabs(bench.fields[MIDDLE].rise / layer_rise_at_compression(0.3 * c) - 1.0) < 1e-9);
+    bench_apply_force(&bench, MIDDLE, 0.0, 2.0, false);
+    CHECK(fabs(bench.fields[MIDDLE].rise / layer_rise_at_compression(0.3 * exp(-1.0) * c) - 1.0) < 1e-9);
+    CHECK(field_has_history(&bench.field, bench.time));
+    bench_apply_force(&bench, MIDDLE, 0.0, 100.0, false);
     CHECK(bench.fields[MIDDLE].rise == 0.0);
-    CHECK(!field_is_awake(&bench.field, bench.time));
+    CHECK(!field_has_history(&bench.field, bench.time));
     bench_close(&bench);
 }
 
-/* One long step or many short ones: the same, to rounding. */
-static void rheology_does_not_depend_on_the_records_spacing(void)
+/* One long step and many short steps give equal results up to rounding. */
+static void rheology_is_independent_of_the_record_interval(void)
 {
     static const char *const lines[] = {"rheology solid fraction=0.3 seconds=0.7",
                                         "rheology play fraction=0.4 width_m=1e-4 creep=0.2 seconds=0.7"};
@@ -140,9 +141,9 @@ static void rheology_does_not_depend_on_the_records_spacing(void)
         for (int fine = 0; fine < 2; fine++) {
             const int steps = fine ? 500 : 1;
             bench_open(&bench, lines[i], -1);
-            bench_press(&bench, MIDDLE, FORCE_N, 0.0, true);
+            bench_apply_force(&bench, MIDDLE, FORCE_N, 0.0, true);
             for (int n = 0; n < steps; n++) {
-                bench_press(&bench, MIDDLE, FORCE_N, 3.0 / steps, false);
+                bench_apply_force(&bench, MIDDLE, FORCE_N, 3.0 / steps, false);
             }
             rise[fine] = bench.fields[MIDDLE].rise;
             bench_close(&bench);
@@ -151,134 +152,134 @@ static void rheology_does_not_depend_on_the_records_spacing(void)
     }
 }
 
-static void sticking_pillars_make_a_loop_that_ignores_the_rate(void)
+static void sticking_pillars_have_rate_independent_hysteresis(void)
 {
     static const double rates[] = {0.01, 10.0};
     double up[2], down[2];
     for (int i = 0; i < 2; i++) {
         bench_open(&bench, "rheology play fraction=0.5 width_m=1e-4 seconds=1", -1);
-        bench_press(&bench, MIDDLE, 0.4, rates[i], false);
+        bench_apply_force(&bench, MIDDLE, 0.4, rates[i], false);
         up[i] = bench.fields[MIDDLE].rise;
-        bench_press(&bench, MIDDLE, 1.0, rates[i], false);
-        bench_press(&bench, MIDDLE, 0.4, rates[i], false);
+        bench_apply_force(&bench, MIDDLE, 1.0, rates[i], false);
+        bench_apply_force(&bench, MIDDLE, 0.4, rates[i], false);
         down[i] = bench.fields[MIDDLE].rise;
-        bench_press(&bench, MIDDLE, 0.0, rates[i], false);
-        CHECK(bench.fields[MIDDLE].rise == 0.0); /* no load, no lag */
+        bench_apply_force(&bench, MIDDLE, 0.0, rates[i], false);
+        CHECK(bench.fields[MIDDLE].rise == 0.0); /* no lag without load */
         bench_close(&bench);
     }
     CHECK(up[0] == up[1] && down[0] == down[1]);
     CHECK(down[0] > 1.02 * up[0]);
-    CHECK(down[0] <= layer_pressure_rise(0.4 / 25e-6) * (1.0 + 1e-4));
+    CHECK(down[0] <= layer_rise_at_pressure(0.4 / 25e-6) * (1.0 + 1e-4));
 }
 
-static void plays_creep_goes_on_over_decades(void)
+static void creep_of_sticking_pillars_continues_over_decades(void)
 {
     const char *line = "rheology play fraction=0 width_m=1e-4 creep=0.3 seconds=1";
-    double last = held(line, 0.0);
+    double last = rise_after_hold(line, 0.0);
     for (double seconds = 0.1; seconds < 20.0; seconds *= 10.0) {
-        const double now = held(line, seconds);
+        const double now = rise_after_hold(line, seconds);
         CHECK(now > 1.01 * last);
         last = now;
     }
 }
 
-static void a_set_shifts_rest_and_response_and_goes_over_minutes(void)
+static void compression_set_shifts_rest_and_response_and_recovers(void)
 {
     const double c = layer_compression(1.0 / 25e-6), depth = 0.2 * (c - 5e-5);
     bench_open(&bench, "indent set fraction=0.2 threshold_m=5e-5 recovery_s=100", -1);
-    bench_press(&bench, MIDDLE, 1.0, 0.01, false);
-    bench_press(&bench, MIDDLE, 0.0, 0.0, true);
+    bench_apply_force(&bench, MIDDLE, 1.0, 0.01, false);
+    bench_apply_force(&bench, MIDDLE, 0.0, 0.0, true);
     const double rest = bench.fields[MIDDLE].rise;
-    CHECK(fabs(rest / layer_compression_rise(depth) - 1.0) < 1e-6);
+    CHECK(fabs(rest / layer_rise_at_compression(depth) - 1.0) < 1e-6);
     CHECK(bench.fields[MIDDLE + 1].rise == 0.0);
-    bench_press(&bench, MIDDLE, 0.1, 0.0, true);
-    const double response = layer_compression_rise(depth + layer_compression(0.1 / 25e-6) * (1.0 - depth / 0.0008));
+    bench_apply_force(&bench, MIDDLE, 0.1, 0.0, true);
+    const double response = layer_rise_at_compression(depth + layer_compression(0.1 / 25e-6) * (1.0 - depth / 0.0008));
     CHECK(fabs(bench.fields[MIDDLE].rise / response - 1.0) < 1e-6);
-    bench_press(&bench, MIDDLE, 0.0, 100.0, false);
-    CHECK(fabs(bench.fields[MIDDLE].rise / layer_compression_rise(depth * exp(-1.0)) - 1.0) < 1e-6);
-    bench_press(&bench, MIDDLE, 0.0, 2000.0, false);
-    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_is_awake(&bench.field, bench.time));
+    bench_apply_force(&bench, MIDDLE, 0.0, 100.0, false);
+    CHECK(fabs(bench.fields[MIDDLE].rise / layer_rise_at_compression(depth * exp(-1.0)) - 1.0) < 1e-6);
+    bench_apply_force(&bench, MIDDLE, 0.0, 2000.0, false);
+    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_has_history(&bench.field, bench.time));
     bench_close(&bench);
 }
 
-static void a_press_below_the_threshold_leaves_no_set(void)
+static void contact_below_the_threshold_leaves_no_set(void)
 {
     bench_open(&bench, "indent set fraction=0.2 threshold_m=2e-4 recovery_s=100", -1);
-    bench_press(&bench, MIDDLE, 0.1, 0.01, false);
-    bench_press(&bench, MIDDLE, 0.0, 0.01, false);
-    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_is_awake(&bench.field, bench.time));
+    bench_apply_force(&bench, MIDDLE, 0.1, 0.01, false);
+    bench_apply_force(&bench, MIDDLE, 0.0, 0.01, false);
+    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_has_history(&bench.field, bench.time));
     bench_close(&bench);
 }
 
-static void bedding_takes_sensitivity_with_the_work_and_keeps_it(void)
+static void bedding_reduces_sensitivity_permanently_with_the_work(void)
 {
-    const double full = layer_pressure_rise(FORCE_N / 25e-6), c = layer_compression(FORCE_N / 25e-6);
+    const double full = layer_rise_at_pressure(FORCE_N / 25e-6), c = layer_compression(FORCE_N / 25e-6);
     double last = full;
     bench_open(&bench, "indent bedding fraction=0.3 work_j_m2=10", -1);
     for (int n = 1; n <= 30; n++) {
-        bench_press(&bench, MIDDLE, FORCE_N, 0.1, false);
+        bench_apply_force(&bench, MIDDLE, FORCE_N, 0.1, false);
         const double part = 1.0 - 0.3 * (1.0 - exp(-n * layer_work(c) / 10.0));
-        CHECK(fabs(bench.fields[MIDDLE].rise / layer_compression_rise(part * c) - 1.0) < 1e-4);
+        CHECK(fabs(bench.fields[MIDDLE].rise / layer_rise_at_compression(part * c) - 1.0) < 1e-4);
         CHECK(bench.fields[MIDDLE].rise < last);
         last = bench.fields[MIDDLE].rise;
-        bench_press(&bench, MIDDLE, 0.0, 1000.0, false);
+        bench_apply_force(&bench, MIDDLE, 0.0, 1000.0, false);
         CHECK(bench.fields[MIDDLE].rise == 0.0);
     }
-    CHECK(last > layer_compression_rise(0.7 * c) * 0.999);
+    CHECK(last > layer_rise_at_compression(0.7 * c) * 0.999);
     bench_close(&bench);
 }
 
-/* Rise of the middle taxel with an object's face over all cells, or tilted. */
-static double over_gap(double gap, double tilt)
+/* Rise of the middle taxel under an object at a gap over all cells, optionally tilted. */
+static double rise_at_gap(double gap, double tilt)
 {
     field_load_clear(&bench.after, &bench.patch);
     for (size_t i = 0; i < BENCH_CELLS; i++) {
         bench.after.gap[i] = gap + tilt * (double)(i % CELLS_PER_SIDE);
     }
     memset(bench.compression, 0, sizeof bench.compression);
-    field_press(&bench.field, false, bench.compression, &bench.after);
-    bench_go(&bench, 0.01, true);
+    field_load_contact(&bench.field, false, bench.compression, &bench.after);
+    bench_advance(&bench, 0.01, true);
     return bench.fields[MIDDLE].rise;
 }
 
-static void an_object_is_felt_before_it_touches(void)
+static void proximity_raises_the_count_before_contact(void)
 {
     static const struct {
         const char *line;
-        double far;
+        double reach;
     } forms[] = {{"proximity image share=0.2 reach_m=0.004", 0.02}, {"proximity wedge share=0.2 reach_m=0.001", 0.001}};
     for (size_t i = 0; i < 2; i++) {
         bench_open(&bench, forms[i].line, -1);
-        CHECK(fabs(over_gap(0.0, 0.0) - 0.2) < 1e-12);
-        CHECK(fabs(over_gap(1e-7, 0.0) - 0.2) < 1e-4);
+        CHECK(fabs(rise_at_gap(0.0, 0.0) - 0.2) < 1e-12);
+        CHECK(fabs(rise_at_gap(1e-7, 0.0) - 0.2) < 1e-4);
         double last = 0.2;
-        for (double gap = 1e-5; gap < forms[i].far; gap *= 1.1) {
-            const double rise = over_gap(gap, 0.0);
+        for (double gap = 1e-5; gap < forms[i].reach; gap *= 1.1) {
+            const double rise = rise_at_gap(gap, 0.0);
             CHECK(rise < last && rise > 0.0);
             last = rise;
         }
-        CHECK(over_gap(forms[i].far * 0.9999, 0.0) < 2e-5);
-        CHECK(over_gap(forms[i].far, 0.0) == 0.0);
-        CHECK(over_gap(0.0, 2e-4) > over_gap(3e-4, 0.0)); /* the same mean gap: the near cells count for more */
+        CHECK(rise_at_gap(forms[i].reach * 0.9999, 0.0) < 2e-5);
+        CHECK(rise_at_gap(forms[i].reach, 0.0) == 0.0);
+        CHECK(rise_at_gap(0.0, 2e-4) > rise_at_gap(3e-4, 0.0)); /* equal mean gap: the nearer cells contribute more */
         memset(bench.compression, 0, sizeof bench.compression);
         bench.compression[MIDDLE * CELLS_PER_TAXEL] = 1e-9;
         for (size_t n = 0; n < BENCH_CELLS; n++) {
             bench.after.gap[n] = 0.0;
         }
-        field_press(&bench.field, true, bench.compression, &bench.after);
-        bench_go(&bench, 0.01, false);
-        CHECK(fabs(bench.fields[MIDDLE].rise - 0.2) < 1e-6); /* no leap as it touches */
+        field_load_contact(&bench.field, true, bench.compression, &bench.after);
+        bench_advance(&bench, 0.01, false);
+        CHECK(fabs(bench.fields[MIDDLE].rise - 0.2) < 1e-6); /* continuous at first contact */
         bench_close(&bench);
     }
 }
 
-static void images_fade_by_the_gap_over_the_electrodes_distance(void)
+static void the_image_response_follows_its_formula(void)
 {
-    const double t = 0.001, least = log1p(0.002 * 0.002 / (0.021 * 0.021)), most = log1p(4.0);
+    const double t = 0.001, far_response = log1p(0.002 * 0.002 / (0.021 * 0.021)), contact_response = log1p(4.0);
     bench_open(&bench, "proximity image share=0.2 reach_m=0.004", -1);
     for (double gap = 1e-4; gap < 0.02; gap += 7e-4) {
         const double ratio = 0.002 / (t + gap);
-        CHECK(fabs(over_gap(gap, 0.0) - 0.2 * (log1p(ratio * ratio) - least) / (most - least)) < 2e-5);
+        CHECK(fabs(rise_at_gap(gap, 0.0) - 0.2 * (log1p(ratio * ratio) - far_response) / (contact_response - far_response)) < 2e-5);
     }
     bench_close(&bench);
 }
@@ -286,42 +287,42 @@ static void images_fade_by_the_gap_over_the_electrodes_distance(void)
 static void moisture_raises_rest_and_lowers_the_response(void)
 {
     bench_open(&bench, "moisture film board=0x22 tx=3 rx=3 radius_m=0.006 water=0.05", -1);
-    bench_press(&bench, MIDDLE, 0.0, 0.01, false);
+    bench_apply_force(&bench, MIDDLE, 0.0, 0.01, false);
     const double rest = bench.fields[MIDDLE].rise;
     CHECK(fabs(rest / expm1(0.05 * log(80.0) * 0.65) - 1.0) < 1e-3);
     CHECK(bench.fields[0].rise < 1e-5);
     CHECK(bench.fields[MIDDLE + 1].rise < rest && bench.fields[MIDDLE + 1].rise > bench.fields[MIDDLE + 2].rise);
-    bench_press(&bench, MIDDLE, FORCE_N, 0.01, false);
-    const double answer = bench.fields[MIDDLE].rise - rest;
-    CHECK(answer > 0.0 && answer < layer_pressure_rise(FORCE_N / 25e-6));
-    CHECK(!field_is_awake(&bench.field, bench.time));
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 0.01, false);
+    const double response = bench.fields[MIDDLE].rise - rest;
+    CHECK(response > 0.0 && response < layer_rise_at_pressure(FORCE_N / 25e-6));
+    CHECK(!field_has_history(&bench.field, bench.time));
     bench_close(&bench);
 }
 
 static void a_moist_patch_dries(void)
 {
     bench_open(&bench, "moisture drying board=0x22 tx=3 rx=3 radius_m=0.006 water=0.05 seconds=60", -1);
-    bench_press(&bench, MIDDLE, 0.0, 60.0, false);
+    bench_apply_force(&bench, MIDDLE, 0.0, 60.0, false);
     CHECK(fabs(bench.fields[MIDDLE].rise / expm1(0.05 * exp(-1.0) * log(80.0) * 0.65) - 1.0) < 1e-3);
-    CHECK(field_is_awake(&bench.field, bench.time));
-    bench_press(&bench, MIDDLE, 0.0, 6000.0, false);
-    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_is_awake(&bench.field, bench.time));
+    CHECK(field_has_history(&bench.field, bench.time));
+    bench_apply_force(&bench, MIDDLE, 0.0, 6000.0, false);
+    CHECK(bench.fields[MIDDLE].rise == 0.0 && !field_has_history(&bench.field, bench.time));
     bench_close(&bench);
 }
 
-static void stiffer_pillars_answer_as_to_a_smaller_force(void)
+static void pillars_of_twice_the_modulus_respond_as_to_half_the_force(void)
 {
     bench_open(&bench, "modulus board board=0x22 factor=2", -1);
-    bench_press(&bench, MIDDLE, FORCE_N, 0.01, false);
-    CHECK(fabs(bench.fields[MIDDLE].rise / layer_pressure_rise(0.5 * FORCE_N / 25e-6) - 1.0) < 1e-9);
-    CHECK(fabs(bench.fields[MIDDLE].force - FORCE_N) < 1e-9); /* the force is what it was */
+    bench_apply_force(&bench, MIDDLE, FORCE_N, 0.01, false);
+    CHECK(fabs(bench.fields[MIDDLE].rise / layer_rise_at_pressure(0.5 * FORCE_N / 25e-6) - 1.0) < 1e-9);
+    CHECK(fabs(bench.fields[MIDDLE].force - FORCE_N) < 1e-9); /* the force is unchanged */
     bench_close(&bench);
     bench_open(&bench, "modulus board board=0x22 factor=1 gradient=0.8", -1);
     CHECK(fabs(bench.field.stiffness[63] / bench.field.stiffness[0] - exp(0.7)) < 1e-9); /* 7 of 8 lines apart */
     bench_close(&bench);
 }
 
-static void taxels_differ_log_normally(void)
+static void the_stiffness_of_taxels_is_log_normal(void)
 {
     double sum = 0.0, squares = 0.0;
     bench_open(&bench, "modulus taxels log_std=0.2", -1);
@@ -337,23 +338,23 @@ static void taxels_differ_log_normally(void)
 
 int main(void)
 {
-    RUN(a_film_keeps_the_force);
-    RUN(a_films_kernel_falls_to_1_over_e_at_its_length);
-    RUN(nothing_gets_past_a_hole);
-    RUN(pillars_grow_the_patch_the_more_the_gentler_they_slope);
-    RUN(forces_spread_by_pillars_too);
-    RUN(a_solid_creeps_to_the_layers_own_curve_and_recovers);
-    RUN(rheology_does_not_depend_on_the_records_spacing);
-    RUN(sticking_pillars_make_a_loop_that_ignores_the_rate);
-    RUN(plays_creep_goes_on_over_decades);
-    RUN(a_set_shifts_rest_and_response_and_goes_over_minutes);
-    RUN(a_press_below_the_threshold_leaves_no_set);
-    RUN(bedding_takes_sensitivity_with_the_work_and_keeps_it);
-    RUN(an_object_is_felt_before_it_touches);
-    RUN(images_fade_by_the_gap_over_the_electrodes_distance);
+    RUN(a_film_preserves_the_total_force);
+    RUN(the_kernel_of_a_film_falls_to_1_over_e_at_its_length);
+    RUN(pressure_does_not_spread_across_a_hole);
+    RUN(a_smaller_slope_gives_a_larger_contact_patch);
+    RUN(forces_of_a_stimulus_spread_by_pillars);
+    RUN(a_solid_creeps_to_the_elastic_curve_and_recovers);
+    RUN(rheology_is_independent_of_the_record_interval);
+    RUN(sticking_pillars_have_rate_independent_hysteresis);
+    RUN(creep_of_sticking_pillars_continues_over_decades);
+    RUN(compression_set_shifts_rest_and_response_and_recovers);
+    RUN(contact_below_the_threshold_leaves_no_set);
+    RUN(bedding_reduces_sensitivity_permanently_with_the_work);
+    RUN(proximity_raises_the_count_before_contact);
+    RUN(the_image_response_follows_its_formula);
     RUN(moisture_raises_rest_and_lowers_the_response);
     RUN(a_moist_patch_dries);
-    RUN(stiffer_pillars_answer_as_to_a_smaller_force);
-    RUN(taxels_differ_log_normally);
+    RUN(pillars_of_twice_the_modulus_respond_as_to_half_the_force);
+    RUN(the_stiffness_of_taxels_is_log_normal);
     return check_summary();
 }

@@ -1,4 +1,5 @@
-/* Effects of the skin in a whole world: off is the ideal sensor to the bit, on is seen by the host. */
+/* Effects of the skin in a whole world: strength zero is bit-identical to the ideal sensor, and active effects change
+ * the counts at the host. */
 #define _GNU_SOURCE
 #include <stdlib.h>
 #include <sys/mman.h>
@@ -13,9 +14,9 @@
 #define RECORDS 40u
 
 static struct fake_world fake;
-static struct thread_pool *thread_pool; /* of the next runs */
+static struct thread_pool *thread_pool; /* used by the following runs */
 static unsigned boards = BOARDS;
-static struct taxel_place places[TAXELS];
+static struct taxel_pose poses[TAXELS];
 static struct object_description table = {
     .shape = {.kind = SHAPE_CONVEX, .bound = 0.3, .plane_count = 6,
               .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
@@ -25,25 +26,25 @@ static void describe(const char *const *lines)
 {
     fake_world_describe(&fake, boards, TAXELS);
     fake.description.noise_counts = 0.0;
-    fake.description.boards[2].address = 0x21; /* which the bench's leaves free */
+    fake.description.boards[2].address = 0x21; /* the address that the renaming below leaves free */
     fake.description.boards[1].address = BENCH_ADDRESS;
     table.offset = frame_identity;
     fake.description.objects = &table;
     fake.description.object_count = 1;
     for (size_t i = 0; i < TAXELS; i++) {
-        places[i] = (struct taxel_place){.position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
+        poses[i] = (struct taxel_pose){.position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
     }
     for (size_t i = 0; i < boards; i++) {
-        fake.description.boards[i].places = places;
-        fake.description.boards[i].placed = TAXELS;
+        fake.description.boards[i].taxel_poses = poses;
+        fake.description.boards[i].taxel_pose_count = TAXELS;
     }
     for (; lines && *lines; lines++) {
-        CHECK_EQUAL(give_effect(&fake.description, *lines), 0);
+        CHECK_EQUAL(add_effect(&fake.description, *lines), 0);
     }
 }
 
-/* Records every 20 ms from 0.5 s on: a press that grows and goes, on board 0 (on all, if there are more
- * than two); none before, none after. */
+/* Stimulus with records every 20 ms from 0.5 s on: a contact on board 0 (on all boards if there are more than two) that
+ * increases and decreases; no contact before and after. */
 static int stimulus_file(enum stimulus_kind kind)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -63,7 +64,7 @@ static int stimulus_file(enum stimulus_kind kind)
                 values[n + 3] = values[n + 4] = 0.5f * part;
             }
         } else {
-            const float height = 0.001f + 0.001f - 0.0012f * part; /* 1 mm above the skin to 0.2 mm into it, face down */
+            const float height = 0.001f + 0.001f - 0.0012f * part; /* from 1 mm above the skin to 0.2 mm into it, face down */
             count = STIMULUS_SCENE_VALUES(boards);
             for (size_t pose = 0; pose <= boards; pose++) {
                 values[1 + 12 * pose] = 1.0f;
@@ -105,9 +106,9 @@ static struct outcome run(enum stimulus_kind kind, const char *const *lines)
 
 static const enum stimulus_kind kinds[] = {STIMULUS_FORCE, STIMULUS_SCENE};
 
-static void an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit(void)
+static void effects_of_strength_zero_leave_the_stream_bit_identical(void)
 {
-    static const char *const off[] = {
+    static const char *const inactive[] = {
         "spread film length_m=0.002 strength=0",
         "spread pillars slope=0.1 strength=0",
         "rheology solid fraction=0 seconds=1",
@@ -123,14 +124,14 @@ static void an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit(void)
     };
     for (size_t k = 0; k < 2; k++) {
         const uint32_t ideal = run(kinds[k], NULL).crc;
-        for (size_t i = 0; i < sizeof off / sizeof off[0]; i++) {
-            const char *const lines[] = {off[i], NULL};
+        for (size_t i = 0; i < sizeof inactive / sizeof inactive[0]; i++) {
+            const char *const lines[] = {inactive[i], NULL};
             CHECK_EQUAL(run(kinds[k], lines).crc, ideal);
         }
     }
 }
 
-static const char *const all[] = {
+static const char *const all_effects[] = {
     "spread film length_m=0.002",
     "rheology play fraction=0.3 width_m=1e-4 creep=0.1 seconds=1",
     "indent set fraction=0.2 threshold_m=2e-5 recovery_s=100",
@@ -140,61 +141,61 @@ static const char *const all[] = {
     NULL,
 };
 
-static void a_seed_repeats_with_all_effects_on(void)
+static void a_seed_reproduces_a_world_with_all_effects(void)
 {
     for (size_t k = 0; k < 2; k++) {
-        const struct outcome once = run(kinds[k], all), again = run(kinds[k], all);
-        CHECK_EQUAL(once.crc, again.crc);
-        CHECK(once.crc != run(kinds[k], NULL).crc);
+        const struct outcome first = run(kinds[k], all_effects), second = run(kinds[k], all_effects);
+        CHECK_EQUAL(first.crc, second.crc);
+        CHECK(first.crc != run(kinds[k], NULL).crc);
     }
 }
 
-static void threads_change_not_a_bit(void)
+static void the_number_of_threads_does_not_change_the_stream(void)
 {
-    static struct thread_pool many;
+    static struct thread_pool pool;
     boards = BOARDS_MAX;
     for (size_t k = 0; k < 2; k++) {
-        const uint32_t alone = run(kinds[k], all).crc;
+        const uint32_t single_threaded = run(kinds[k], all_effects).crc;
         for (size_t threads = 1; threads <= 4; threads *= 2) {
-            CHECK_EQUAL(thread_pool_open(&many, threads), 0);
-            thread_pool = &many;
-            CHECK_EQUAL(run(kinds[k], all).crc, alone);
+            CHECK_EQUAL(thread_pool_open(&pool, threads), 0);
+            thread_pool = &pool;
+            CHECK_EQUAL(run(kinds[k], all_effects).crc, single_threaded);
             thread_pool = NULL;
-            thread_pool_close(&many);
+            thread_pool_close(&pool);
         }
     }
     boards = BOARDS;
 }
 
-/* Of `taxel`, in counts; every effect alone. */
-static void each_effect_is_seen_by_the_host(void)
+/* Every effect is tested on its own. */
+static void each_effect_changes_the_counts_at_the_host(void)
 {
     const struct outcome ideal = run(STIMULUS_SCENE, NULL);
     CHECK(ideal.pressed[5] < ideal.rest[5] && ideal.after[5] == ideal.rest[5]);
-    for (size_t i = 0; all[i]; i++) {
-        const char *const lines[] = {all[i], NULL};
-        const struct outcome with = run(STIMULUS_SCENE, lines);
-        if (strncmp(all[i], "moisture", 8) == 0) {
-            CHECK(with.other[3] < ideal.other[3] && with.other[11] == ideal.other[11]);
-        } else if (strncmp(all[i], "spread", 6) != 0) { /* a film smooths nothing that is the same everywhere */
-            CHECK(memcmp(with.pressed, ideal.pressed, sizeof with.pressed) != 0);
+    for (size_t i = 0; all_effects[i]; i++) {
+        const char *const lines[] = {all_effects[i], NULL};
+        const struct outcome affected = run(STIMULUS_SCENE, lines);
+        if (strncmp(all_effects[i], "moisture", 8) == 0) {
+            CHECK(affected.other[3] < ideal.other[3] && affected.other[11] == ideal.other[11]);
+        } else if (strncmp(all_effects[i], "spread", 6) != 0) { /* a film does not change a uniform pressure */
+            CHECK(memcmp(affected.pressed, ideal.pressed, sizeof affected.pressed) != 0);
         }
-        if (strncmp(all[i], "indent", 6) == 0) {
-            CHECK(with.after[5] < ideal.after[5]);
+        if (strncmp(all_effects[i], "indent", 6) == 0) {
+            CHECK(affected.after[5] < ideal.after[5]);
         }
     }
 }
 
-static void forces_spread_to_the_neighbours(void)
+static void a_film_spreads_forces_to_the_neighbours(void)
 {
-    const char *const lines[] = {all[0], NULL};
-    const struct outcome ideal = run(STIMULUS_FORCE, NULL), with = run(STIMULUS_FORCE, lines);
-    CHECK(ideal.pressed[2] == ideal.rest[2] && with.pressed[2] < with.rest[2]);
-    CHECK(with.pressed[3] > ideal.pressed[3]);
+    const char *const lines[] = {all_effects[0], NULL};
+    const struct outcome ideal = run(STIMULUS_FORCE, NULL), affected = run(STIMULUS_FORCE, lines);
+    CHECK(ideal.pressed[2] == ideal.rest[2] && affected.pressed[2] < affected.rest[2]);
+    CHECK(affected.pressed[3] > ideal.pressed[3]);
 }
 
-/* Nothing acts on the skin at all, and yet it dries. */
-static void rest_drifts_without_any_stimulus(void)
+/* A moist patch dries although no stimulus acts. */
+static void drying_drifts_the_rest_counts_without_a_stimulus(void)
 {
     const char *const lines[] = {"moisture drying board=0x22 tx=0 rx=3 radius_m=0.008 water=0.1 seconds=1", NULL};
     describe(lines);
@@ -209,8 +210,8 @@ static void rest_drifts_without_any_stimulus(void)
     fake_world_close(&fake);
 }
 
-/* Two records make a ramp; what the layer's curve makes of it does not depend on how many there are in between. */
-static void a_ramp_of_forces_follows_the_layers_curve(void)
+/* Two records form a ramp. Steps in between, caused by an effect on the other board, do not change the result. */
+static void an_effect_on_one_board_does_not_change_a_ramp_on_another(void)
 {
     uint16_t counts[2];
     for (int on = 0; on < 2; on++) {
@@ -233,13 +234,13 @@ static void a_ramp_of_forces_follows_the_layers_curve(void)
         counts[on] = fake.counts_of[0x20][3];
         fake_world_close(&fake);
     }
-    CHECK_BETWEEN(counts[1] - counts[0], -1.0, 1.0); /* the other board is the stiff one */
+    CHECK_BETWEEN(counts[1] - counts[0], -1.0, 1.0); /* the modulus effect acts on the other board */
 }
 
-/* A live stimulus: a record that says "now" takes effect, with effects on too. */
-static void a_live_record_takes_effect_at_once(void)
+/* Live stimulus: a record with time -1 takes effect immediately, with and without effects. */
+static void a_live_record_takes_effect_immediately(void)
 {
-    const char *const *const cases[] = {NULL, all};
+    const char *const *const cases[] = {NULL, all_effects};
     for (size_t i = 0; i < 2; i++) {
         int ends[2];
         uint8_t header[24] = "TAXELSTM";
@@ -260,7 +261,7 @@ static void a_live_record_takes_effect_at_once(void)
         values[3] = 1.0f;
         CHECK(write(ends[1], &now, sizeof now) == (ssize_t)sizeof now);
         CHECK(write(ends[1], values, sizeof values) == (ssize_t)sizeof values);
-        CHECK_EQUAL(world_poll(&fake.world), 0);
+        CHECK_EQUAL(world_poll_inputs(&fake.world), 0);
         CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
         CHECK(fake.counts_of[0x20][3] < rest - 50);
         fake_world_close(&fake);
@@ -270,13 +271,13 @@ static void a_live_record_takes_effect_at_once(void)
 
 int main(void)
 {
-    RUN(an_effect_of_no_strength_is_the_ideal_sensor_to_the_bit);
-    RUN(a_seed_repeats_with_all_effects_on);
-    RUN(threads_change_not_a_bit);
-    RUN(each_effect_is_seen_by_the_host);
-    RUN(forces_spread_to_the_neighbours);
-    RUN(rest_drifts_without_any_stimulus);
-    RUN(a_ramp_of_forces_follows_the_layers_curve);
-    RUN(a_live_record_takes_effect_at_once);
+    RUN(effects_of_strength_zero_leave_the_stream_bit_identical);
+    RUN(a_seed_reproduces_a_world_with_all_effects);
+    RUN(the_number_of_threads_does_not_change_the_stream);
+    RUN(each_effect_changes_the_counts_at_the_host);
+    RUN(a_film_spreads_forces_to_the_neighbours);
+    RUN(drying_drifts_the_rest_counts_without_a_stimulus);
+    RUN(an_effect_on_one_board_does_not_change_a_ramp_on_another);
+    RUN(a_live_record_takes_effect_immediately);
     return check_summary();
 }

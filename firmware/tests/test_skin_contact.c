@@ -1,4 +1,4 @@
-/* Contact of a flat board with a flat object, and the layer's curves that it rests on. */
+/* Contact of a flat board with a flat object, and the curves of the layer. */
 #include <math.h>
 
 #include "check.h"
@@ -9,7 +9,7 @@
 #define THICKNESS_M 0.001
 #define DEPTH_M 0.0002
 #define CELLS (TAXELS * CELLS_PER_TAXEL)
-#define MOTION 1e-7 /* metres and radians of a finite difference */
+#define MOTION 1e-7 /* finite difference in metres and radians */
 
 static const uint8_t map[TAXEL_CROSSING_MAP_SIZE] = {0xFF, 0x0F};
 static const struct shape table = {
@@ -21,74 +21,74 @@ static const struct shape table = {
 static struct patch patch;
 static double compression[CELLS], gap[CELLS];
 
-/* The board face down over the table, its skin so far above it (negative: pressed in). */
-static struct frame over_table(double height)
+/* Pose of the board face down over the table with a gap of `height` (negative: indented). */
+static struct frame board_over_table(double height)
 {
-    const double translation[3] = {0.0, 0.0, THICKNESS_M + height}, over[3] = {3.141592653589793, 0.0, 0.0};
-    return frame_of_offset(translation, over);
+    const double translation[3] = {0.0, 0.0, THICKNESS_M + height}, upside_down[3] = {3.141592653589793, 0.0, 0.0};
+    return frame_of_offset(translation, upside_down);
 }
 
-static void force_is_pressure_times_area_and_pushes_the_board_away(void)
+static void the_contact_force_is_pressure_times_area(void)
 {
-    const struct frame frame = over_table(-DEPTH_M);
+    const struct frame frame = board_over_table(-DEPTH_M);
     struct contact_load load;
-    CHECK(contact_press(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
+    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(fabs(compression[i] - DEPTH_M) < 1e-15);
         CHECK(gap[i] == 0.0);
     }
     const double force = layer_contact_pressure(DEPTH_M) * TAXELS * TAXEL_PITCH_M * TAXEL_PITCH_M;
-    CHECK(fabs(load.wrench[2] / -force - 1.0) < 1e-9); /* the board's normal, z, looks at the table */
+    CHECK(fabs(load.wrench[2] / -force - 1.0) < 1e-9); /* the board's normal, z, points to the table */
     CHECK(fabs(load.wrench[0]) < 1e-12 && fabs(load.wrench[1]) < 1e-12);
 }
 
 static void the_stiffness_is_the_derivative_of_the_wrench(void)
 {
-    const struct frame frame = over_table(-DEPTH_M);
-    struct contact_load load, side[2];
-    CHECK(contact_press(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load));
+    const struct frame frame = board_over_table(-DEPTH_M);
+    struct contact_load load, shifted_load[2];
+    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load));
     for (int motion = 0; motion < 6; motion++) {
         double scale = 0.0;
         for (int s = 0; s < 2; s++) {
             double step[6] = {0.0};
             step[motion] = s ? MOTION : -MOTION;
-            const struct frame moved = frame_of_offset(step, step + 3), there = frame_product(&frame, &moved);
-            CHECK(contact_press(&patch, &table, &there, THICKNESS_M, 0.0, compression, NULL, &side[s]));
+            const struct frame motion_frame = frame_of_offset(step, step + 3), moved_frame = frame_product(&frame, &motion_frame);
+            CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s]));
         }
         for (int i = 0; i < 6; i++) {
             scale = fmax(scale, fabs(load.stiffness[i][motion]));
         }
         for (int i = 0; i < 6; i++) {
-            const double slope = (side[1].wrench[i] - side[0].wrench[i]) / (2.0 * MOTION);
+            const double slope = (shifted_load[1].wrench[i] - shifted_load[0].wrench[i]) / (2.0 * MOTION);
             CHECK(fabs(slope + load.stiffness[i][motion]) <= 1e-5 * scale + 1e-6);
         }
     }
 }
 
-static void before_contact_there_are_gaps_and_no_force(void)
+static void before_contact_gaps_are_computed_and_the_force_is_zero(void)
 {
-    const struct frame frame = over_table(0.003);
+    const struct frame frame = board_over_table(0.003);
     struct contact_load load;
-    CHECK(!contact_press(&patch, &table, &frame, THICKNESS_M, 0.01, compression, gap, &load));
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.01, compression, gap, &load));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(compression[i] == 0.0 && fabs(gap[i] - 0.003) < 1e-12);
     }
     CHECK(load.wrench[2] == 0.0 && load.stiffness[2][2] == 0.0);
-    CHECK(!contact_press(&patch, &table, &frame, THICKNESS_M, 0.002, compression, gap, NULL));
-    CHECK(gap[0] == CONTACT_FAR_M); /* nobody asked that far */
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.002, compression, gap, NULL));
+    CHECK(gap[0] == CONTACT_FAR_M); /* beyond the requested reach */
 }
 
-static void an_object_that_is_far_does_nothing(void)
+static void a_distant_object_has_no_effect(void)
 {
-    struct frame frame = over_table(0.5);
+    struct frame frame = board_over_table(0.5);
     struct contact_load load;
     CHECK(contact_is_far(&patch, &table, &frame, CONTACT_FAR_M));
-    CHECK(!contact_press(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(compression[i] == 0.0 && gap[i] == CONTACT_FAR_M);
     }
     CHECK(load.wrench[2] == 0.0);
-    frame = over_table(-DEPTH_M);
+    frame = board_over_table(-DEPTH_M);
     CHECK(!contact_is_far(&patch, &table, &frame, 0.0));
 }
 
@@ -98,14 +98,14 @@ static void pressure_stiffness_and_work_are_derivatives_of_each_other(void)
         const double step = 1e-9;
         const double slope = (layer_pressure(c + step) - layer_pressure(c - step)) / (2.0 * step);
         const double gain = (layer_work(c + step) - layer_work(c - step)) / (2.0 * step);
-        CHECK(fabs(slope / layer_stiffness(c) - 1.0) < 2e-4 || c > 0.00051); /* one kink, where the line takes over */
+        CHECK(fabs(slope / layer_stiffness(c) - 1.0) < 2e-4 || c > 0.00051); /* one kink at the start of the linear part */
         CHECK(fabs(gain / layer_pressure(c) - 1.0) < 1e-5);
     }
     CHECK(layer_pressure(-1e-6) == 0.0 && layer_stiffness(0.0) == 0.0 && layer_work(0.0) == 0.0);
 }
 
-/* Pillars and the sheet under them carry the same pressure. */
-static void the_whole_layer_gives_way_more_than_its_pillars(void)
+/* Pillars and the sheet below them carry the same pressure. */
+static void the_whole_layer_is_more_compliant_than_its_pillars(void)
 {
     double last = 0.0;
     for (double c = 1e-6; c < 0.0006; c *= 1.02) {
@@ -113,43 +113,43 @@ static void the_whole_layer_gives_way_more_than_its_pillars(void)
         const double slope = (layer_contact_pressure(c + step) - layer_contact_pressure(c - step)) / (2.0 * step);
         CHECK(pressure > last && pressure < layer_pressure(c));
         CHECK(layer_compression(pressure) < c);
-        CHECK(fabs(slope / layer_contact_stiffness(c) - 1.0) < 0.02); /* its curve has small kinks */
+        CHECK(fabs(slope / layer_contact_stiffness(c) - 1.0) < 0.02); /* the curve has small kinks */
         last = pressure;
     }
     CHECK(layer_contact_pressure(0.0) == 0.0 && layer_contact_stiffness(-1e-6) == 0.0);
 }
 
-static void every_way_to_the_permittivity_agrees(void)
+static void all_functions_for_the_rise_agree(void)
 {
     for (double pressure = 1e-3; pressure < 1.5e6; pressure *= 1.013) {
-        const double rise = layer_permittivity_rise(pressure * TAXEL_PITCH_M * TAXEL_PITCH_M), c = layer_compression(pressure);
-        CHECK(fabs(layer_pressure_rise(pressure) / rise - 1.0) < 3e-5);
-        CHECK(fabs(layer_compression_rise(c) - rise) < 3e-5 * rise + 1e-7);
+        const double rise = layer_rise_at_force(pressure * TAXEL_PITCH_M * TAXEL_PITCH_M), c = layer_compression(pressure);
+        CHECK(fabs(layer_rise_at_pressure(pressure) / rise - 1.0) < 3e-5);
+        CHECK(fabs(layer_rise_at_compression(c) - rise) < 3e-5 * rise + 1e-7);
         CHECK(pressure < 1.0 || pressure > 2e5 || fabs(layer_pressure(c) / pressure - 1.0) < 1e-3);
     }
-    CHECK(layer_compression(0.0) == 0.0 && layer_pressure_rise(0.0) == 0.0 && layer_compression_rise(0.0) == 0.0);
-    CHECK(layer_compression_rise(1.0) == layer_compression_rise(0.00079));
+    CHECK(layer_compression(0.0) == 0.0 && layer_rise_at_pressure(0.0) == 0.0 && layer_rise_at_compression(0.0) == 0.0);
+    CHECK(layer_rise_at_compression(1.0) == layer_rise_at_compression(0.00079));
 }
 
-static void pores_are_what_is_not_silicone(void)
+static void the_air_fraction_excludes_the_silicone(void)
 {
-    CHECK(fabs(layer_pores(0.0) - 0.65) < 1e-12);
-    CHECK(fabs(layer_pores(layer_compression_rise(0.0004)) - 0.3) < 1e-5); /* half as high, twice the silicone */
-    CHECK(layer_pores(1e3) == 0.0);
+    CHECK(fabs(layer_air_fraction(0.0) - 0.65) < 1e-12);
+    CHECK(fabs(layer_air_fraction(layer_rise_at_compression(0.0004)) - 0.3) < 1e-5); /* half the height: twice the silicone fraction */
+    CHECK(layer_air_fraction(1e3) == 0.0);
 }
 
 int main(void)
 {
     layer_init();
     CHECK_EQUAL(patch_init(&patch, 3, 4, map, TAXELS, NULL), 0);
-    RUN(force_is_pressure_times_area_and_pushes_the_board_away);
+    RUN(the_contact_force_is_pressure_times_area);
     RUN(the_stiffness_is_the_derivative_of_the_wrench);
-    RUN(before_contact_there_are_gaps_and_no_force);
-    RUN(an_object_that_is_far_does_nothing);
+    RUN(before_contact_gaps_are_computed_and_the_force_is_zero);
+    RUN(a_distant_object_has_no_effect);
     RUN(pressure_stiffness_and_work_are_derivatives_of_each_other);
-    RUN(the_whole_layer_gives_way_more_than_its_pillars);
-    RUN(every_way_to_the_permittivity_agrees);
-    RUN(pores_are_what_is_not_silicone);
+    RUN(the_whole_layer_is_more_compliant_than_its_pillars);
+    RUN(all_functions_for_the_rise_agree);
+    RUN(the_air_fraction_excludes_the_silicone);
     patch_free(&patch);
     return check_summary();
 }

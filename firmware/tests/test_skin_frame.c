@@ -1,4 +1,4 @@
-/* Rigid motions. */
+/* Rigid transforms. */
 #include <math.h>
 
 #include "check.h"
@@ -8,29 +8,29 @@
 #define SEED 5u
 #define HALF_PI 1.5707963267948966
 
-static double furthest(const struct frame *a, const struct frame *b)
+static double max_difference(const struct frame *a, const struct frame *b)
 {
-    double most = 0.0;
+    double difference = 0.0;
     for (int i = 0; i < 12; i++) {
-        most = fmax(most, fabs(a->row[i / 4][i % 4] - b->row[i / 4][i % 4]));
+        difference = fmax(difference, fabs(a->row[i / 4][i % 4] - b->row[i / 4][i % 4]));
     }
-    return most;
+    return difference;
 }
 
 static struct frame random_frame(struct random_source *random)
 {
-    double translation[3], turn[3];
+    double translation[3], rotation[3];
     for (int k = 0; k < 3; k++) {
         translation[k] = random_normal(random);
-        turn[k] = random_normal(random);
+        rotation[k] = random_normal(random);
     }
-    return frame_of_offset(translation, turn);
+    return frame_of_offset(translation, rotation);
 }
 
-static void a_quarter_turn_about_z_takes_x_to_y(void)
+static void a_quarter_turn_about_z_maps_x_to_y(void)
 {
-    static const double here[3] = {1.0, 2.0, 3.0}, quarter[3] = {0.0, 0.0, HALF_PI}, x[3] = {1.0, 0.0, 0.0};
-    const struct frame frame = frame_of_offset(here, quarter);
+    static const double translation[3] = {1.0, 2.0, 3.0}, quarter[3] = {0.0, 0.0, HALF_PI}, x[3] = {1.0, 0.0, 0.0};
+    const struct frame frame = frame_of_offset(translation, quarter);
     double point[3], direction[3];
     frame_point(&frame, x, point);
     frame_direction(&frame, x, direction);
@@ -38,11 +38,11 @@ static void a_quarter_turn_about_z_takes_x_to_y(void)
     CHECK(fabs(direction[0]) < 1e-15 && fabs(direction[1] - 1.0) < 1e-15 && fabs(direction[2]) < 1e-15);
 }
 
-static void no_offset_is_the_identity(void)
+static void a_zero_offset_is_the_identity(void)
 {
     static const double nothing[3] = {0.0, 0.0, 0.0}, little[3] = {1e-9, 0.0, 0.0};
     struct frame frame = frame_of_offset(nothing, nothing);
-    CHECK(furthest(&frame, &frame_identity) == 0.0);
+    CHECK(max_difference(&frame, &frame_identity) == 0.0);
     frame = frame_of_offset(nothing, little);
     CHECK(fabs(frame.row[2][1] - 1e-9) < 1e-24);
 }
@@ -54,12 +54,12 @@ static void a_frame_times_its_inverse_is_the_identity(void)
     for (int n = 0; n < 100; n++) {
         const struct frame frame = random_frame(&random), inverse = frame_inverse(&frame);
         const struct frame left = frame_product(&inverse, &frame), right = frame_product(&frame, &inverse);
-        CHECK(furthest(&left, &frame_identity) < 1e-14);
-        CHECK(furthest(&right, &frame_identity) < 1e-14);
+        CHECK(max_difference(&left, &frame_identity) < 1e-14);
+        CHECK(max_difference(&right, &frame_identity) < 1e-14);
     }
 }
 
-static void a_product_moves_a_point_as_its_factors_do(void)
+static void a_product_equals_its_factors_applied_in_sequence(void)
 {
     struct random_source random;
     random_init(&random, SEED, 1);
@@ -79,9 +79,9 @@ static void a_product_moves_a_point_as_its_factors_do(void)
 int main(void)
 {
     printf("seed %u\n", SEED);
-    RUN(a_quarter_turn_about_z_takes_x_to_y);
-    RUN(no_offset_is_the_identity);
+    RUN(a_quarter_turn_about_z_maps_x_to_y);
+    RUN(a_zero_offset_is_the_identity);
     RUN(a_frame_times_its_inverse_is_the_identity);
-    RUN(a_product_moves_a_point_as_its_factors_do);
+    RUN(a_product_equals_its_factors_applied_in_sequence);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* A board's cells: where they are, and which are neighbours. */
+/* Cells of a board: positions and neighbours. */
 #include <math.h>
 
 #include "check.h"
@@ -16,7 +16,7 @@ static double distance(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-static void cells_of_a_flat_sheet_tile_it(void)
+static void the_cells_of_a_flat_sheet_form_a_regular_grid(void)
 {
     struct patch patch;
     CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, NULL), 0);
@@ -50,12 +50,12 @@ static void a_crossing_without_a_taxel_is_a_hole(void)
     patch_free(&patch);
 }
 
-/* TX lines along the axis (x), RX lines round it; left is where the angle grows. */
-static void place_on_cylinder(struct taxel_place *places)
+/* Poses on a cylinder: TX lines along the axis (x), RX lines around it; left is the direction of increasing angle. */
+static void set_poses_on_cylinder(struct taxel_pose *poses)
 {
     for (int i = 0; i < ROWS * COLUMNS; i++) {
         const double angle = -TAXEL_PITCH_M / RADIUS_M * (i % COLUMNS);
-        places[i] = (struct taxel_place){
+        poses[i] = (struct taxel_pose){
             .position = {-TAXEL_PITCH_M * (i / COLUMNS), RADIUS_M * sin(angle), RADIUS_M * cos(angle)},
             .normal = {0.0, sin(angle), cos(angle)},
             .distal = {1.0, 0.0, 0.0},
@@ -65,30 +65,30 @@ static void place_on_cylinder(struct taxel_place *places)
 
 static void cells_follow_a_cylinder(void)
 {
-    struct taxel_place places[ROWS * COLUMNS];
+    struct taxel_pose poses[ROWS * COLUMNS];
     struct patch patch;
-    place_on_cylinder(places);
-    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, places), 0);
+    set_poses_on_cylinder(poses);
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, poses), 0);
     for (size_t i = 0; i < patch.cell_count; i++) {
         const double *p = patch.cells[i].position, *n = patch.cells[i].normal;
-        const double out = hypot(p[1], p[2]);
-        CHECK_BETWEEN(out - RADIUS_M, -20e-6, 20e-6);
-        CHECK((n[1] * p[1] + n[2] * p[2]) / out > cos(0.02)); /* within 0.02 rad of the radius */
+        const double radius = hypot(p[1], p[2]);
+        CHECK_BETWEEN(radius - RADIUS_M, -20e-6, 20e-6);
+        CHECK((n[1] * p[1] + n[2] * p[2]) / radius > cos(0.02)); /* within 0.02 rad of the radius */
         CHECK(fabs(n[0]) < 1e-12);
     }
-    for (int i = 0; i + 1 < patch.grid_columns; i++) { /* neighbours stay a cell apart, also across taxels */
-        const double apart = distance(patch.cells[patch.cell_at[i]].position, patch.cells[patch.cell_at[i + 1]].position);
-        CHECK_BETWEEN(apart / CELL_SIDE_M, 0.93, 1.07);
+    for (int i = 0; i + 1 < patch.grid_columns; i++) { /* neighbours are one cell apart, also across taxels */
+        const double spacing = distance(patch.cells[patch.cell_at[i]].position, patch.cells[patch.cell_at[i + 1]].position);
+        CHECK_BETWEEN(spacing / CELL_SIDE_M, 0.93, 1.07);
     }
     patch_free(&patch);
 }
 
-static void the_ball_holds_every_cell(void)
+static void the_bounding_sphere_contains_every_cell(void)
 {
-    struct taxel_place places[ROWS * COLUMNS];
+    struct taxel_pose poses[ROWS * COLUMNS];
     struct patch patch;
-    place_on_cylinder(places);
-    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, places), 0);
+    set_poses_on_cylinder(poses);
+    CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, poses), 0);
     for (size_t i = 0; i < patch.cell_count; i++) {
         CHECK(distance(patch.cells[i].position, patch.centre) <= patch.bound);
     }
@@ -97,9 +97,9 @@ static void the_ball_holds_every_cell(void)
 
 int main(void)
 {
-    RUN(cells_of_a_flat_sheet_tile_it);
+    RUN(the_cells_of_a_flat_sheet_form_a_regular_grid);
     RUN(a_crossing_without_a_taxel_is_a_hole);
     RUN(cells_follow_a_cylinder);
-    RUN(the_ball_holds_every_cell);
+    RUN(the_bounding_sphere_contains_every_cell);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Scenes: the words of a world file that place taxels and objects, and stimuli of poses. */
+/* Scenes: world-file lines that define taxel poses and objects, and stimuli of poses. */
 #define _GNU_SOURCE
 #include <math.h>
 
@@ -16,7 +16,7 @@ static struct world_description world;
 static struct refusal refusal;
 static struct fake_world fake;
 
-static void a_scene_is_read(void)
+static void a_valid_scene_is_read(void)
 {
     unsigned lines;
     CHECK_EQUAL(refusal_read(&refusal, &world,
@@ -26,8 +26,8 @@ static void a_scene_is_read(void)
                 0);
     CHECK_EQUAL(lines, 0);
     CHECK(world.layer_thickness == 0.0012);
-    CHECK_EQUAL(world.boards[0].placed, 1);
-    CHECK(world.boards[0].places[0].distal[0] == 1.0);
+    CHECK_EQUAL(world.boards[0].taxel_pose_count, 1);
+    CHECK(world.boards[0].taxel_poses[0].distal[0] == 1.0);
     CHECK_EQUAL(world.object_count, 2);
     CHECK_EQUAL(world.objects[0].shape.plane_count, 6);
     CHECK(world.objects[1].shape.kind == SHAPE_CYLINDER && world.objects[1].shape.height == 0.1);
@@ -36,7 +36,7 @@ static void a_scene_is_read(void)
     world_file_free(&world);
 }
 
-static const char *const bad_scenes[] = {
+static const char *const invalid_scenes[] = {
     WORLD "layer\n",
     WORLD "layer 0\n",
     WORLD "layer 0.1\n",
@@ -75,12 +75,12 @@ static const char *const bad_scenes[] = {
     WORLD CUBE "object_offset cube 0 0 0 0 0\n",
 };
 
-static void each_mistake_is_refused_in_one_line(void)
+static void invalid_scenes_are_rejected_with_one_line(void)
 {
-    refusal_check_all(bad_scenes, sizeof bad_scenes / sizeof bad_scenes[0]);
+    refusal_check_all(invalid_scenes, sizeof invalid_scenes / sizeof invalid_scenes[0]);
 }
 
-static void too_many_objects_and_planes_are_refused(void)
+static void too_many_objects_or_planes_are_rejected(void)
 {
     static char text[40000] = WORLD;
     for (int i = 0; i <= WORLD_OBJECTS_MAX; i++) {
@@ -92,11 +92,11 @@ static void too_many_objects_and_planes_are_refused(void)
     for (int i = 0; i <= SHAPE_PLANES_MAX; i++) {
         strcat(planes, "plane 1 0 0 0.01\n");
     }
-    const char *const many = planes;
-    refusal_check_all(&many, 1);
+    const char *const many_planes = planes;
+    refusal_check_all(&many_planes, 1);
 }
 
-/* A scene stimulus of `boards` boards for `taxels` taxels: one record, in which the cube floats at x. */
+/* Scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x. */
 static int scene_file(uint32_t boards, uint32_t taxels, float x)
 {
     uint8_t header[24] = "TAXELSTM";
@@ -118,32 +118,32 @@ static int scene_file(uint32_t boards, uint32_t taxels, float x)
     return fd;
 }
 
-static struct taxel_place place = {.normal = {1.0, 0.0, 0.0}, .distal = {0.0, 0.0, 1.0}};
+static struct taxel_pose pose_of_taxel = {.normal = {1.0, 0.0, 0.0}, .distal = {0.0, 0.0, 1.0}};
 static struct object_description cube = {
     .shape = {.kind = SHAPE_CONVEX, .bound = 0.02, .plane_count = 6,
               .planes = {{1, 0, 0, 0.01}, {-1, 0, 0, 0.01}, {0, 1, 0, 0.01}, {0, -1, 0, 0.01}, {0, 0, 1, 0.01}, {0, 0, -1, 0.01}}},
 };
 
-static void describe(bool placed)
+static void describe(bool has_poses)
 {
     fake_world_describe(&fake, 1, 1);
     fake.description.noise_counts = 0.0;
     cube.offset = frame_identity;
     fake.description.objects = &cube;
     fake.description.object_count = 1;
-    fake.description.boards[0].placed = placed;
-    fake.description.boards[0].places = placed ? &place : NULL;
+    fake.description.boards[0].taxel_pose_count = has_poses;
+    fake.description.boards[0].taxel_poses = has_poses ? &pose_of_taxel : NULL;
 }
 
-static void a_scene_that_does_not_fit_the_world_is_refused_in_one_line(void)
+static void a_scene_that_does_not_match_the_world_is_rejected_with_one_line(void)
 {
     static const struct {
-        bool placed;
+        bool has_poses;
         uint32_t boards;
         int result;
     } cases[] = {{true, 1, 0}, {true, 2, -1}, {false, 1, -1}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        describe(cases[i].placed);
+        describe(cases[i].has_poses);
         refusal_catch(&refusal);
         const int result = fake_world_open(&fake, scene_file(cases[i].boards, 1, 0.05f));
         CHECK_EQUAL(refusal_lines(&refusal), result ? 1 : 0);
@@ -169,21 +169,21 @@ static unsigned count_with_cube_at(float x, double offset)
     return count;
 }
 
-static void counts_fall_as_an_object_presses_and_follow_its_true_place(void)
+static void counts_fall_under_contact_and_follow_the_actual_object_pose(void)
 {
-    const unsigned rest = count_with_cube_at(0.05f, 0.0), near = count_with_cube_at(0.0111f, 0.0);
+    const unsigned rest = count_with_cube_at(0.05f, 0.0), above_skin = count_with_cube_at(0.0111f, 0.0);
     const unsigned pressed = count_with_cube_at(0.0109f, 0.0), deeper = count_with_cube_at(0.0108f, 0.0);
-    CHECK_EQUAL(near, rest); /* the skin ends 1 mm above the electrode, the cube's face is 10 mm before its centre */
+    CHECK_EQUAL(above_skin, rest); /* the skin surface is 1 mm above the electrode, and the cube's face 10 mm in front of its centre */
     CHECK(pressed < rest && deeper < pressed);
     CHECK_BETWEEN((double)count_with_cube_at(0.0128f, -0.002) - deeper, -1.0, 1.0);
 }
 
 int main(void)
 {
-    RUN(a_scene_is_read);
-    RUN(each_mistake_is_refused_in_one_line);
-    RUN(too_many_objects_and_planes_are_refused);
-    RUN(a_scene_that_does_not_fit_the_world_is_refused_in_one_line);
-    RUN(counts_fall_as_an_object_presses_and_follow_its_true_place);
+    RUN(a_valid_scene_is_read);
+    RUN(invalid_scenes_are_rejected_with_one_line);
+    RUN(too_many_objects_or_planes_are_rejected);
+    RUN(a_scene_that_does_not_match_the_world_is_rejected_with_one_line);
+    RUN(counts_fall_under_contact_and_follow_the_actual_object_pose);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Lines against shapes: what is computed agrees with walking along the line. */
+/* Intersection of lines with shapes: computed entries compared with sampling along the line. */
 #include <math.h>
 
 #include "check.h"
@@ -7,7 +7,7 @@
 
 #define SEED 7u
 #define STEP_M 2e-5
-#define FARTHEST_M 0.4
+#define RANGE_M 0.4
 
 static const struct shape box = {
     .kind = SHAPE_CONVEX,
@@ -37,13 +37,13 @@ static bool is_inside(const struct shape *shape, const double p[3])
     return true;
 }
 
-/* Distance of the first point inside, from -FARTHEST_M on; INFINITY for none. */
-static double walk(const struct shape *shape, const double origin[3], const double direction[3])
+/* Distance of the first sampled point inside the shape, from -RANGE_M on; INFINITY if there is none. */
+static double first_inside_point(const struct shape *shape, const double origin[3], const double direction[3])
 {
-    for (double at = -FARTHEST_M; at < FARTHEST_M; at += STEP_M) {
-        const double p[3] = {origin[0] + at * direction[0], origin[1] + at * direction[1], origin[2] + at * direction[2]};
+    for (double distance = -RANGE_M; distance < RANGE_M; distance += STEP_M) {
+        const double p[3] = {origin[0] + distance * direction[0], origin[1] + distance * direction[1], origin[2] + distance * direction[2]};
         if (is_inside(shape, p)) {
-            return at;
+            return distance;
         }
     }
     return (double)INFINITY;
@@ -62,7 +62,7 @@ static void random_line(struct random_source *random, double spread, double orig
     }
 }
 
-static void entries_agree_with_a_walk_along_the_line(void)
+static void entry_distances_agree_with_sampling_along_the_line(void)
 {
     struct random_source random;
     double origin[3], direction[3];
@@ -71,24 +71,24 @@ static void entries_agree_with_a_walk_along_the_line(void)
         unsigned hits = 0, misses = 0;
         for (int n = 0; n < 60; n++) {
             random_line(&random, 0.03, origin, direction);
-            const double entry = shape_entry(shapes[s], origin, direction), walked = walk(shapes[s], origin, direction);
-            if (isinf(walked)) {
+            const double entry = shape_entry(shapes[s], origin, direction), sampled_entry = first_inside_point(shapes[s], origin, direction);
+            if (isinf(sampled_entry)) {
                 misses++;
-                if (!isinf(entry)) { /* it may pass an edge between two steps */
+                if (!isinf(entry)) { /* the line may cross an edge between two samples */
                     const double beyond[3] = {origin[0] + (entry + STEP_M) * direction[0], origin[1] + (entry + STEP_M) * direction[1],
                                               origin[2] + (entry + STEP_M) * direction[2]};
                     CHECK(!is_inside(shapes[s], beyond));
                 }
             } else {
                 hits++;
-                CHECK_BETWEEN(walked - entry, -1e-12, STEP_M + 1e-12);
+                CHECK_BETWEEN(sampled_entry - entry, -1e-12, STEP_M + 1e-12);
             }
         }
         CHECK(hits > 10 && misses > 5);
     }
 }
 
-static void a_line_from_inside_has_entered_already(void)
+static void a_line_from_inside_has_a_negative_entry_distance(void)
 {
     static const double origin[3] = {0.0, 0.0, 0.02}, up[3] = {0.0, 0.0, 1.0}, x[3] = {1.0, 0.0, 0.0};
     CHECK(shape_entry(&box, origin, up) == -0.02);
@@ -97,21 +97,21 @@ static void a_line_from_inside_has_entered_already(void)
     CHECK(shape_entry(&cylinder, origin, x) == -0.025);
 }
 
-static void a_line_beside_the_shape_misses(void)
+static void a_line_outside_the_shape_misses(void)
 {
-    static const double beside[3] = {0.1, 0.0, 0.02}, up[3] = {0.0, 0.0, 1.0}, y[3] = {0.0, 1.0, 0.0};
+    static const double outside[3] = {0.1, 0.0, 0.02}, up[3] = {0.0, 0.0, 1.0}, y[3] = {0.0, 1.0, 0.0};
     for (size_t s = 0; s < SHAPES; s++) {
-        CHECK(isinf(shape_entry(shapes[s], beside, up)));
-        CHECK(isinf(shape_entry(shapes[s], beside, y)));
+        CHECK(isinf(shape_entry(shapes[s], outside, up)));
+        CHECK(isinf(shape_entry(shapes[s], outside, y)));
     }
 }
 
-static void many_lines_at_once_give_the_same(void)
+static void grouped_lines_give_the_same_entries(void)
 {
     struct random_source random;
     random_init(&random, SEED, 1);
     for (size_t s = 0; s < SHAPES; s++) {
-        unsigned within = 0;
+        unsigned hits_within_reach = 0;
         for (int n = 0; n < 300; n++) {
             const double reach = n % 3 ? 0.01 : 1.0;
             struct shape_lines lines = {.radius = 0.004};
@@ -128,15 +128,15 @@ static void many_lines_at_once_give_the_same(void)
             shape_entries(shapes[s], &lines, reach);
             for (int i = 0; i < SHAPE_LINES; i++) {
                 const double entry = shape_entry(shapes[s], origin[i], direction[i]);
-                within += fabs(entry) <= reach;
+                hits_within_reach += fabs(entry) <= reach;
                 CHECK(lines.entry[i] == entry || (fabs(entry) > reach && fabs(lines.entry[i]) > reach));
             }
         }
-        CHECK(within > 200);
+        CHECK(hits_within_reach > 200);
     }
 }
 
-static void the_bound_of_the_distance_is_one(void)
+static void the_distance_bound_never_exceeds_the_distance(void)
 {
     struct random_source random;
     double origin[3], direction[3];
@@ -154,10 +154,10 @@ static void the_bound_of_the_distance_is_one(void)
 int main(void)
 {
     printf("seed %u\n", SEED);
-    RUN(entries_agree_with_a_walk_along_the_line);
-    RUN(a_line_from_inside_has_entered_already);
-    RUN(a_line_beside_the_shape_misses);
-    RUN(many_lines_at_once_give_the_same);
-    RUN(the_bound_of_the_distance_is_one);
+    RUN(entry_distances_agree_with_sampling_along_the_line);
+    RUN(a_line_from_inside_has_a_negative_entry_distance);
+    RUN(a_line_outside_the_shape_misses);
+    RUN(grouped_lines_give_the_same_entries);
+    RUN(the_distance_bound_never_exceeds_the_distance);
     return check_summary();
 }

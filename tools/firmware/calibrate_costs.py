@@ -1,9 +1,9 @@
-"""Count in executed images what the native emulator has to charge for the firmware (firmware/emulator/costs.h).
+"""Count the cycles that the native emulator charges for the firmware (firmware/emulator/costs.h) in executed images.
 
-python tools/firmware/calibrate_costs.py [--check] [--images DIR]
+    python tools/firmware/calibrate_costs.py [--check] [--images DIR]
 
-Boards with the images of `make firmware` run in the emulator; every handler's cycles are counted there. Writes costs.h,
-and docs/firmware-cycles.md with the same figures; with --check it only says whether one of them is stale.
+Boards with the images of `make firmware` run in the emulator, which counts the cycles of every handler. Writes costs.h
+and docs/firmware-cycles.md with the same figures; --check only reports whether one of them is stale.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Final
 
 from compact_costs import measure_compact
-from costs_page import costs_of, costs_page
-from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, scanning
+from costs_page import costs_page, parse_costs
+from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, scanning_world
 from firmware_cycles import measure
 from hub_costs import measure_hub
 
@@ -31,20 +31,22 @@ ROOT: Final = Path(__file__).parents[2]
 COSTS: Final = ROOT / "firmware" / "emulator" / "costs.h"
 PAGE: Final = ROOT / "docs" / "firmware-cycles.md"
 SMALL, LARGE = 0x2C, 0x20
-"""Boards of the allegro hand: the conversions of both together have every case."""
+"""Boards of the allegro hand whose conversions together contain every case."""
 CYCLES_PER_US: Final = 48
 PERIOD: Final = 160 * 40
 SETTLE_CYCLES: Final = 4 * (96 // 4 + 1)
 QUOTIENTS: Final = 16
 RUN_S: Final = 12.0
-BEFORE_START: Final = 0.9
-"""Share of a conversion's interrupt that the next conversion waits for: what cuts into it delays the scan so much."""
+SHARE_BEFORE_START: Final = 0.9
+"""Share of a conversion's interrupt before the start of the next conversion. Preemption within this share delays the
+scan.
+"""
 TAIL_CHAIN: Final = 16 + 12 - 6
-"""Cycles that an interrupt saves which follows another at once (firmware/emulator/cortex_m0/cortex_m0.h)."""
+"""Cycles saved by an interrupt that is tail-chained (firmware/emulator/cortex_m0/cortex_m0.h)."""
 
 HEAD: Final = """\
-/* What the firmware costs on a 48 MHz Cortex-M0, in CPU cycles: counted in the executed images by
- * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md says what each is. */
+/* Cost of the firmware on a 48 MHz Cortex-M0 in CPU cycles, counted in the executed images by
+ * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md defines each figure. */
 #ifndef EMULATOR_COSTS_H
 #define EMULATOR_COSTS_H
 
@@ -55,17 +57,18 @@ HEAD: Final = """\
 Costs = dict[str, int | list[int]]
 
 
-def exact(value: float, what: str) -> int:
-    """A number of cycles that must come out whole. Raises ValueError."""
+def round_exactly(value: float, quantity: str) -> int:
+    """Round a number of cycles that must be whole. Raises ValueError if it is not."""
     if abs(value - round(value)) > 0.2:
-        raise ValueError(f"{what}: expected whole cycles, found {value:.3f}")
+        raise ValueError(f"{quantity}: expected whole cycles, found {value:.3f}")
     return round(value)
 
 
 def crossings_of(board: Board) -> list[int]:
-    """Numbers of the crossings that are taxels."""
+    """Indices of the crossings that have a taxel."""
     bits = board.kind.crossing_bitmap()
-    return [at for at in range(board.kind.tx_count * board.kind.rx_count) if bits[at >> 3] >> (at & 7) & 1]
+    crossings = range(board.kind.tx_count * board.kind.rx_count)
+    return [crossing for crossing in crossings if bits[crossing >> 3] >> (crossing & 7) & 1]
 
 
 def conversions(world: VirtualWorld, board: Board) -> list[int]:
@@ -83,48 +86,51 @@ def conversions(world: VirtualWorld, board: Board) -> list[int]:
 
 
 def conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
-    """Solve what the interrupts of whole scans cost for what each case of them adds."""
-    plain: dict[int, int] = {}
+    """Derive the cost of each case from the cycles of the interrupts of whole scans."""
+    cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []
     first: tuple[int, int] | None = None
     for board, costs in scans.values():
         crossings = crossings_of(board)
         if not crossings[0]:
-            raise ValueError("the first crossing of a calibrating board must not be number 0")
-        for place, (crossing, cost) in enumerate(zip(crossings, costs, strict=True)):
-            tx, skipped = crossing // board.kind.rx_count, crossing - crossings[place - 1] - 1 if place else crossing
-            if place == 0:
+            raise ValueError("the first crossing of a calibration board must not be number 0")
+        for position, (crossing, cost) in enumerate(zip(crossings, costs, strict=True)):
+            tx, skipped = (
+                crossing // board.kind.rx_count,
+                crossing - crossings[position - 1] - 1 if position else crossing,
+            )
+            if position == 0:
                 first = first or (crossing, cost)
-            elif tx == crossings[place - 1] // board.kind.rx_count:
+            elif tx == crossings[position - 1] // board.kind.rx_count:
                 if not skipped:
-                    plain[tx] = cost
+                    cost_by_line[tx] = cost
             else:
                 switching.append((tx, skipped, cost))
-    base = plain[0]
+    base = cost_by_line[0]
     tx, skipped, cost = next(case for case in switching if case[1] == 0)
-    new_tx = cost - plain[tx]
+    new_tx = cost - cost_by_line[tx]
     tx, skipped, cost = next(case for case in switching if case[1])
-    skip = exact((cost - plain[tx] - new_tx) / skipped, "a skipped crossing")
+    skipped_cost = round_exactly((cost - cost_by_line[tx] - new_tx) / skipped, "a skipped crossing")
     assert first is not None
-    known = {q: plain[q] - base for q in plain}
+    quotient_costs = {q: cost_by_line[q] - base for q in cost_by_line}
     return {
         "own": base,
-        "quotient": [known.get(q, max(known.values())) for q in range(QUOTIENTS)],
+        "quotient": [quotient_costs.get(q, max(quotient_costs.values())) for q in range(QUOTIENTS)],
         "new_tx": new_tx,
-        "skipped": skip,
-        "scan_own": first[1] - base - new_tx - skip * first[0],
+        "skipped": skipped_cost,
+        "scan_own": first[1] - base - new_tx - skipped_cost * first[0],
     }
 
 
 def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
-    """(sequence, microseconds, account of the conversion interrupt)."""
+    """Read a snapshot: (sequence, microseconds, cycle account of the conversion interrupt)."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
     return sequence, time_us, world.handler_costs(board.address)["CSD"]
 
 
 def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
-    """(cycles of a scan beyond its conversions, microseconds on the board's clock when its first scan began)."""
+    """Measure (cycles of a scan beyond its conversions, board clock in microseconds at the start of the first scan)."""
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
     begin = snapshot(world, board)
@@ -133,52 +139,55 @@ def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
     scans = end[0] - begin[0]
     period_us = (end[1] - begin[1]) / scans
     account, before = end[2], begin[2]
-    cut_in = (account.inclusive - account.own - before.inclusive + before.own) * BEFORE_START
-    cut_in += account.latency - before.latency
-    overhead = period_us * CYCLES_PER_US - PERIOD * board.kind.taxel_count - cut_in / scans
+    interrupt_delay = (account.inclusive - account.own - before.inclusive + before.own) * SHARE_BEFORE_START
+    interrupt_delay += account.latency - before.latency
+    overhead = period_us * CYCLES_PER_US - PERIOD * board.kind.taxel_count - interrupt_delay / scans
     return overhead, begin[1] - begin[0] * period_us
 
 
 def slave_costs(world: VirtualWorld, board: Board) -> Costs:
-    """Cycles of the slave's interrupts, and how long the bus waits for each: the fewest of several (nothing cut in)."""
+    """Cycles of the slave's interrupts, and the bus delay of each: the minimum of several transfers, without
+    preemption.
+    """
 
-    def least(write: bytes, size: int) -> tuple[int, float]:
-        own, held = [], []
+    def fastest_transfer(write: bytes, size: int) -> tuple[int, float]:
+        own, durations = [], []
         for _ in range(12):
             world.run(0.00113)
             before, begin = world.handler_costs(board.address)["SCB0"], world.now_s
             world.transfer(board.address, write, size)
-            held.append((world.now_s - begin) * 1e6 * CYCLES_PER_US)
+            durations.append((world.now_s - begin) * 1e6 * CYCLES_PER_US)
             world.run(0.0001)
             own.append(world.handler_costs(board.address)["SCB0"].own - before.own)
-        return min(own), min(held)
+        return min(own), min(durations)
 
     clock = CYCLES_PER_US * 2.5
     pointer = bytes([REGISTER_SNAPSHOT])
     stop = world.handler_costs(board.address)["SCB0"].own_min
-    probe, written, more = least(b"", 0), least(bytes([0xF0, 1]), 0), least(bytes([0xF0, 1, 1]), 0)
+    probe = fastest_transfer(b"", 0)
+    shorter, longer = fastest_transfer(bytes([0xF0, 1]), 0), fastest_transfer(bytes([0xF0, 1, 1]), 0)
     world.transfer(board.address, pointer, 0)
-    read, refilled = least(b"", 2), least(b"", 6)
+    read, refilled = fastest_transfer(b"", 2), fastest_transfer(b"", 6)
     return {
         "slave_write": probe[0] - stop,
         "slave_write_hold": round(probe[1] - 11 * clock),
         "slave_read": read[0] - stop,
         "slave_read_hold": round(read[1] - 29 * clock),
-        "slave_byte": more[0] - written[0],
-        "slave_byte_hold": round(more[1] - written[1] - 9 * clock),
+        "slave_byte": longer[0] - shorter[0],
+        "slave_byte_hold": round(longer[1] - shorter[1] - 9 * clock),
         "slave_refill": refilled[0] - read[0],
         "slave_stop": stop,
     }
 
 
 def measure_board(image: Path) -> Costs:
-    """All costs of a sensor board. Raises ValueError if they do not come out as the model of costs.h has them."""
+    """All costs of a sensor board. Raises ValueError if the measurements contradict the model of costs.h."""
     hand = load_hand("allegro")
     scans, overheads = {}, {}
     costs: Costs = {}
     for address in (SMALL, LARGE):
         board = hand.get_board(address)
-        with scanning(hand, board, image) as world:
+        with scanning_world(hand, board, image) as world:
             scans[address] = (board, conversions(world, board))
             tick = world.handler_costs(address)["SysTick"]
             overheads[address] = scan_overhead(world, board)
@@ -188,10 +197,10 @@ def measure_board(image: Path) -> Costs:
     own, scan_own = costs["own"], costs["scan_own"]
     assert isinstance(own, int)
     assert isinstance(scan_own, int)
-    spare = {address: sum(cycles) - overheads[address][0] for address, (_, cycles) in scans.items()}
+    remainders = {address: sum(cycles) - overheads[address][0] for address, (_, cycles) in scans.items()}
     counts = {address: scans[address][0].kind.taxel_count for address in scans}
-    after = round((spare[LARGE] - spare[SMALL]) / (counts[LARGE] - counts[SMALL]))
-    after_scan = round(spare[SMALL] - after * counts[SMALL])
+    after = round((remainders[LARGE] - remainders[SMALL]) / (counts[LARGE] - counts[SMALL]))
+    after_scan = round(remainders[SMALL] - after * counts[SMALL])
     return costs | {
         "conversion": own - SETTLE_CYCLES - after,
         "scan": scan_own - after_scan,
@@ -203,7 +212,7 @@ def measure_board(image: Path) -> Costs:
 
 
 def header(board: Costs, hub: Costs) -> str:
-    """The text of costs.h."""
+    """Text of costs.h."""
 
     def define(name: str, value: int | list[int]) -> str:
         text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
@@ -232,15 +241,15 @@ def header(board: Costs, hub: Costs) -> str:
 
 
 def main() -> int:
-    """Measure, and write or compare; an error is one line."""
+    """Measure, then write or compare; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="only say whether costs.h or its page is stale")
+    parser.add_argument("--check", action="store_true", help="only report whether costs.h or its page is stale")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")
     options = parser.parse_args()
     try:
         board = options.images / BOARD_IMAGE
         costs = measure_board(board) | measure_compact(board), measure_hub(options.images / HUB_IMAGE)
-        texts = {COSTS: header(*costs), PAGE: costs_page(costs_of(header(*costs)), measure(options.images))}
+        texts = {COSTS: header(*costs), PAGE: costs_page(parse_costs(header(*costs)), measure(options.images))}
     except (TaxelError, OSError, ValueError) as error:
         print(f"calibrate_costs: {error}", file=sys.stderr)
         return 1

@@ -1,4 +1,6 @@
-"""Count what coding compact snapshots costs a board's processor, in an executed image: a snapshot, and each taxel."""
+"""Measure the cycles that a board's processor needs to code compact snapshots, in an executed image: per snapshot and
+per taxel.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,13 @@ from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
 
 BOARDS: Final = (0x2C, 0x20)
-"""A small and a large one of the allegro hand."""
+"""A small and a large board of the allegro hand."""
 NOISE_COUNTS: Final = 4.0
 SETTLE_S, RUN_S = 2.0, 4.0
 
 
 def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
-    """Cycles of the main loop in a scan, while a hub streams the board in that form."""
+    """Cycles of the main loop per scan while a hub streams the board in this frame format."""
     hand = load_hand("allegro")
     text = lone_board(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + image_line(address)
     with (
@@ -41,13 +43,15 @@ def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]
 
 
 def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """(cycles awake outside interrupts, conversions)."""
+    """(cycles awake outside interrupts, number of conversions)."""
     processor, handlers = world.processor(address), world.handler_costs(address)
     return processor.cycles - processor.slept - sum(one.own for one in handlers.values()), handlers["CSD"].count
 
 
 def measure_compact(image: Path) -> dict[str, int | list[int]]:
-    """`compact` and `compact_taxel` of costs.h: what coding adds to the main loop, on a straight line of two boards."""
+    """The figures `compact` and `compact_taxel` of costs.h: cycles added to the main loop, from a straight line
+    through two boards.
+    """
     hand = load_hand("allegro")
     taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]
     added = [busy_per_scan(image, one, "compact") - busy_per_scan(image, one, "plain") for one in BOARDS]

@@ -1,4 +1,4 @@
-"""Worlds with boards that execute the images of `make firmware`, and those images under other versions."""
+"""World files whose boards execute the images of `make firmware`, and these images under other versions."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ HUB_IMAGE: Final = "hub-factory.hex"
 
 
 def files(images: Path = IMAGES) -> dict[str, Path]:
-    """The factory's images by the names that world files here have for them."""
+    """Paths of the factory images by the names that the world files use."""
     return {name: images / name for name in (BOARD_IMAGE, HUB_IMAGE)}
 
 
 def image_line(address: int) -> str:
-    """The line of a world file that makes a board, or the hub (0), execute its image."""
+    """World-file line that makes a board, or the hub (0), execute its image."""
     return f"image 0x{address:02X} {BOARD_IMAGE}\n" if address else f"hub_image {HUB_IMAGE}\n"
 
 
 def lone_board(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
-    """The world file of that board alone; it is not executed yet."""
+    """World file with only this board, natively emulated."""
     lines = format_world(hand, settings).splitlines()
-    kept = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
-    return "\n".join(kept) + "\n"
+    lines_of_board = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
+    return "\n".join(lines_of_board) + "\n"
 
 
 @contextmanager
-def scanning(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
-    """A world in which that board scans, and nobody asks it anything."""
+def scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
+    """World in which the board scans and no hub reads it."""
     text = lone_board(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + image_line(board.address)
     with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
         world.inject("hub_unplug")
@@ -49,12 +49,16 @@ def scanning(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
 
 
 def firmware_with(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:
-    """The board's images of both slots, under another version; behind the program are `rows` flash rows of other bytes
-    for each version, so that there is something to write.
+    """Images of both slots of a board under another version.
+
+    rows: number of flash rows with version-dependent bytes after the program, so that an update has something to
+    write.
     """
-    made = []
+    images_of_slots = []
     for slot, name in enumerate("ab"):
         content = (images / f"board-{name}.bin").read_bytes()[HEADER_SIZE:]
         content += random.Random(f"{version} {slot}").randbytes(rows * BOOT_ROW_SIZE)
-        made.append(parse_image(image(BootDevice.BOARD, slot, 0, version, content), f"board-{name} {version}"))
-    return Firmware(tuple(made))
+        images_of_slots.append(
+            parse_image(image(BootDevice.BOARD, slot, 0, version, content), f"board-{name} {version}")
+        )
+    return Firmware(tuple(images_of_slots))

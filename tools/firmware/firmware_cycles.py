@@ -1,6 +1,7 @@
-"""What the firmware takes of its processors: cycles awake per scan and poll of a board, per poll and frame of the hub.
+"""Processor load of the firmware: cycles awake per scan and poll of a board, and per poll and frame of the hub.
 
-Counted in the images of `make firmware`, executed in the emulator; the same images give the same figures.
+The cycles are counted in the images of `make firmware`, executed in the emulator; the same images give the same
+figures.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import struct
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from executed_world import BOARD_IMAGE, HUB_IMAGE, image_line, scanning
+from executed_world import BOARD_IMAGE, HUB_IMAGE, image_line, scanning_world
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.description import Board
@@ -21,14 +22,16 @@ from taxel_protocol.limits import REGISTER_SNAPSHOT
 
 CYCLES_PER_US: Final = 48
 POLLS: Final = 40
-POLL_EVERY_S: Final = 0.0113
+POLL_PERIOD_S: Final = 0.0113
 RUN_S: Final = 1.0
 FRAMES_S: Final = 2.0
 
 
 class BoardCycles(NamedTuple):
-    """Of one kind of board. `scan`, `poll`: cycles in which the processor is awake, for a scan and besides for a read
-    of its snapshot. `length`: cycles from one scan to the next while nobody reads.
+    """Cycles of one kind of board.
+
+    scan: cycles awake per scan. poll: additional cycles awake per read of a snapshot. length: cycles between scans
+    without reads.
     """
 
     kind: str
@@ -39,14 +42,15 @@ class BoardCycles(NamedTuple):
 
     @property
     def budget(self) -> int:
-        """Scan and poll may not take all of the time: the conversions would have to wait."""
+        """Budget of scan and poll together: beyond it the conversions would be delayed."""
         return self.length
 
 
 class HubCycles(NamedTuple):
-    """Of a hub that streams the whole hand. `poll`: cycles in its I2C interrupts, per poll; `frame`: all others in
-    which the processor is awake, per frame, with those in the UART's interrupts (`uart`). `length`: from one frame to
-    the next.
+    """Cycles of a hub that streams the whole hand.
+
+    poll: cycles of its I2C interrupts per poll. frame: all other cycles awake per frame, including the UART's
+    interrupts (`uart`). length: cycles between frames.
     """
 
     boards: int
@@ -57,54 +61,54 @@ class HubCycles(NamedTuple):
 
     @property
     def budget(self) -> int:
-        """Poll and frame may not take all of the time: a slower bus would be the price."""
+        """Budget of poll and frame together: beyond it the bus would be slowed down."""
         return self.length
 
 
 class FirmwareCycles(NamedTuple):
-    """All that was counted; `boards` from the smallest kind to the largest."""
+    """All counted cycles; `boards` in ascending order of taxels."""
 
     boards: tuple[BoardCycles, ...]
     hub: HubCycles
 
 
 def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
-    """(sequence, microseconds) of the snapshot that is there."""
+    """(sequence, microseconds) of the current snapshot."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
     return int(sequence), int(time_us)
 
 
-def _spent(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """(cycles, those awake) so far."""
+def _cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
+    """(all cycles, cycles awake) so far."""
     processor = world.processor(address)
     return processor.cycles, processor.cycles - processor.slept
 
 
 def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
-    """A board of that kind, alone and then polled."""
+    """Measure a board of a kind, first without and then with polls."""
     address = board.address
-    with scanning(hand, board, image) as world:
+    with scanning_world(hand, board, image) as world:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
         world.run(0.05)
         first = _read(world, board)
-        begin = _spent(world, address)
+        begin = _cycle_counts(world, address)
         world.run(RUN_S)
-        end = _spent(world, address)
+        end = _cycle_counts(world, address)
         last = _read(world, board)
         share = (end[1] - begin[1]) / (end[0] - begin[0])
         length = (last[1] - first[1]) * CYCLES_PER_US / (last[0] - first[0])
-        begin = _spent(world, address)
+        begin = _cycle_counts(world, address)
         for _ in range(POLLS):
             _read(world, board)
-            world.run(POLL_EVERY_S)
-        end = _spent(world, address)
+            world.run(POLL_PERIOD_S)
+        end = _cycle_counts(world, address)
     poll = (end[1] - begin[1] - share * (end[0] - begin[0])) / POLLS
     return BoardCycles(board.kind.name, board.kind.taxel_count, round(share * length), round(length), round(poll))
 
 
 def measure_hub(hand: Hand, image: Path) -> HubCycles:
-    """The hub of the whole hand; its boards are emulated natively."""
+    """Measure the hub of the whole hand; its boards are emulated natively."""
     text = format_world(hand, WorldSettings(noise_counts=0.0)) + image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
@@ -116,9 +120,9 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
         stream(0.5)
         before = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
-        begin = _spent(world, 0)
+        begin = _cycle_counts(world, 0)
         frames = stream(FRAMES_S)
-        end = _spent(world, 0)
+        end = _cycle_counts(world, 0)
         after = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
     bus, uart = ((after[name] - before[name]) / frames for name in ("SCB0", "SCB1"))
     awake, length = (end[1] - begin[1]) / frames, (end[0] - begin[0]) / frames
@@ -126,7 +130,7 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
 
 def measure(images: Path) -> FirmwareCycles:
-    """Every kind of the allegro hand's boards, and its hub. Raises `TaxelError`, OSError."""
+    """Measure every board kind of the allegro hand, and its hub. Raises `TaxelError`, OSError."""
     hand = load_hand("allegro")
     kinds = {board.kind.name: board for board in hand.boards}
     ordered = sorted(kinds.values(), key=lambda board: board.kind.taxel_count)

@@ -1,7 +1,4 @@
-"""A linked image: the parts of an ELF file that go to flash, its sections and its symbols.
-
-Source: Tool Interface Standard, "Executable and Linking Format", version 1.2, book I. 32 bits, little-endian, ARM.
-"""
+"""Reader of linked images (ELF): loaded bytes, sections and symbols."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ FUNCTION: Final = 2
 
 @dataclass(frozen=True)
 class Section:
-    """A section that takes memory; `size` in bytes."""
+    """A section in memory; `size` in bytes."""
 
     name: str
     address: int
@@ -34,7 +31,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Function:
-    """Code of `size` bytes from `address` on, without the bit that says Thumb."""
+    """A function of `size` bytes at `address`, without the Thumb bit."""
 
     name: str
     address: int
@@ -43,7 +40,9 @@ class Function:
 
 @dataclass(frozen=True)
 class LinkedImage:
-    """`content`: the bytes from `address` on, gaps filled with zeros; `symbols`: name to value, of functions too."""
+    """A linked image. content: bytes from `address` on, gaps filled with zeros. symbols: values by name, functions
+    included.
+    """
 
     path: str
     address: int
@@ -53,21 +52,21 @@ class LinkedImage:
     functions: tuple[Function, ...]
 
     def symbol(self, name: str) -> int:
-        """Value of a symbol. Raises FirmwareFileError if there is none."""
+        """Value of a symbol. Raises FirmwareFileError if it is missing."""
         if name not in self.symbols:
             _fail(self.path, f"symbol {name}", "one", "none", "link it with image.ld.in")
         return self.symbols[name]
 
 
-def _fail(path: str, field: str, expected: str, found: str, remedy: str = "build it anew") -> NoReturn:
+def _fail(path: str, field: str, expected: str, found: str, remedy: str = "rebuild it") -> NoReturn:
     raise FirmwareFileError(path, field, expected, found, remedy)
 
 
 def read_linked_image(path: Path) -> LinkedImage:
-    """Read it. Raises FirmwareFileError with one line for each kind of damage, OSError."""
+    """Read an ELF file. Raises FirmwareFileError with one line for a damaged file, OSError."""
     data = path.read_bytes()
     if not data.startswith(IDENTIFICATION) or len(data) < HEADER.size:
-        _fail(str(path), "file", "a 32-bit little-endian ELF", repr(data[:6]), "give what the linker wrote")
+        _fail(str(path), "file", "a 32-bit little-endian ELF", repr(data[:6]), "pass the linker's output")
     header = HEADER.unpack_from(data)
     if header[1] != EXECUTABLE or header[2] != ARM:
         _fail(
@@ -91,7 +90,7 @@ def read_linked_image(path: Path) -> LinkedImage:
             functions,
         )
     except (struct.error, IndexError, UnicodeDecodeError):
-        _fail(str(path), "file", "whole tables", "a table beyond the file's end")
+        _fail(str(path), "file", "complete tables", "a table beyond the end of the file")
 
 
 def _text(data: bytes, offset: int) -> str:
@@ -99,7 +98,7 @@ def _text(data: bytes, offset: int) -> str:
 
 
 def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
-    """(address, bytes) of all that is loaded into flash."""
+    """(address, bytes) of everything loaded into flash."""
     pieces: list[tuple[int, bytes]] = []
     for place in range(header[10]):
         segment = PROGRAM_HEADER.unpack_from(data, header[5] + place * header[9])

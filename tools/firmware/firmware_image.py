@@ -1,9 +1,9 @@
-"""Make what a host and a programmer take from the linked images of one device.
+"""Write the files for hosts and programmers from the linked images of one device.
 
-python tools/firmware/firmware_image.py --bootloader ELF --slot-a ELF --slot-b ELF --name board --out DIR
+    python tools/firmware/firmware_image.py --bootloader ELF --slot-a ELF --slot-b ELF --name board --out DIR
 
-Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with their headers filled in, the manifest DIR/NAME.toml of both, and
-DIR/NAME-factory.hex for a programmer: the bootloader and the image of slot A. The same input gives the same bytes.
+Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with complete headers, the manifest DIR/NAME.toml of both, and
+DIR/NAME-factory.hex for a programmer with the bootloader and the image of slot A. The same input gives the same bytes.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoRe
     raise FirmwareFileError(path, field, expected, found, remedy)
 
 
-def version_of(project: Path) -> tuple[int, int, int]:
-    """The version that pyproject.toml gives the project. Raises FirmwareFileError, OSError."""
+def read_project_version(project: Path) -> tuple[int, int, int]:
+    """Version of the project from pyproject.toml. Raises FirmwareFileError, OSError."""
     try:
         text = str(tomllib.loads(project.read_text())["project"]["version"])
     except (ValueError, KeyError):
@@ -46,58 +46,64 @@ def version_of(project: Path) -> tuple[int, int, int]:
     numbers = tuple(int(part) for part in match.groups()) if match else ()
     if len(numbers) != 3 or max(numbers) > 255:
         _fail(
-            str(project), "project.version", "three numbers to 255, such as 1.2.0", repr(text), "an image has no more"
+            str(project),
+            "project.version",
+            "three numbers to 255, such as 1.2.0",
+            repr(text),
+            "an image header has three bytes",
         )
     return numbers[0], numbers[1], numbers[2]
 
 
 def _check_vectors(linked: LinkedImage, offset: int) -> None:
-    """The first two vectors at `offset` of the content: a stack in RAM, and Thumb code of this image."""
+    """Check the first two vectors at `offset` of the content: stack pointer in RAM, reset vector in this image with
+    the Thumb bit.
+    """
     stack, reset = (int.from_bytes(linked.content[at : at + 4], "little") for at in (offset, offset + 4))
     if not RAM_BEGIN < stack <= RAM_BEGIN + RAM_SIZE or stack % 8:
-        _fail(linked.path, "stack pointer", "a multiple of 8 in RAM", f"0x{stack:08X}", "mend the vector table")
+        _fail(linked.path, "stack pointer", "a multiple of 8 in RAM", f"0x{stack:08X}", "correct the vector table")
     end = linked.address + len(linked.content)
     if not linked.address + offset + 8 <= reset < end or not reset & 1:
         expected = f"Thumb code from 0x{linked.address + offset + 8:X} to 0x{end:X}"
-        _fail(linked.path, "reset vector", expected, f"0x{reset:08X}", "mend the vector table")
+        _fail(linked.path, "reset vector", expected, f"0x{reset:08X}", "correct the vector table")
 
 
-def slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
-    """The image with its header filled in. Raises FirmwareFileError if it is not linked for this slot."""
+def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
+    """Image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
     device = _device(linked)
     layout = LAYOUTS[device]
     found = linked.symbol("image_slot")
     if found != slot or linked.address != layout.slot_address(slot):
         place = f"slot {slot_name(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
-        _fail(linked.path, "address", place, f"0x{linked.address:X}", "give the two images in their order")
+        _fail(linked.path, "address", place, f"0x{linked.address:X}", "pass the images in the order A, B")
     if any(linked.content[:HEADER_SIZE]):
-        _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it anew")
+        _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it again")
     _check_vectors(linked, HEADER_SIZE)
     try:
         data = image(device, slot, ANY_KIND, version, linked.content[HEADER_SIZE:])
     except ValueError as error:
-        _fail(linked.path, "size", f"at most {layout.slot_size} bytes", str(error), "build it smaller")
+        _fail(linked.path, "size", f"at most {layout.slot_size} bytes", str(error), "reduce its size")
     return parse_image(data, linked.path)
 
 
 def _device(linked: LinkedImage) -> BootDevice:
     value = linked.symbol("image_device")
     if value not in LAYOUTS:
-        _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it anew")
+        _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it again")
     return BootDevice(value)
 
 
 def bootloader_content(linked: LinkedImage) -> bytes:
-    """Its bytes from address 0 on. Raises FirmwareFileError if they are not a bootloader's."""
+    """Bytes of a bootloader from address 0 on. Raises FirmwareFileError for another image."""
     if linked.address or len(linked.content) > BOOTLOADER_SIZE or "image_slot" in linked.symbols:
         found = f"{len(linked.content)} bytes at 0x{linked.address:X}"
-        _fail(linked.path, "place", f"{BOOTLOADER_SIZE} bytes or fewer at 0", found, "give the bootloader's ELF")
+        _fail(linked.path, "address", f"{BOOTLOADER_SIZE} bytes or fewer at 0", found, "pass the bootloader's ELF")
     _check_vectors(linked, 0)
     return linked.content
 
 
-def manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
-    """The text of a manifest that names these files, which are beside it."""
+def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
+    """Text of a manifest that names the files in its folder."""
     lines = ["# Written by tools/firmware/firmware_image.py.", "taxel_firmware = 1"]
     for found, file in zip(images, files, strict=True):
         lines += [
@@ -114,16 +120,16 @@ def manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
 
 
 def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, project: Path = PROJECT) -> None:
-    """Write all files of one device. Raises FirmwareFileError, OSError; then nothing that can be used is left."""
-    version = version_of(project)
+    """Write all files of one device. Raises FirmwareFileError, OSError; no usable manifest remains after an error."""
+    version = read_project_version(project)
     boot_file = read_linked_image(bootloader)
     boot = bootloader_content(boot_file)
     linked = [read_linked_image(path) for path in slots]
-    images = [slot_image(file, slot, version) for slot, file in enumerate(linked)]
+    images = [build_slot_image(file, slot, version) for slot, file in enumerate(linked)]
     for other in (boot_file, linked[1]):
         if _device(other) != images[0].device:
             device = images[0].device.name.lower()
-            _fail(other.path, "device", f"{device}, as slot A", _device(other).name.lower(), "give files of one device")
+            _fail(other.path, "device", f"{device}, as slot A", _device(other).name.lower(), "pass files of one device")
     out.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.toml").unlink(missing_ok=True)
     files = []
@@ -137,15 +143,15 @@ def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Pat
     first = write_intel_hex(boot, 0).removesuffix(HEX_END)
     layout = LAYOUTS[images[0].device]
     (out / f"{name}-factory.hex").write_text(first + write_intel_hex(images[0].data, layout.slot_address(0)))
-    (out / f"{name}.toml").write_text(manifest(name, images, files))
+    (out / f"{name}.toml").write_text(format_manifest(name, images, files))
 
 
 def main() -> int:
-    """Write them; an error is one line."""
+    """Write the files; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
         parser.add_argument(option, type=Path, required=True)
-    parser.add_argument("--name", required=True, help="what the files' names begin with")
+    parser.add_argument("--name", required=True, help="prefix of the file names")
     options = parser.parse_args()
     try:
         write_images(options.bootloader, (options.slot_a, options.slot_b), options.name, options.out)

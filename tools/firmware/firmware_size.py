@@ -1,10 +1,10 @@
-"""Flash, RAM, worst-case stack and cycles of the images in a build folder against their budgets.
+"""Flash, RAM, worst-case stack and cycles of the images in a build folder, compared with their budgets.
 
-python tools/firmware/firmware_size.py --build DIR [--json FILE] [--page FILE] [--compare FILE]
+    python tools/firmware/firmware_size.py --build DIR [--json FILE] [--page FILE] [--compare FILE]
 
-Prints the table, writes it as JSON and as a page, says what changed since another JSON, and fails where a budget is
-exceeded. Budgets: flash from the layout, RAM and stack from the image's own linker script, cycles from what they are
-spent in (`firmware_cycles.py`).
+Prints the table, writes it as JSON and as a page, lists the changes since another JSON, and fails if a budget is
+exceeded. Budgets: flash from the layout, RAM and stack from the image's linker script, cycles from the available time
+(`firmware_cycles.py`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, Final
 from firmware_cycles import FirmwareCycles
 from firmware_cycles import measure as measure_cycles
 from firmware_elf import LinkedImage, read_linked_image
-from firmware_stack import CallGraph, StackUse, disassemble, noted_frames, read_call_table
+from firmware_stack import CallGraph, StackUse, disassemble, read_call_table, read_noted_frames
 
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
@@ -33,21 +33,22 @@ COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RA
 
 PAGE: Final = """# Size of the images
 
-Written by `make size` from the linked images of the CY8C4245AXI-483, in bytes. Static RAM counts from the start of RAM
-on: vectors, the words that survive a reset, variables. Stack is the worst case: the deepest chain of calls from the
-reset handler, and the interrupts that can cut into it with their exception frames
-(`tools/firmware/firmware_stack.py`). What the supervisory ROM takes of the stack during a flash call is not known; what
-is reserved beyond the worst case is there for it. Cycles are those in which the processor is awake, counted in executed
-images: of a board of the largest kind for a scan and a poll, of the time that a scan takes; of the hub for a poll and a
-frame, of the time from frame to frame while it streams 17 boards (all kinds: [firmware-cycles.md](firmware-cycles.md)).
-`make size` fails when flash, stack, RAM or cycles exceed their budget.
-{compiler}
+This page is written by `make size` from the linked images of the CY8C4245AXI-483. Sizes are in bytes.
 
-All of them keep to 3 KiB of the part's 4 KiB.
+- *static RAM* counts from the start of RAM: vectors, the words that survive a reset, and variables.
+- *stack* is the worst case: the deepest call chain from the reset handler plus the interrupts that can preempt it, with
+  their exception frames (`tools/firmware/firmware_stack.py`). The stack that the supervisory ROM uses during a flash
+  call is not published; the reserve beyond the worst case is intended for it.
+- *cycles* are those in which the processor is awake, counted in executed images. For a board of the largest kind:
+  cycles of a scan and a poll, compared with the duration of a scan. For the hub: cycles of a poll and a frame, compared
+  with the time between frames while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
+
+`make size` fails if flash, stack, RAM or cycles exceed their budget. The RAM budget of every image is 3 KiB of the
+part's 4 KiB. {compiler}
 
 {table}
 
-Deepest chains:
+Deepest call chains:
 
 {chains}
 """
@@ -55,7 +56,7 @@ Deepest chains:
 
 @dataclass(frozen=True)
 class Size:
-    """Of one image, in bytes. `chain`: the functions of the worst case, interrupts last."""
+    """Sizes of one image in bytes. chain: functions of the worst case, interrupts last."""
 
     flash: int
     flash_budget: int
@@ -65,20 +66,20 @@ class Size:
     ram_budget: int
     chain: tuple[str, ...]
     cycles: dict[str, int] | None = None
-    """By what they are spent for, and the budget of them all as `of`; None: nothing was counted."""
+    """Cycles by activity, and their common budget as `of`; None: not measured."""
 
     @property
     def ram(self) -> int:
-        """Static, and the worst case of the stack."""
+        """Static RAM plus worst-case stack."""
         return self.static_ram + self.stack
 
     @property
     def spent(self) -> int:
-        """Cycles of all that was counted."""
+        """Cycles of all activities."""
         return sum(count for name, count in (self.cycles or {}).items() if name != "of")
 
-    def excess(self) -> str:
-        """What is over its budget, or nothing."""
+    def describe_excess(self) -> str:
+        """Quantities that exceed their budgets, or an empty string."""
         found = [
             f"{name} {used} of {budget} {unit}"
             for name, used, budget, unit in (
@@ -93,14 +94,14 @@ class Size:
 
 
 def flash_budget(linked: LinkedImage) -> int:
-    """Bytes that the image may have: its slot, or the bootloader's rows."""
+    """Flash budget of the image in bytes: its slot, or the bootloader's rows."""
     if "image_slot" in linked.symbols:
         return LAYOUTS[BootDevice(linked.symbol("image_device"))].slot_size
     return BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
 
 
 def measure(linked: LinkedImage, use: StackUse) -> Size:
-    """The size of one image."""
+    """Sizes of one image."""
     end = max((part.address + part.size for part in linked.sections if part.address >= RAM_BEGIN), default=RAM_BEGIN)
     return Size(
         len(linked.content),
@@ -121,14 +122,14 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     for name in IMAGES:
         path = build / f"{name}.elf"
         linked = read_linked_image(path)
-        noted = noted_frames([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
+        noted = read_noted_frames([*shared, *build.glob(f"{name}.elf.ltrans*.su")])
         graph = CallGraph(linked, disassemble(str(path), objdump), noted, table)
         sizes[name] = measure(linked, graph.use(name))
     return sizes
 
 
 def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
-    """The same with what was counted in the images of slot A; those of slot B are the same program."""
+    """Add the cycles counted in the images of slot A; the images of slot B are the same program."""
     palm, hub = counted.boards[-1], counted.hub
     cycles = {
         "board": {"scan": palm.scan, "poll": palm.poll, "of": palm.budget},
@@ -144,8 +145,8 @@ def _cycles_cell(cycles: dict[str, int] | None) -> str:
     return f"{' + '.join(parts)} of {cycles['of']:,}"
 
 
-def table_lines(sizes: dict[str, Size]) -> list[str]:
-    """The table in Markdown."""
+def format_table(sizes: dict[str, Size]) -> list[str]:
+    """Table in Markdown."""
     lines = [f"| {' | '.join(COLUMNS)} |", f"|---{'|---:' * (len(COLUMNS) - 1)}|"]
     for name, size in sizes.items():
         numbers = (size.flash, size.flash_budget, size.static_ram, size.stack, size.stack_reserve, size.ram)
@@ -154,20 +155,20 @@ def table_lines(sizes: dict[str, Size]) -> list[str]:
     return lines
 
 
-def page(sizes: dict[str, Size], compiler: str) -> str:
-    """The whole page."""
+def format_page(sizes: dict[str, Size], compiler: str) -> str:
+    """Text of the whole page."""
     chains = [f"- {name}: {', '.join(size.chain)}" for name, size in sizes.items() if not name.endswith("-b")]
-    return PAGE.format(compiler=compiler, table="\n".join(table_lines(sizes)), chains="\n".join(chains))
+    return PAGE.format(compiler=compiler, table="\n".join(format_table(sizes)), chains="\n".join(chains))
 
 
-def as_json(sizes: dict[str, Size], compiler: str) -> str:
-    """The same for a later comparison."""
+def format_json(sizes: dict[str, Size], compiler: str) -> str:
+    """JSON text for a later comparison."""
     document = {"compiler": compiler, "images": {name: asdict(size) for name, size in sizes.items()}}
     return json.dumps(document, indent=1) + "\n"
 
 
-def changes(sizes: dict[str, Size], before: Path) -> list[str]:
-    """A line for each image that grew or shrank since the JSON `before`. Raises FirmwareFileError, OSError."""
+def compare_sizes(sizes: dict[str, Size], before: Path) -> list[str]:
+    """A line for each image whose size changed since the JSON file `before`. Raises FirmwareFileError, OSError."""
     try:
         images: dict[str, dict[str, Any]] = json.loads(before.read_text())["images"]
         lines = []
@@ -186,13 +187,13 @@ def changes(sizes: dict[str, Size], before: Path) -> list[str]:
             lines += [f"{name}: {', '.join(parts)}"] if parts else []
     except (ValueError, KeyError, TypeError, AttributeError):
         raise FirmwareFileError(
-            str(before), "file", "JSON of an earlier run", "something else", "write it anew"
+            str(before), "file", "JSON of an earlier run", "other content", "write it again with --json"
         ) from None
     return lines or ["no image changed its size"]
 
 
-def compiler_of(objdump: str) -> str:
-    """A sentence that names the compiler beside this objdump."""
+def describe_compiler(objdump: str) -> str:
+    """Sentence that names the compiler belonging to this objdump."""
     run = subprocess.run(
         [objdump.replace("objdump", "gcc"), "-dumpversion"], capture_output=True, text=True, check=True
     )
@@ -200,7 +201,7 @@ def compiler_of(objdump: str) -> str:
 
 
 def main() -> int:
-    """Measure, write, compare; 1 if a budget is exceeded or a file cannot be used."""
+    """Measure, write and compare; return 1 if a budget is exceeded or a file is unusable."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--build", type=Path, required=True, help="folder of the cross build")
     parser.add_argument("--json", type=Path)
@@ -212,19 +213,19 @@ def main() -> int:
     try:
         counted = measure_cycles(options.build / "images")
         sizes = with_cycles(measure_all(options.build, options.objdump, options.calls), counted)
-        compiler = compiler_of(options.objdump)
-        compared = changes(sizes, options.compare) if options.compare else []
-        print("\n".join([*table_lines(sizes), *compared]))
+        compiler = describe_compiler(options.objdump)
+        compared = compare_sizes(sizes, options.compare) if options.compare else []
+        print("\n".join([*format_table(sizes), *compared]))
         if options.json:
-            options.json.write_text(as_json(sizes, compiler))
-        if options.page:
-            options.page.write_text(page(sizes, compiler))
+            options.json.write_text(format_json(sizes, compiler))
+        if options.format_page:
+            options.format_page.write_text(format_page(sizes, compiler))
     except (TaxelError, OSError, subprocess.CalledProcessError) as error:
         print(f"firmware_size: {error}", file=sys.stderr)
         return 1
-    over = {name: size.excess() for name, size in sizes.items() if size.excess()}
-    for name, excess in over.items():
-        print(f"firmware_size: {name}: over budget: {excess}", file=sys.stderr)
+    over = {name: size.describe_excess() for name, size in sizes.items() if size.describe_excess()}
+    for name, describe_excess in over.items():
+        print(f"firmware_size: {name}: over budget: {describe_excess}", file=sys.stderr)
     return 1 if over else 0
 
 

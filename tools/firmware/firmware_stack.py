@@ -1,9 +1,9 @@
-"""Worst-case stack of a linked image, from its machine code, what the compiler noted of it, and a table of pointers.
+"""Worst-case stack of a linked image, from its machine code, the compiler's .su files and a table of pointer calls.
 
-A function's frame is what its pushes and subtractions from the stack pointer add up to, or what the compiler's .su file
-says if that is more. Calls and jumps to other functions are read from the disassembly; where calls through pointers go,
-and which interrupts cut into one another, stands in a table (firmware/boards/psoc4200/calls.toml). An exception takes
-32 bytes and up to 4 to align them (ARMv6-M Architecture Reference Manual, B1.5.6).
+The frame of a function is the sum of its pushes and subtractions from the stack pointer, or the size in the compiler's
+.su file if that is larger. Calls and jumps to other functions are read from the disassembly. A table
+(firmware/boards/psoc4200/calls.toml) lists the targets of calls through pointers and the interrupts that preempt each
+other. An exception takes 32 bytes and up to 4 bytes of alignment (ARMv6-M Architecture Reference Manual, B1.5.6).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SUFFIX: Final = re.compile(r"\.(lto_priv|constprop|isra|part|cold)\.\d+")
 
 @dataclass
 class Routine:
-    """One function of the disassembly. `calls`: addresses of others that it calls or jumps to."""
+    """A function of the disassembly. calls: addresses of other functions that it calls or jumps to."""
 
     name: str
     frame: int = 0
@@ -41,7 +41,7 @@ class Routine:
 
 @dataclass(frozen=True)
 class CallTable:
-    """The rows of calls.toml: (callers, targets) and (images, handlers of each level)."""
+    """Rows of calls.toml: (callers, targets) and (images, handlers of each priority level)."""
 
     path: str
     pointers: tuple[tuple[list[str], list[str]], ...]
@@ -50,7 +50,9 @@ class CallTable:
 
 @dataclass(frozen=True)
 class StackUse:
-    """Bytes: of the deepest chain from the start, and of the interrupts on top of it; `chain` names the functions."""
+    """Stack in bytes of the deepest call chain from the start, and of the interrupts on top; `chain` names the
+    functions.
+    """
 
     start: int
     interrupts: int
@@ -58,7 +60,7 @@ class StackUse:
 
     @property
     def total(self) -> int:
-        """Both together."""
+        """Total stack in bytes."""
         return self.start + self.interrupts
 
 
@@ -67,24 +69,24 @@ def _fail(path: str, name: str, expected: str, found: str, remedy: str) -> NoRet
 
 
 def read_call_table(path: Path) -> CallTable:
-    """Read it. Raises FirmwareFileError, OSError."""
+    """Read calls.toml. Raises FirmwareFileError, OSError."""
     try:
         document = tomllib.loads(path.read_text())
         pointers = tuple((list(row["callers"]), list(row["targets"])) for row in document["pointer"])
         levels = tuple((list(row["images"]), [list(level) for level in row["handlers"]]) for row in document["levels"])
     except (ValueError, KeyError, TypeError) as error:
-        _fail(str(path), "table", "[[pointer]] and [[levels]]", str(error).splitlines()[0], "mend it")
+        _fail(str(path), "table", "[[pointer]] and [[levels]]", str(error).splitlines()[0], "correct it")
     return CallTable(str(path), pointers, levels)
 
 
 def disassemble(path: str, objdump: str) -> dict[int, Routine]:
-    """The routines of an ELF file by their addresses. Raises OSError without the tool."""
+    """Routines of an ELF file by address. Raises OSError if the tool is missing."""
     run = subprocess.run([objdump, "-d", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
     return read_disassembly(run.stdout)
 
 
 def read_disassembly(text: str) -> dict[int, Routine]:
-    """The same from objdump's text."""
+    """Routines in objdump's text by address."""
     routines: dict[int, Routine] = {}
     begin, previous = -1, ""
     for line in text.splitlines():
@@ -98,7 +100,7 @@ def read_disassembly(text: str) -> dict[int, Routine]:
             _read_instruction(routines[begin], begin, instruction[2], instruction[3] or "", previous)
             previous = line
     starts = sorted(routines)
-    for address, routine in routines.items():  # a jump into the middle of a routine counts as a call of it
+    for address, routine in routines.items():  # a jump into the middle of a routine counts as a call
         owners = {starts[bisect_right(starts, target) - 1] for target in routine.calls if target >= starts[0]}
         routine.calls = owners - {address} | routine.calls & {address}
     return routines
@@ -110,7 +112,7 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
     elif mnemonic == "sub" and operands.startswith("sp, #"):
         routine.frame += int(operands[5:].split()[0])
     elif (mnemonic == "add" and operands.startswith("sp, r")) or (mnemonic == "mov" and operands.startswith("sp, ")):
-        routine.frame = -(1 << 20)  # by a register: only the compiler knows
+        routine.frame = -(1 << 20)  # dynamic: the size is in the compiler's .su file
     elif mnemonic == "blx" or (mnemonic == "bx" and operands != "lr" and "pop" not in previous):
         routine.uses_pointer = True
     elif mnemonic[0] == "b" and "<" in operands:
@@ -127,8 +129,10 @@ def _register_count(operands: str) -> int:
     return count
 
 
-def noted_frames(paths: list[Path]) -> dict[str, int]:
-    """Bytes of each function's frame by the compiler's .su files. Raises FirmwareFileError for one without a bound."""
+def read_noted_frames(paths: list[Path]) -> dict[str, int]:
+    """Frame size of each function in bytes from the compiler's .su files. Raises FirmwareFileError for an unbounded
+    frame.
+    """
     frames: dict[str, int] = {}
     for path in paths:
         for line in path.read_text().splitlines():
@@ -141,7 +145,7 @@ def noted_frames(paths: list[Path]) -> dict[str, int]:
 
 
 class CallGraph:
-    """Who calls whom in one image."""
+    """Call graph of one image."""
 
     def __init__(
         self, image: LinkedImage, routines: dict[int, Routine], noted: dict[str, int], table: CallTable
@@ -154,10 +158,10 @@ class CallGraph:
             routine.frame = max(routine.frame, noted.get(routine.name, routine.frame))
             if routine.frame < 0:
                 _fail(image.path, routine.name, "a frame of a known size", "none", "build with -fstack-usage")
-        self._taken = self._pointed_at(image)
+        self._pointer_targets = self._find_pointer_targets(image)
 
-    def _pointed_at(self, image: LinkedImage) -> dict[int, str]:
-        """Functions whose address is a word of the image; each must stand in the table."""
+    def _find_pointer_targets(self, image: LinkedImage) -> dict[int, str]:
+        """Functions whose address is a word of the image; each must be listed in the table."""
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
         known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
         functions = {function.address for function in image.functions}
@@ -166,7 +170,7 @@ class CallGraph:
             if address not in functions or address | 1 not in words or routine.name in known:
                 continue
             if not any(_matches(routine.name, targets) for _, targets in self._table.pointers):
-                _fail(image.path, routine.name, f"an entry in {self._table.path}", "none", "say who calls it")
+                _fail(image.path, routine.name, f"an entry in {self._table.path}", "none", "add its callers")
             taken[address] = routine.name
         return taken
 
@@ -177,24 +181,26 @@ class CallGraph:
             targets = next(
                 (targets for callers, targets in self._table.pointers if _matches(routine.name, callers)), []
             )
-            callees |= {taken for taken, name in self._taken.items() if _matches(name, targets)}
+            callees |= {taken for taken, name in self._pointer_targets.items() if _matches(name, targets)}
         return callees
 
-    def depth(self, address: int, above: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
-        """Bytes of the deepest chain from a function on, and its names. Raises FirmwareFileError for recursion."""
+    def depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
+        """Stack in bytes of the deepest call chain from a function on, and its names. Raises FirmwareFileError for
+        recursion.
+        """
         if address in self._depths:
             return self._depths[address]
         name = self._routines[address].name
-        if address in above:
-            _fail(self._path, name, "no recursion", "a call of itself, over others perhaps", "see calls.toml")
+        if address in ancestors:
+            _fail(self._path, name, "no recursion", "a direct or indirect call of itself", "see calls.toml")
         deepest: tuple[int, tuple[str, ...]] = (0, ())
         for callee in sorted(self._callees(address)):
-            deepest = max(deepest, self.depth(callee, (*above, address)))
+            deepest = max(deepest, self.depth(callee, (*ancestors, address)))
         self._depths[address] = deepest[0] + self._routines[address].frame, (name, *deepest[1])
         return self._depths[address]
 
     def use(self, image: str) -> StackUse:
-        """Worst case of an image of this name."""
+        """Worst-case stack of the image of this name."""
         by_name = {routine.name: address for address, routine in self._routines.items()}
         if ENTRY not in by_name:
             _fail(self._path, "symbols", ENTRY, "none", "is it an image of this port?")

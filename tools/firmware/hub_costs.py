@@ -1,4 +1,4 @@
-"""Count what the hub's firmware costs, in an executed image: interrupts, a pass of its main loop, a framed byte."""
+"""Measure the cycles of the hub's firmware in an executed image: interrupts, a pass of the main loop, a framed byte."""
 
 from __future__ import annotations
 
@@ -18,38 +18,40 @@ Costs = dict[str, int | list[int]]
 
 CYCLES_PER_US: Final = 48
 BOARD: Final = 0x20
-"""The largest of the allegro hand."""
+"""Largest board of the allegro hand."""
 PROBE_US: Final = 11 * 2.5
-"""An address that nobody acknowledges: start, nine clocks, stop."""
+"""Duration of an unacknowledged address: start, nine clocks, stop."""
 PROBES: Final = 10
 BYTES_S: Final = 0.08
 FRAMING: Final = ("put_body", "emit", "taxel_crc32", "taxel_encoder_put", "taxel_encoder_begin", "taxel_encoder_end")
 SAMPLE_S, SAMPLES = 2.03e-6, 60_000
 
 
-def pass_cycles(world: VirtualWorld) -> int:
-    """From the end of a probe to the start of the next, while the hub looks for boards."""
+def measure_pass_cycles(world: VirtualWorld) -> int:
+    """Cycles from the end of a probe to the start of the next while the hub searches for boards."""
     times: list[float] = []
     probes = 0
     while len(times) < 40 * PROBES and world.now_s < 1.0:
         world.run(2e-6)
-        now = world.handler_costs(0)["SCB0"].count // 2  # one interrupt for the address, one for the stop
+        now = world.handler_costs(0)["SCB0"].count // 2  # one interrupt for the address and one for the stop
         if now > probes:
             times.append(world.now_s)
             probes = now
-    densest = min(end - begin for begin, end in zip(times, times[PROBES:], strict=False))
-    return round((densest * 1e6 / PROBES - PROBE_US) * CYCLES_PER_US)
+    shortest = min(end - begin for begin, end in zip(times, times[PROBES:], strict=False))
+    return round((shortest * 1e6 / PROBES - PROBE_US) * CYCLES_PER_US)
 
 
-def byte_cycles(world: VirtualWorld) -> int:
-    """Of the I2C interrupts, for each byte on the bus while it streams."""
+def measure_byte_cycles(world: VirtualWorld) -> int:
+    """Cycles of the I2C interrupts per byte on the bus during streaming."""
     cycles, count = world.handler_costs(0)["SCB0"].own, int(world.statistics()["bus_bytes"])
     world.run(BYTES_S)
     return round((world.handler_costs(0)["SCB0"].own - cycles) / (int(world.statistics()["bus_bytes"]) - count))
 
 
-def streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
-    """Of a hub that streams a board: its UART's interrupt, and what is done to each byte of a frame (by samples)."""
+def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
+    """Costs of a hub that streams a board: the UART interrupt, and (by sampling) the processing of each byte of a
+    frame.
+    """
     functions = read_linked_image(elf).functions
     begins = [one.address for one in functions]
     framing = 0
@@ -73,18 +75,19 @@ def streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
 
 
 def measure_hub(image: Path) -> Costs:
-    """All costs of the hub that costs.h has. `image`: hub-factory.hex, beside the folder with hub-a.elf."""
+    """All hub costs of costs.h. image: hub-factory.hex, next to the folder that contains hub-a.elf."""
     hand = load_hand("allegro")
     text = lone_board(hand, BOARD, WorldSettings()) + image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world:
-        gap = pass_cycles(world)
+        pass_gap = measure_pass_cycles(world)
         done = world.handler_costs(0)["SCB0"].own_min
-    # The whole hand: a lone board is asked more often than it has news, and what is checked for nothing is no frame.
+    # Use the whole hand: a single board is polled more often than it has new snapshots, and these polls produce no
+    # frames.
     whole = format_world(hand, WorldSettings()) + image_line(0)
     with VirtualWorld(whole, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
         end = world.now_s + 1.0
         while world.now_s < end:
             skin.poll(0.01)
-        found = streaming(world, skin, image.parents[1] / "hub-a.elf")
-        byte = byte_cycles(world)
-    return {"master_done": done, "master_byte": byte, "hub_pass": gap - done} | found
+        streaming_costs = measure_streaming(world, skin, image.parents[1] / "hub-a.elf")
+        byte = measure_byte_cycles(world)
+    return {"master_done": done, "master_byte": byte, "hub_pass": pass_gap - done} | streaming_costs

@@ -14,7 +14,7 @@ int clock_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"skew", "wander", NULL};
     struct clock_effect *clock = &effects->clock;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double ppm, period = 0.0;
     if (form < 0 || effect_line_boards(line, &boards) || effect_line_number(line, "ppm", -1e5, 1e5, &ppm) ||
@@ -22,32 +22,32 @@ int clock_read(struct effect_line *line, struct effects *effects)
         return -1;
     }
     for (size_t i = boards.first; i < boards.end; i++) {
-        (form == 0 ? clock->skew_ppm : clock->wander_ppm)[i] = ppm;
+        (form == 0 ? clock->skew_ppm : clock->drift_ppm)[i] = ppm;
         clock->period[i] = form == 0 ? clock->period[i] : period;
     }
     return 0;
 }
 
-struct clock_wander clock_wander_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address)
+struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address)
 {
     struct random_source random;
-    if (clock->wander_ppm[board] == 0.0) {
-        return (struct clock_wander){0};
+    if (clock->drift_ppm[board] == 0.0) {
+        return (struct clock_drift){0};
     }
     random_init(&random, seed, CLOCK_STREAM | address);
-    return (struct clock_wander){
-        .amplitude = clock->wander_ppm[board] * PARTS_PER_MILLION,
-        .radian_a_second = 2.0 * PI / clock->period[board],
+    return (struct clock_drift){
+        .amplitude = clock->drift_ppm[board] * PARTS_PER_MILLION,
+        .angular_frequency = 2.0 * PI / clock->period[board],
         .phase = 2.0 * PI * random_uniform(&random),
     };
 }
 
-double clock_wander_rate(const struct clock_wander *wander, double time)
+double clock_drift_factor(const struct clock_drift *drift, double time)
 {
-    return 1.0 + wander->amplitude * sin(wander->radian_a_second * time + wander->phase);
+    return 1.0 + drift->amplitude * sin(drift->angular_frequency * time + drift->phase);
 }
 
-double clock_wander_ahead(const struct clock_wander *wander, double time)
+double clock_drift_offset(const struct clock_drift *drift, double time)
 {
-    return wander->amplitude / wander->radian_a_second * (cos(wander->phase) - cos(wander->radian_a_second * time + wander->phase));
+    return drift->amplitude / drift->angular_frequency * (cos(drift->phase) - cos(drift->angular_frequency * time + drift->phase));
 }

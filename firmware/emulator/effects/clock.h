@@ -1,8 +1,8 @@
-/* A board's oscillator beyond the clock_ppm of its line; keys board=.
+/* Errors of a board's oscillator in addition to clock_ppm of the world file; keys board=.
  *
- * Form `skew`: ppm, a constant error added. Form `wander`: temperature moves it: the rate is multiplied with
- * 1 + 1e-6 ppm sin(2 pi t / period + phase), the phase each board's own; period seconds. Conversions take the rate at the
- * start of a scan; the board's clock integrates it exactly. */
+ * Form `skew`: constant error of ppm. Form `wander`: thermal drift; the rate is multiplied by 1 + 1e-6 ppm sin(2 pi t /
+ * period + phase) with period in seconds and a random phase per board. Conversions use the rate at the start of a scan;
+ * the board's clock integrates the rate exactly. */
 #ifndef EMULATOR_EFFECTS_CLOCK_H
 #define EMULATOR_EFFECTS_CLOCK_H
 
@@ -14,19 +14,19 @@ struct effect_line;
 struct effects;
 
 struct clock_effect {
-    double skew_ppm[EFFECT_BOARDS_MAX], wander_ppm[EFFECT_BOARDS_MAX], period[EFFECT_BOARDS_MAX];
+    double skew_ppm[EFFECT_BOARDS_MAX], drift_ppm[EFFECT_BOARDS_MAX], period[EFFECT_BOARDS_MAX];
 };
 
-/* One board's wander; amplitude 0 if its oscillator stays. */
-struct clock_wander {
-    double amplitude, radian_a_second, phase;
+/* Clock drift of one board; amplitude 0: no drift. */
+struct clock_drift {
+    double amplitude, angular_frequency, phase;
 };
 
 int clock_read(struct effect_line *line, struct effects *effects);
-struct clock_wander clock_wander_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address);
+struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address);
 
-/* The factor on the rate at a time, and the seconds by which that has put the clock ahead since time 0. */
-double clock_wander_rate(const struct clock_wander *wander, double time);
-double clock_wander_ahead(const struct clock_wander *wander, double time);
+/* Factor on the clock rate at a time, and seconds by which the drift has advanced the clock since time 0. */
+double clock_drift_factor(const struct clock_drift *drift, double time);
+double clock_drift_offset(const struct clock_drift *drift, double time);
 
 #endif

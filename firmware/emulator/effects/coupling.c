@@ -8,14 +8,14 @@
 #define PI 3.14159265358979323846
 #define PICO 1e-12
 #define OHM_MAX 1e5
-#define CALIBRATION_MAX 8.0 /* the current source has steps down to an eighth */
-#define GROUND_PF 8.0     /* a trace of some 10 cm on a flexible board */
-#define TRACES_OHM 1000.0 /* driver or multiplexer, and a line of silver ink */
+#define CALIBRATION_MAX 8.0 /* the current source has steps down to one eighth */
+#define GROUND_PF 8.0     /* trace of about 10 cm on a flexible board */
+#define TRACES_OHM 1000.0 /* driver or multiplexer plus a line of silver ink */
 
 int coupling_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"resistive", "traces", NULL};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     const double ohm = form == 1 ? TRACES_OHM : 0.0;
     struct effect_boards boards;
     struct coupling_board board = {0};
@@ -52,14 +52,14 @@ void coupling_configure(struct coupling_lines *lines, const struct coupling_boar
     network->ground_f = board->ground_f;
     network->trace_f = board->trace_f;
     network->omega = 2.0 * PI * tx_hz;
-    network->changed = true;
+    network->is_changed = true;
     lines->version++;
 }
 
-void coupling_set(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
+void coupling_set_capacitances(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
 {
     memcpy(lines->network.mutual, mutual_f, sizeof lines->network.mutual);
-    lines->network.changed = true;
+    lines->network.is_changed = true;
     lines->version++;
 }
 
@@ -67,23 +67,23 @@ void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINE
 {
     double ideal = 0.0, effective = 0.0;
     lines->calibration = 1.0;
-    coupling_set(lines, mutual_f);
+    coupling_set_capacitances(lines, mutual_f);
     for (int tx = 0; tx < lines->network.tx_count; tx++) {
         for (int rx = 0; rx < lines->network.rx_count; rx++) {
             if (mutual_f[tx][rx] > 0.0) {
                 ideal += mutual_f[tx][rx];
-                effective += coupling_effective(lines, tx, rx);
+                effective += coupling_effective_capacitance(lines, tx, rx);
             }
         }
     }
     lines->calibration = effective * CALIBRATION_MAX > ideal ? ideal / effective : CALIBRATION_MAX;
 }
 
-double coupling_effective(struct coupling_lines *lines, int tx, int rx)
+double coupling_effective_capacitance(struct coupling_lines *lines, int tx, int rx)
 {
-    if (lines->solved[tx] != lines->version) {
+    if (lines->solved_version[tx] != lines->version) {
         (void)network_solve(&lines->network, tx, &lines->state[tx], lines->effective_f[tx]);
-        lines->solved[tx] = lines->version;
+        lines->solved_version[tx] = lines->version;
     }
     return lines->calibration * lines->effective_f[tx][rx];
 }

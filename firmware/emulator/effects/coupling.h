@@ -1,10 +1,12 @@
-/* Electrode crosstalk: the lines' resistances, and the capacitances between traces, solved as a network (network.h).
+/* Electrode crosstalk: resistances of the lines and capacitances between traces, solved as a network (network.h).
  *
- * Form `resistive`: tx_ohm and rx_ohm, the driver and its line, the line and the multiplexer before the converter; ground_pf a
- * line's parasitic to ground. Both resistances 0 is the ideal sensor.
- * Form `traces`: besides, picofarad between neighbouring TX lines and between neighbouring RX lines. 0 is the ideal sensor.
- * The excitation is the fundamental of the TX clock: omega = 2 pi F_tx of the scan settings. What the lines lose is made up for
- * once, as firmware calibrates its current source: the board's mean count at rest stays. */
+ * Form `resistive`: tx_ohm is the resistance of driver and line, rx_ohm of line and multiplexer, ground_pf the
+ * parasitic capacitance of a line to ground. With both resistances 0 the sensor is ideal. Form `traces`: as
+ * `resistive`, plus picofarad between neighbouring TX lines and between neighbouring RX lines; 0 is ideal.
+ *
+ * The excitation is the fundamental of the TX clock, omega = 2 pi F_tx of the scan settings. The signal lost in the
+ * lines is compensated once, as firmware calibrates its current source, so that the board's mean count at rest is
+ * unchanged. */
 #ifndef EMULATOR_EFFECTS_COUPLING_H
 #define EMULATOR_EFFECTS_COUPLING_H
 
@@ -24,12 +26,12 @@ struct coupling_effect {
     struct coupling_board board[EFFECT_BOARDS_MAX];
 };
 
-/* One board's lines, and the last solution for each TX line, which stays while no capacitance changes. */
+/* Network of one board, and the last solution for each TX line, which remains valid while no capacitance changes. */
 struct coupling_lines {
     struct network network;
-    double calibration; /* what every effective capacitance is multiplied with */
-    unsigned version;                                         /* of the capacitances */
-    unsigned solved[TAXEL_LINES_MAX];                         /* version of each TX line's solution; 0 none */
+    double calibration; /* factor on every effective capacitance */
+    unsigned version;                                         /* incremented when a capacitance changes */
+    unsigned solved_version[TAXEL_LINES_MAX];                         /* version of each TX line's solution; 0: no solution */
     struct network_state state[TAXEL_LINES_MAX];
     double effective_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
 };
@@ -37,15 +39,15 @@ struct coupling_lines {
 int coupling_read(struct effect_line *line, struct effects *effects);
 bool coupling_is_on(const struct coupling_effect *coupling, size_t board);
 
-/* At the start, and after a change of the TX clock. */
+/* Set the network's parameters, at the start and after a change of the TX clock. */
 void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count, double tx_hz);
-/* Make up for what the lines lose of these capacitances [tx][rx], farad; 0 where no taxel is. */
+/* Set the calibration so that the mean over these capacitances [tx][rx] (farad, 0 without a taxel) is unchanged. */
 void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 
-/* The crossings' capacitances [tx][rx], farad, have changed. */
-void coupling_set(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
+/* Set the capacitances [tx][rx] of the crossings, farad. */
+void coupling_set_capacitances(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 
-/* What the converter sees of a crossing while the lines have the capacitances that were set, farad. */
-double coupling_effective(struct coupling_lines *lines, int tx, int rx);
+/* Effective capacitance of a crossing as measured by the converter, farad. */
+double coupling_effective_capacitance(struct coupling_lines *lines, int tx, int rx);
 
 #endif

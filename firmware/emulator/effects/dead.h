@@ -1,7 +1,8 @@
-/* Taxels that do not answer to what presses them; keys board= and taxel=, the index on the board.
+/* Taxels that do not respond to contact; keys board= and taxel= (index on the board).
  *
- * Form `rest`: the layer has come off the electrode: strength (1) of the rise does not reach it, and so the taxel gives its
- * rest count and the board's noise. Form `stuck`: the taxel's place in the snapshot is never written: always value. */
+ * Form `rest`: the layer is detached from the electrode; a share `strength` (1) of the rise is lost, so the taxel
+ * returns its rest count plus the board's noise. Form `stuck`: the taxel's entry in the snapshot is never written and
+ * always equals value. */
 #ifndef EMULATOR_EFFECTS_DEAD_H
 #define EMULATOR_EFFECTS_DEAD_H
 
@@ -29,7 +30,7 @@ struct dead_effect {
 
 int dead_read(struct effect_line *line, struct effects *effects);
 
-/* The line that speaks of a taxel in that form, or NULL. */
-const struct dead_taxel *dead_find(const struct dead_effect *dead, size_t board, uint16_t taxel, bool stuck);
+/* Parameters of a dead taxel in that form, or NULL. */
+const struct dead_taxel *dead_find_taxel(const struct dead_effect *dead, size_t board, uint16_t taxel, bool stuck);
 
 #endif

@@ -15,14 +15,14 @@ int drift_read(struct effect_line *line, struct effects *effects)
     static const char *const forms[] = {"warm_up", "wander", NULL};
     struct drift_effect *drift = &effects->drift;
     struct drift_slot slot = {0};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0) {
         return -1;
     }
     if (drift->count == DRIFT_SLOTS_MAX) {
-        return effect_line_complain(line, "more than 8 lines of drift");
+        return effect_line_report_error(line, "more than 8 lines of drift");
     }
-    slot.wanders = form == 1;
+    slot.is_random = form == 1;
     if (effect_line_boards(line, &slot.boards) || effect_line_number(line, "counts", -65535.0, 65535.0, &slot.counts) ||
         effect_line_number(line, "seconds", 0.1, 1e6, &slot.seconds) ||
         effect_line_optional(line, "share", 0.0, 2.0, TAXEL_SHARE, &slot.share)) {
@@ -34,7 +34,7 @@ int drift_read(struct effect_line *line, struct effects *effects)
 
 static bool acts_on(const struct drift_slot *slot, size_t board)
 {
-    return slot->counts != 0.0 && effect_boards_hold(&slot->boards, board);
+    return slot->counts != 0.0 && effect_boards_contain(&slot->boards, board);
 }
 
 bool drift_is_on(const struct drift_effect *drift, size_t board)
@@ -59,7 +59,7 @@ void drift_open(struct drift_board *drift, const struct drift_effect *effect, si
         drift->slot[n] = slot;
         random_init(&drift->state[n].random, seed, DRIFT_STREAM | (i << 8) | address);
         const double board_normal = random_normal(&drift->state[n].random);
-        drift->state[n].size = slot->counts * (slot->wanders ? 1.0 : exp(BOARDS_LOG_STD * board_normal));
+        drift->state[n].amplitude = slot->counts * (slot->is_random ? 1.0 : exp(BOARDS_LOG_STD * board_normal));
         for (size_t taxel = 0; taxel < TAXEL_TAXELS_MAX; taxel++) {
             drift->state[n].taxel[taxel] = slot->share * random_normal(&drift->state[n].random);
         }
@@ -70,20 +70,20 @@ void drift_begin_scan(struct drift_board *drift, double time, double powered)
 {
     for (size_t i = 0; i < drift->count; i++) {
         const struct drift_slot *slot = drift->slot[i];
-        const double size = drift->state[i].size;
-        if (slot->wanders) {
-            const bool has_begun = drift->state[i].has_begun;
-            const double keep = has_begun ? exp(-(time - drift->state[i].stepped) / slot->seconds) : 0.0;
-            const double fresh = size * sqrt(1.0 - keep * keep);
-            drift->state[i].common = keep * drift->state[i].common + fresh * random_normal(&drift->state[i].random);
-            drift->state[i].own = drift->state[i].common;
-            drift->state[i].stepped = time;
-            drift->state[i].has_begun = true;
+        const double amplitude = drift->state[i].amplitude;
+        if (slot->is_random) {
+            const bool has_started = drift->state[i].has_started;
+            const double correlation = has_started ? exp(-(time - drift->state[i].step_time) / slot->seconds) : 0.0;
+            const double innovation_std = amplitude * sqrt(1.0 - correlation * correlation);
+            drift->state[i].common = correlation * drift->state[i].common + innovation_std * random_normal(&drift->state[i].random);
+            drift->state[i].taxel_amplitude = drift->state[i].common;
+            drift->state[i].step_time = time;
+            drift->state[i].has_started = true;
         } else {
             const double board = exp(-(time - powered) / slot->seconds);
             const double layer = exp(-(time - powered) / (LAYER_SLOWER * slot->seconds));
-            drift->state[i].common = size * (1.0 - board);
-            drift->state[i].own = size * (1.0 - (LAYER_SLOWER * layer - board) / (LAYER_SLOWER - 1.0));
+            drift->state[i].common = amplitude * (1.0 - board);
+            drift->state[i].taxel_amplitude = amplitude * (1.0 - (LAYER_SLOWER * layer - board) / (LAYER_SLOWER - 1.0));
         }
     }
 }
@@ -92,7 +92,7 @@ double drift_counts(const struct drift_board *drift, size_t taxel)
 {
     double sum = 0.0;
     for (size_t i = 0; i < drift->count; i++) {
-        sum += drift->state[i].common + drift->state[i].own * drift->state[i].taxel[taxel];
+        sum += drift->state[i].common + drift->state[i].taxel_amplitude * drift->state[i].taxel[taxel];
     }
     return sum;
 }

@@ -11,7 +11,7 @@ int droop_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"supply", "reference", NULL};
     struct droop_effect *droop = &effects->droop;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double ohms, seconds;
     if (form < 0 || effect_line_number(line, "ohms", 0.0, 1e6, &ohms)) {
@@ -41,7 +41,7 @@ bool droop_is_on(const struct droop_effect *droop)
     return droop->supply_ohms > 0.0;
 }
 
-static double limited(double fall)
+static double limit_fall(double fall)
 {
     return fmin(fall, FALL_MAX);
 }
@@ -52,26 +52,26 @@ double droop_factor(const struct droop_effect *droop, size_t board, const struct
     double factor = 1.0;
     if (droop->supply_ohms > 0.0) {
         const double farad = loads->all_before + fraction * (loads->all_after - loads->all_before);
-        factor -= limited(droop->supply_ohms * tx_hz * farad);
+        factor -= limit_fall(droop->supply_ohms * tx_hz * farad);
     }
     if (droop->reference_ohms[board] > 0.0) {
         const double farad = loads->before[board] + fraction * (loads->after[board] - loads->before[board]);
         const double load = droop->reference_ohms[board] * tx_hz * farad;
-        factor /= 1.0 - limited(first_order_step(reference, time, load, droop->reference_seconds[board]));
+        factor /= 1.0 - limit_fall(first_order_step(reference, time, load, droop->reference_seconds[board]));
     }
     return factor;
 }
 
 double first_order_step(struct first_order *filter, double time, double input, double seconds)
 {
-    if (!filter->has_begun) {
-        *filter = (struct first_order){.time = time, .input = input, .output = input, .has_begun = true};
+    if (!filter->has_started) {
+        *filter = (struct first_order){.time = time, .input = input, .output = input, .has_started = true};
     }
     const double elapsed = time - filter->time;
     if (elapsed > 0.0) {
         const double slope = (input - filter->input) / elapsed;
-        const double behind = filter->output - filter->input + slope * seconds;
-        filter->output = input - slope * seconds + behind * exp(-elapsed / seconds);
+        const double lag_error = filter->output - filter->input + slope * seconds;
+        filter->output = input - slope * seconds + lag_error * exp(-elapsed / seconds);
         filter->time = time;
         filter->input = input;
     }

@@ -4,12 +4,12 @@
 
 #include "emulator/effects/effect_line.h"
 
-static_assert(EFFECT_BOARDS_MAX == WORLD_BOARDS_MAX, "an effect holds parameters for every board of a world");
+static_assert(EFFECT_BOARDS_MAX == WORLD_BOARDS_MAX, "an effect has parameters for every board of a world");
 
 int effect_line_boards(struct effect_line *line, struct effect_boards *boards)
 {
     *boards = (struct effect_boards){0, EFFECT_BOARDS_MAX};
-    if (!effect_line_has(line, "board")) {
+    if (!effect_line_has_key(line, "board")) {
         return 0;
     }
     if (effect_line_board(line, &boards->first)) {

@@ -8,9 +8,9 @@
 
 #define FIRST_KEY 3
 
-int effect_line_complain(const struct effect_line *line, const char *what)
+int effect_line_report_error(const struct effect_line *line, const char *message)
 {
-    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->reader->path, line->reader->line, line->name, what);
+    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->reader->path, line->reader->line, line->name, message);
     return -1;
 }
 
@@ -19,29 +19,29 @@ int effect_line_open(struct effect_line *line, const struct world_reader *reader
     memset(line, 0, sizeof *line);
     line->reader = reader;
     if (reader->count < FIRST_KEY) {
-        return world_reader_complain(reader, "an effect needs a name and a form: effect NAME FORM key=value ...");
+        return world_reader_report_error(reader, "expected 'effect NAME FORM key=value ...', found no form");
     }
     line->name = reader->words[1];
     line->form = reader->words[2];
     return 0;
 }
 
-int effect_line_form(struct effect_line *line, const char *const *forms)
+int effect_line_form_index(struct effect_line *line, const char *const *forms)
 {
-    char known[160] = "";
+    char known_forms[160] = "";
     for (int i = 0; forms[i]; i++) {
         if (strcmp(line->form, forms[i]) == 0) {
             return i;
         }
-        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "", forms[i]);
+        snprintf(known_forms + strlen(known_forms), sizeof known_forms - strlen(known_forms), "%s%s", i ? ", " : "", forms[i]);
     }
     fprintf(stderr, "world %s, line %d: effect %s: expected one of the forms %s, found '%s'\n", line->reader->path,
-            line->reader->line, line->name, known, line->form);
+            line->reader->line, line->name, known_forms, line->form);
     return -1;
 }
 
-/* Index of the word that holds `key=`, or 0. */
-static int find(const struct effect_line *line, const char *key)
+/* Index of the text `key=...` in the line, or 0. */
+static int find_key(const struct effect_line *line, const char *key)
 {
     const size_t length = strlen(key);
     for (int i = FIRST_KEY; i < line->reader->count; i++) {
@@ -52,14 +52,14 @@ static int find(const struct effect_line *line, const char *key)
     return 0;
 }
 
-bool effect_line_has(const struct effect_line *line, const char *key)
+bool effect_line_has_key(const struct effect_line *line, const char *key)
 {
-    return find(line, key) != 0;
+    return find_key(line, key) != 0;
 }
 
 int effect_line_number(struct effect_line *line, const char *key, double low, double high, double *value)
 {
-    const int index = find(line, key);
+    const int index = find_key(line, key);
     char *end = NULL;
     if (index) {
         const char *text = line->reader->words[index] + strlen(key) + 1;
@@ -78,22 +78,22 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
 int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback, double *value)
 {
     *value = fallback;
-    return find(line, key) ? effect_line_number(line, key, low, high, value) : 0;
+    return find_key(line, key) ? effect_line_number(line, key, low, high, value) : 0;
 }
 
-int effect_line_whole(struct effect_line *line, const char *key, long low, long high, long *value)
+int effect_line_integer(struct effect_line *line, const char *key, long low, long high, long *value)
 {
     double real;
     if (effect_line_number(line, key, (double)low, (double)high, &real)) {
         return -1;
     }
     *value = (long)real;
-    return real == floor(real) ? 0 : effect_line_complain(line, "expected a whole number");
+    return real == floor(real) ? 0 : effect_line_report_error(line, "expected a whole number");
 }
 
 int effect_line_board(struct effect_line *line, size_t *index)
 {
-    const int word = find(line, "board");
+    const int word = find_key(line, "board");
     char *end = NULL;
     const long address = word ? strtol(line->reader->words[word] + strlen("board="), &end, 0) : -1;
     for (size_t i = 0; word && !*end && i < line->reader->world->board_count; i++) {
@@ -103,10 +103,10 @@ int effect_line_board(struct effect_line *line, size_t *index)
             return 0;
         }
     }
-    return effect_line_complain(line, "expected board= with the address of one of this world's boards");
+    return effect_line_report_error(line, "expected board= with the address of one of this world's boards");
 }
 
-int effect_line_close(const struct effect_line *line)
+int effect_line_check_keys(const struct effect_line *line)
 {
     for (int i = FIRST_KEY; i < line->reader->count; i++) {
         if (!line->used[i]) {

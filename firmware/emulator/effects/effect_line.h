@@ -1,7 +1,7 @@
-/* `effect NAME FORM key=value ...`: one departure from the ideal sensor, as a line of the world file.
+/* Parser of the world-file line `effect NAME FORM key=value ...`, which requests one deviation from the ideal sensor.
  *
- * A module asks for the keys that it knows; what nobody asked for is refused. Each function returns 0, or -1 after one line
- * on stderr that names file, line, effect and key. */
+ * A module reads the keys that it supports; effect_line_check_keys() rejects the others. Each function returns 0, or -1
+ * after one line on stderr that names file, line, effect and key. */
 #ifndef EMULATOR_EFFECTS_EFFECT_LINE_H
 #define EMULATOR_EFFECTS_EFFECT_LINE_H
 
@@ -16,23 +16,23 @@ struct effect_line {
 };
 
 int effect_line_open(struct effect_line *line, const struct world_reader *reader);
-int effect_line_complain(const struct effect_line *line, const char *what);
+int effect_line_report_error(const struct effect_line *line, const char *message);
 
-/* Which of `forms` (ended by NULL) the line names: its index from 0, or -1 after a complaint that lists them. */
-int effect_line_form(struct effect_line *line, const char *const *forms);
+/* Index of the line's form in `forms` (terminated by NULL), or -1 after an error that lists the forms. */
+int effect_line_form_index(struct effect_line *line, const char *const *forms);
 
-bool effect_line_has(const struct effect_line *line, const char *key);
+bool effect_line_has_key(const struct effect_line *line, const char *key);
 
-/* The number after `key=`, which must be there. */
+/* Number after `key=`, which is required and must lie in [low, high]. */
 int effect_line_number(struct effect_line *line, const char *key, double low, double high, double *value);
-/* The same, or `fallback` without that key. */
+/* As effect_line_number(), but `fallback` if the key is absent. */
 int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback, double *value);
-int effect_line_whole(struct effect_line *line, const char *key, long low, long high, long *value);
+int effect_line_integer(struct effect_line *line, const char *key, long low, long high, long *value);
 
-/* The board with the address after `board=`: its index in the description. */
+/* Index in the description of the board with the address after `board=`. */
 int effect_line_board(struct effect_line *line, size_t *index);
 
-/* After the module: a key that nobody asked for is refused. */
-int effect_line_close(const struct effect_line *line);
+/* Reject keys that the module has not read. */
+int effect_line_check_keys(const struct effect_line *line);
 
 #endif

@@ -35,7 +35,7 @@ int effects_read_line(const struct world_reader *reader)
     }
     for (size_t i = 0; i < sizeof modules / sizeof modules[0]; i++) {
         if (strcmp(modules[i].name, line.name) == 0) {
-            return modules[i].read(&line, &reader->world->effects) ? -1 : effect_line_close(&line);
+            return modules[i].read(&line, &reader->world->effects) ? -1 : effect_line_check_keys(&line);
         }
     }
     fprintf(stderr, "world %s, line %d: unknown effect '%s'\n", reader->path, reader->line, line.name);

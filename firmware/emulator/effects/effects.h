@@ -1,7 +1,9 @@
-/* Every departure from the ideal sensor that a world asks for: parameters only; the state lives with boards and skin.
+/* Parameters of every deviation from the ideal sensor that a world file requests. The state of the effects belongs to
+ * boards and skin.
  *
- * All zero is the ideal sensor. An effect that is not asked for, or has strength 0, leaves every count as it was, bit for
- * bit: a hook does nothing unless its module is on, and each module draws from random sources of its own. */
+ * With all parameters zero the sensor is ideal. An effect that is not requested, or has strength 0, leaves every count
+ * unchanged bit for bit: a hook does nothing unless its module is active, and each module samples from random sources
+ * of its own. */
 #ifndef EMULATOR_EFFECTS_EFFECTS_H
 #define EMULATOR_EFFECTS_EFFECTS_H
 
@@ -51,7 +53,7 @@ struct effects {
 
 struct world_reader;
 
-/* A line that begins with `effect`. Returns 0 or -1 after a complaint. */
+/* Read a world-file line that begins with `effect`. Returns 0, or -1 after one line on stderr. */
 int effects_read_line(const struct world_reader *reader);
 
 #endif

@@ -1,8 +1,8 @@
-/* Plugs in the wrong sockets. The map believes the address; the skin believes the wire.
+/* Connectors in the wrong sockets: addresses and hand description no longer match the wiring.
  *
- * Form `boards`: board= and other= are swapped: each measures what presses the other. Refused unless both have the same
- * crossings. Form `lines`: lines index= and other= of one board's axis= (0 TX, 1 RX) are swapped in the harness: the board
- * measures another crossing than it thinks, and nothing where that has no taxel. */
+ * Form `boards`: board= and other= are exchanged; each board measures the contact on the other. Both boards must have
+ * the same crossing map. Form `lines`: lines index= and other= of one board's axis= (0 TX, 1 RX) are exchanged in the
+ * harness, so the board measures the crossing of the other line, or no taxel if that crossing has none. */
 #ifndef EMULATOR_EFFECTS_EXCHANGE_H
 #define EMULATOR_EFFECTS_EXCHANGE_H
 
@@ -15,7 +15,7 @@ struct effect_line;
 struct effects;
 
 struct exchange {
-    bool lines; /* else boards */
+    bool lines; /* lines are exchanged; otherwise boards */
     size_t board, other_board;
     int axis, index, other;
 };
@@ -27,8 +27,8 @@ struct exchange_effect {
 
 int exchange_read(struct effect_line *line, struct effects *effects);
 
-/* The board whose skin this board measures; and the line that its line is wired to. */
-size_t exchange_board(const struct exchange_effect *exchange, size_t board);
-int exchange_line(const struct exchange_effect *exchange, size_t board, int axis, int index);
+/* Board whose skin this board measures, and line to which a line of this board is wired. */
+size_t exchange_source_board(const struct exchange_effect *exchange, size_t board);
+int exchange_source_line(const struct exchange_effect *exchange, size_t board, int axis, int index);
 
 #endif

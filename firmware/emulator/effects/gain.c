@@ -12,17 +12,17 @@
 int gain_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"electrode", "idac", NULL};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double log_std, factor;
     if (form < 0 || effect_line_boards(line, &boards) || effect_line_optional(line, "log_std", 0.0, 2.0, 0.0, &log_std) ||
         effect_line_optional(line, "factor", 0.01, 10.0, 1.0, &factor)) {
         return -1;
     }
-    struct gain_board *const all = form == 0 ? effects->gain.electrode : effects->gain.idac;
+    struct gain_board *const boards_gain = form == 0 ? effects->gain.electrode : effects->gain.idac;
     for (size_t i = boards.first; i < boards.end; i++) {
-        all[i].log_factor += log(factor);
-        all[i].log_std = hypot(all[i].log_std, log_std); /* independent spreads */
+        boards_gain[i].log_factor += log(factor);
+        boards_gain[i].log_std = hypot(boards_gain[i].log_std, log_std); /* independent variances add */
     }
     return 0;
 }

@@ -1,9 +1,10 @@
-/* Taxels and boards that are more or less sensitive than they should be.
+/* Sensitivity errors of taxels and boards.
  *
- * Form `electrode`: electrodes and pillars differ. The fringe capacitance, which the layer touches, is multiplied with
- * factor * exp(log_std * n), n a standard normal number of each taxel: rest and drop change by different shares.
- * Form `idac`: the current source that the converter balances charges with is off: counts a farad are multiplied with
- * factor * exp(log_std * n), n of each board: rest and drop scale alike. Lines for one board multiply with those for all. */
+ * Form `electrode`: tolerance of electrodes and pillars. The fringe capacitance through the layer is multiplied by
+ * factor * exp(log_std * n) with a standard normal n per taxel; rest count and signal change by different factors. Form
+ * `idac`: error of the current source that balances the charge. The counts per farad are multiplied by factor *
+ * exp(log_std * n) with n per board; rest count and signal change by the same factor. Lines for one board multiply with
+ * lines for all boards. */
 #ifndef EMULATOR_EFFECTS_GAIN_H
 #define EMULATOR_EFFECTS_GAIN_H
 
@@ -25,7 +26,8 @@ struct gain_effect {
 
 int gain_read(struct effect_line *line, struct effects *effects);
 
-/* Changes the taxels' fringe capacitances and the board's counts a farad, once, before the front end is configured. */
+/* Apply the factors to the fringe capacitances and to the counts per farad, once, before the front end is configured.
+ */
 void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address, struct front_end *front_end);
 
 #endif

@@ -6,13 +6,13 @@
 #include "emulator/effects/effects.h"
 #include "emulator/layer.h"
 
-#define RECOVERED_M 1e-8 /* some hundredth of a count */
+#define NEGLIGIBLE_M 1e-8 /* about a hundredth of a count */
 
 int indent_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[INDENT_SET] = "set", [INDENT_BEDDING] = "bedding", NULL};
     struct indent_effect *indent = &effects->indent;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0) {
         return -1;
     }
@@ -39,38 +39,38 @@ double indent_decay(const struct indent_effect *indent, double seconds)
     return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
 }
 
-static double set(const struct indent_effect *indent, double decay, struct indent_cell *cell, double c)
+static double apply_set(const struct indent_effect *indent, double decay, struct indent_state *cell, double c)
 {
-    const double left = cell->depth * decay, pressed = indent->fraction * (c - indent->threshold_m);
-    const double depth = left > pressed ? left : pressed;
-    cell->depth = depth > RECOVERED_M ? depth : 0.0;
+    const double recovered = cell->depth * decay, added = indent->fraction * (c - indent->threshold_m);
+    const double depth = recovered > added ? recovered : added;
+    cell->depth = depth > NEGLIGIBLE_M ? depth : 0.0;
     return cell->depth + c * (1.0 - cell->depth / LAYER_PILLAR_HEIGHT_M);
 }
 
-static double bed(const struct indent_effect *indent, struct indent_cell *cell, double c)
+static double apply_bedding(const struct indent_effect *indent, struct indent_state *cell, double c)
 {
-    if (c > cell->last) {
-        const double before = cell->rising ? cell->stored : layer_work(cell->last);
-        cell->stored = layer_work(c);
-        cell->work += cell->stored - before;
-        cell->bedded = expm1(-cell->work / indent->work_j_m2);
+    if (c > cell->last_compression) {
+        const double previous_work = cell->is_loading ? cell->loading_work : layer_work(cell->last_compression);
+        cell->loading_work = layer_work(c);
+        cell->work += cell->loading_work - previous_work;
+        cell->bedding = expm1(-cell->work / indent->work_j_m2);
     }
-    cell->rising = c > cell->last || (cell->rising && c == cell->last);
-    cell->last = c;
-    return c * (1.0 + indent->fraction * cell->bedded);
+    cell->is_loading = c > cell->last_compression || (cell->is_loading && c == cell->last_compression);
+    cell->last_compression = c;
+    return c * (1.0 + indent->fraction * cell->bedding);
 }
 
-bool indent_advance(const struct indent_effect *indent, double decay, struct indent_cell *cells, size_t count,
+bool indent_advance(const struct indent_effect *indent, double decay, struct indent_state *cells, size_t count,
                     double *compression)
 {
-    bool awake = false;
+    bool is_active = false;
     for (size_t i = 0; i < count; i++) {
-        struct indent_cell *cell = &cells[i];
-        if (compression[i] > 0.0 || cell->depth > 0.0 || cell->last > 0.0) {
+        struct indent_state *cell = &cells[i];
+        if (compression[i] > 0.0 || cell->depth > 0.0 || cell->last_compression > 0.0) {
             const double c = compression[i];
-            compression[i] = indent->form == INDENT_SET ? set(indent, decay, cell, c) : bed(indent, cell, c);
-            awake = awake || cell->depth > 0.0 || cell->last > 0.0;
+            compression[i] = indent->form == INDENT_SET ? apply_set(indent, decay, cell, c) : apply_bedding(indent, cell, c);
+            is_active = is_active || cell->depth > 0.0 || cell->last_compression > 0.0;
         }
     }
-    return awake;
+    return is_active;
 }

@@ -1,16 +1,16 @@
-/* Rubber that does not come back to what it was.
+/* Permanent deformation of the layer.
  *
- * Form `set`: compression set: a cell that was compressed by more than threshold_m keeps a part of the excess and gives it
- * back over minutes: depth = max(depth exp(-t / recovery_s), fraction (c - threshold_m)). Its pillars are that much shorter at
- * rest, and a pressure shortens the rest of them in proportion: out = depth + c (1 - depth / pillar height). So the rest
- * count is lower afterwards, and a press starts from there on the layer's curve: it answers more to a light press, where the
- * curve is still steepening, and less to a hard one.
+ * Form `set`: compression set. A cell that was compressed by more than threshold_m keeps a fraction of the excess and
+ * recovers over minutes: depth = max(depth exp(-t / recovery_s), fraction (c - threshold_m)). Its pillars are shorter
+ * by depth at rest, and a pressure shortens the remainder in proportion: out = depth + c (1 - depth / pillar height).
+ * The rest count is lower afterwards, and the next contact starts at this point of the layer's curve: the response is
+ * larger to a light contact, where the curve still steepens, and smaller to a strong one.
  *
- * Form `bedding`: the first presses of a session flatten the pillars' moulded tips, which then carry more at once. The work
- * that has gone into a cell (joule a square metre, each loading counted) says how far: out = c (1 - fraction (1 -
- * exp(-work / work_j_m2))). It does not return.
+ * Form `bedding`: the first contacts of a session flatten the moulded tips of the pillars, which then carry more load.
+ * The effect depends on the work done on a cell (joule per square metre, every loading counted): out = c (1 - fraction
+ * (1 - exp(-work / work_j_m2))). It is permanent.
  *
- * c: compression that goes in, metres; out: what the field sees. */
+ * c: compression from the layer's curve, metres; out: compression that determines the field. */
 #ifndef EMULATOR_EFFECTS_INDENT_H
 #define EMULATOR_EFFECTS_INDENT_H
 
@@ -32,24 +32,24 @@ struct indent_effect {
     double work_j_m2;               /* bedding */
 };
 
-/* What a cell remembers. */
-struct indent_cell {
+/* State of a cell. */
+struct indent_state {
     double depth;      /* set, metres */
-    double work, last; /* bedding: joule a square metre; compression at the last moment, metres */
-    double bedded;     /* exp(-work / work_j_m2) - 1 */
-    double stored;     /* the layer's work at `last` ... */
-    bool rising;       /* ... if this holds */
+    double work, last_compression; /* bedding: joule per square metre; compression at the last call, metres */
+    double bedding;     /* exp(-work / work_j_m2) - 1 */
+    double loading_work;     /* layer work at `last_compression`, valid ... */
+    bool is_loading;       /* ... while the cell is being loaded */
 };
 
 int indent_read(struct effect_line *line, struct effects *effects);
 bool indent_is_on(const struct indent_effect *indent);
 
-/* What is left of a set after `seconds`, as a share. */
+/* Fraction of a compression set that remains after `seconds`. */
 double indent_decay(const struct indent_effect *indent, double seconds);
 
-/* That time has passed; compression [count] goes in and out as above. Returns whether one of these cells is indented at rest, or
- * still pressed. */
-bool indent_advance(const struct indent_effect *indent, double decay, struct indent_cell *cells, size_t count,
+/* Advance the cells by the time of `decay`. compression [count]: c on entry, out on return (see above). Returns whether
+ * a cell is deformed at rest or still pressed. */
+bool indent_advance(const struct indent_effect *indent, double decay, struct indent_state *cells, size_t count,
                     double *compression);
 
 #endif

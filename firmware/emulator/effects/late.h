@@ -1,8 +1,8 @@
-/* A board whose counts are of an earlier skin; keys board=, seconds=.
+/* Delayed counts of a board; keys board=, seconds=.
  *
- * Form `delay`: buffers between converter and bus: what is measured is the field of `seconds` ago (late_history.h).
- * Form `lag`: a first-order low pass of time constant `seconds` in front of the converter, one for each electrode (what it
- * holds charge on), stepped at each of its conversions, exactly for a count that changes linearly between them. */
+ * Form `delay`: buffering between converter and bus; the board measures the field of `seconds` ago (late_history.h).
+ * Form `lag`: first-order low-pass filter with time constant `seconds` in front of the converter, one per electrode,
+ * updated at each conversion of the electrode and exact for a count that changes linearly in between. */
 #ifndef EMULATOR_EFFECTS_LATE_H
 #define EMULATOR_EFFECTS_LATE_H
 

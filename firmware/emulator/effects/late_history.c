@@ -24,7 +24,7 @@ void late_history_free(struct late_history *history)
     }
 }
 
-static bool make_room(struct late_history *history)
+static bool reserve_record(struct late_history *history)
 {
     const size_t taxels = history->taxels;
     if (history->first && history->first + history->count == history->capacity) {
@@ -47,23 +47,23 @@ static bool make_room(struct late_history *history)
     return true;
 }
 
-struct taxel_field *late_history_add(struct late_history *history, vtime time, bool holds, vtime now)
+struct taxel_field *late_history_add(struct late_history *history, vtime time, bool is_constant, vtime now)
 {
-    /* A conversion asks for its middle, a little before now: one record more than the delay is kept. */
+    /* A conversion uses the field at its middle, slightly before `now`: keep records for longer than the delay. */
     const vtime needed = history->delay + VTIME_SECOND / 10u;
     while (history->count > 1u && history->records[history->first + 1u].time + needed < now) {
         history->first++;
         history->count--;
     }
-    if (!make_room(history)) {
+    if (!reserve_record(history)) {
         return NULL;
     }
     const size_t at = history->first + history->count++;
-    history->records[at] = (struct late_record){.time = time, .holds = holds};
+    history->records[at] = (struct late_record){.time = time, .is_constant = is_constant};
     return history->fields + at * history->taxels;
 }
 
-struct late_span late_history_find(const struct late_history *history, vtime time, vtime present_time)
+struct late_span late_history_span_at(const struct late_history *history, vtime time, vtime present_time)
 {
     const struct late_record *records = history->records + history->first;
     size_t low = 0, high = history->count;
@@ -79,7 +79,7 @@ struct late_span late_history_find(const struct late_history *history, vtime tim
     const vtime end = is_last ? present_time : records[low + 1u].time;
     struct late_span span = {.before = history->fields + (history->first + low) * history->taxels};
     span.after = is_last ? NULL : span.before + history->taxels;
-    if (!records[low].holds && time > records[low].time && end > records[low].time) {
+    if (!records[low].is_constant && time > records[low].time && end > records[low].time) {
         span.fraction = (double)(time - records[low].time) / (double)(end - records[low].time);
     }
     return span;

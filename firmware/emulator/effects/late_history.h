@@ -1,4 +1,4 @@
-/* What acted on a board's taxels at past records of the stimulus, as far back as the board is late. */
+/* History of the fields on a board's taxels at past records of the stimulus, for as long as the board's delay. */
 #ifndef EMULATOR_EFFECTS_LATE_HISTORY_H
 #define EMULATOR_EFFECTS_LATE_HISTORY_H
 
@@ -6,31 +6,32 @@
 
 struct late_record {
     vtime time;
-    bool holds; /* until the next record, without interpolation */
+    bool is_constant; /* constant until the next record, without interpolation */
 };
 
 struct late_history {
     size_t taxels;
     vtime delay;
-    struct late_record *records; /* [capacity], in use from `first` on, in order of time */
+    struct late_record *records; /* [capacity], used from index `first` on, in order of time */
     struct taxel_field *fields;  /* [capacity][taxels] */
     size_t first, count, capacity;
 };
 
-/* NULL without memory. */
+/* Returns NULL if out of memory. */
 struct late_history *late_history_open(size_t taxels, double delay_s);
 void late_history_free(struct late_history *history);
 
-/* Room for the fields [taxels] of a record that is over at `now`, or NULL without memory. Drops what nobody needs any more. */
-struct taxel_field *late_history_add(struct late_history *history, vtime time, bool holds, vtime now);
+/* Add a record that ends at `now` and return its fields [taxels], or NULL if out of memory. Discards records that are
+ * no longer needed. */
+struct taxel_field *late_history_add(struct late_history *history, vtime time, bool is_constant, vtime now);
 
-/* Fields [taxels] around a time before `present_time`, from which on the skin itself knows them. `after` is NULL where those
- * of `present_time` are meant. At least one record has been added. */
+/* Fields [taxels] before and after a time. `after` is NULL if the next fields are those at `present_time`, which the
+ * skin itself holds. At least one record must have been added. */
 struct late_span {
     const struct taxel_field *before, *after;
     double fraction;
 };
 
-struct late_span late_history_find(const struct late_history *history, vtime time, vtime present_time);
+struct late_span late_history_span_at(const struct late_history *history, vtime time, vtime present_time);
 
 #endif

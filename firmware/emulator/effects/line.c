@@ -11,29 +11,29 @@ int line_read(struct effect_line *line, struct effects *effects)
     static const char *const forms[] = {"open", "short", NULL};
     struct line_effect *lines = &effects->line;
     struct broken_line one = {0};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     long axis, index;
     if (form < 0 || effect_line_board(line, &one.board)) {
         return -1;
     }
     if (lines->count == LINE_EFFECTS_MAX) {
-        return effect_line_complain(line, "more than 64 broken lines");
+        return effect_line_report_error(line, "more than 64 broken lines");
     }
     const struct board_description *board = &line->reader->world->boards[one.board];
-    if (effect_line_whole(line, "axis", 0, 1, &axis)) {
+    if (effect_line_integer(line, "axis", 0, 1, &axis)) {
         return -1;
     }
     const long last = (axis == 0 ? board->rows : board->columns) - 1 - (form == 1);
     if (last < 0) {
-        return effect_line_complain(line, "that line has no neighbour");
+        return effect_line_report_error(line, "the line has no following neighbour to join");
     }
-    if (effect_line_whole(line, "index", 0, last, &index) ||
+    if (effect_line_integer(line, "index", 0, last, &index) ||
         (form == 0 && effect_line_optional(line, "stub_pf", 0.0, 1.0, STUB_PF, &one.stub_f)) ||
         (form == 1 && effect_line_optional(line, "share", 0.1, 1.0, 0.5, &one.share))) {
         return -1;
     }
     one.stub_f *= PICO;
-    one.joined = form == 1;
+    one.is_joined = form == 1;
     one.axis = (int)axis;
     one.index = (int)index;
     lines->lines[lines->count++] = one;
@@ -63,9 +63,9 @@ void line_apply(const struct line_effect *lines, size_t board, int tx_count, int
         const int length = line->board != board ? 0 : line->axis == 0 ? rx_count : tx_count;
         for (int n = 0; n < length; n++) {
             double *const farad = crossing_of(mutual_f, line->axis, line->index, n);
-            if (line->joined) {
-                double *const beside = crossing_of(mutual_f, line->axis, line->index + 1, n);
-                *farad = *beside = line->share * (*farad + *beside);
+            if (line->is_joined) {
+                double *const neighbour = crossing_of(mutual_f, line->axis, line->index + 1, n);
+                *farad = *neighbour = line->share * (*farad + *neighbour);
             } else if (*farad > 0.0) {
                 *farad = line->stub_f;
             }

@@ -1,9 +1,9 @@
-/* TX and RX lines that are broken or joined; keys board=, axis= (0 a TX line, 1 an RX line), index= from 0.
+/* Broken and short-circuited TX and RX lines; keys board=, axis= (0 TX line, 1 RX line), index= from 0.
  *
- * Form `open`: the line's crossings lose their mutual capacitance; stub_pf (0.05) of the end that is left stays, and nothing
- * on the skin changes it. Form `short`: lines index and index + 1 are joined. Their crossings lie in parallel; share (0.5) of
- * the sum is measured through both: two drivers of one resistance, one driving and one at ground, leave half of the voltage,
- * and so do two RX switches of the charge. A share of 1 is a neighbour that nothing holds. */
+ * Form `open`: the crossings of the line lose their mutual capacitance; the remaining stub has stub_pf (0.05), which
+ * contact does not change. Form `short`: lines index and index + 1 are connected. Their crossings are in parallel, and
+ * both measure share (0.5) of the sum: two drivers of equal resistance, one driving and one at ground, halve the
+ * voltage, and two RX switches halve the charge. A share of 1 means that the neighbour is floating. */
 #ifndef EMULATOR_EFFECTS_LINE_H
 #define EMULATOR_EFFECTS_LINE_H
 
@@ -19,7 +19,7 @@ struct effects;
 
 struct broken_line {
     size_t board;
-    bool joined; /* with its neighbour; else open */
+    bool is_joined; /* short to the next line; otherwise open */
     int axis, index;
     double stub_f, share;
 };
@@ -32,7 +32,7 @@ struct line_effect {
 int line_read(struct effect_line *line, struct effects *effects);
 bool line_is_on(const struct line_effect *lines, size_t board);
 
-/* The crossings' capacitances [tx][rx], farad, as they are through broken and joined lines. */
+/* Apply the broken and joined lines to the capacitances [tx][rx], farad. */
 void line_apply(const struct line_effect *lines, size_t board, int tx_count, int rx_count,
                 double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 

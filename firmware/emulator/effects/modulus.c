@@ -6,7 +6,7 @@
 #include "emulator/effects/effects.h"
 #include "emulator/random.h"
 
-#define MODULUS_STREAM 0x6D6F64756C757300ull /* a board's address is added */
+#define MODULUS_STREAM 0x6D6F64756C757300ull /* the board's address is added */
 
 enum modulus_form {
     MODULUS_TAXELS,
@@ -17,7 +17,7 @@ int modulus_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[MODULUS_TAXELS] = "taxels", [MODULUS_BOARD] = "board", NULL};
     struct modulus_effect *modulus = &effects->modulus;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     size_t index;
     double factor, gradient;
     if (form < 0) {
@@ -38,11 +38,11 @@ int modulus_read(struct effect_line *line, struct effects *effects)
 
 bool modulus_is_on(const struct modulus_effect *modulus)
 {
-    bool on = modulus->log_std != 0.0;
+    bool is_on = modulus->log_std != 0.0;
     for (size_t i = 0; i <= TAXEL_ADDRESS_MAX; i++) {
-        on = on || modulus->log_factor[i] != 0.0 || modulus->gradient[i] != 0.0;
+        is_on = is_on || modulus->log_factor[i] != 0.0 || modulus->gradient[i] != 0.0;
     }
-    return on;
+    return is_on;
 }
 
 void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board, double *stiffness)
@@ -51,10 +51,10 @@ void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const str
     size_t taxel = 0;
     random_init(&random, seed, MODULUS_STREAM + board->address);
     for (unsigned crossing = 0; crossing < (unsigned)board->rows * board->columns; crossing++) {
-        const bool carries = (board->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1;
-        if (carries && taxel < board->taxel_count) {
-            const double along = (crossing / board->columns + 0.5) / board->rows - 0.5;
-            stiffness[taxel++] = exp(modulus->log_factor[board->address] + modulus->gradient[board->address] * along +
+        const bool has_taxel = (board->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1;
+        if (has_taxel && taxel < board->taxel_count) {
+            const double relative_line = (crossing / board->columns + 0.5) / board->rows - 0.5;
+            stiffness[taxel++] = exp(modulus->log_factor[board->address] + modulus->gradient[board->address] * relative_line +
                                      modulus->log_std * random_normal(&random));
         }
     }

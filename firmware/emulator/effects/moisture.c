@@ -7,14 +7,14 @@
 #include "emulator/layer.h"
 #include "emulator/skin/patch.h"
 
-#define WATER_PERMITTIVITY 80.0 /* at 20 degrees C and below some GHz */
-#define DRY 1e-7                /* a share of water far below a count */
+#define WATER_PERMITTIVITY 80.0 /* at 20 degrees C, below 1 GHz */
+#define NEGLIGIBLE_WATER 1e-7                /* water fraction with an effect far below one count */
 
 int moisture_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[MOISTURE_FILM] = "film", [MOISTURE_DRYING] = "drying", NULL};
     struct moisture_effect *moisture = &effects->moisture;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0) {
         return -1;
     }
@@ -42,7 +42,7 @@ void moisture_fill(const struct moisture_effect *moisture, const struct patch *p
         const double along = (row + 0.5) * CELL_SIDE_M - (moisture->tx + 0.5) * TAXEL_PITCH_M;
         const double across = (column + 0.5) * CELL_SIDE_M - (moisture->rx + 0.5) * TAXEL_PITCH_M;
         const double share = 0.5 * (1.0 - tanh((hypot(along, across) - moisture->radius_m) / moisture->edge_m));
-        weight[i] = share < DRY ? 0.0 : share;
+        weight[i] = share < NEGLIGIBLE_WATER ? 0.0 : share;
     }
 }
 
@@ -52,10 +52,10 @@ double moisture_water(const struct moisture_effect *moisture, double time)
         return moisture->water;
     }
     const double water = moisture->water * exp(-time / moisture->seconds);
-    return water < DRY ? 0.0 : water;
+    return water < NEGLIGIBLE_WATER ? 0.0 : water;
 }
 
 double moisture_rise(double water, double rise)
 {
-    return rise + (1.0 + rise) * expm1(water * log(WATER_PERMITTIVITY) * layer_pores(rise));
+    return rise + (1.0 + rise) * expm1(water * log(WATER_PERMITTIVITY) * layer_air_fraction(rise));
 }

@@ -1,12 +1,13 @@
-/* A moist patch: water has crept between the pillars of one board.
+/* Moist patch: water between the pillars of one board.
  *
- * Water takes a share w of the layer's pores. By the layer's own mixing rule (Lichtenecker, by volume) its permittivity is
- * multiplied by WATER_PERMITTIVITY ^ (w v), where v is the share of the layer's volume that is not silicone. At rest that is
- * a rise; under pressure the water leaves with the air, v goes to 0, and so the moist layer answers less to a press than the
- * dry one. The patch is a disc of radius_m on the unrolled sheet about (tx, rx), in lines from 0 (2.5: between two lines);
- * across its edge w falls as (1 - tanh((d - radius_m) / edge_m)) / 2.
+ * Water fills a share w of the layer's pores. By the mixing rule of the layer (Lichtenecker, by volume) its
+ * permittivity is multiplied by WATER_PERMITTIVITY ^ (w v), where v is the volume fraction that is not silicone. At
+ * rest the permittivity rises; under pressure the water leaves with the air and v approaches 0, so the moist layer has
+ * a smaller response than the dry layer. The patch is a disc of radius_m on the unrolled sheet, centred at (tx, rx) in
+ * lines from 0 (2.5: between two lines); w falls across its edge as (1 - tanh((d - radius_m) / edge_m)) / 2.
  *
- * Form `film`: w = water for good. Form `drying`: w = water exp(-t / seconds) from the world's begin, so that rest drifts. */
+ * Form `film`: w = water, constant. Form `drying`: w = water exp(-t / seconds) from the start of the world, so the rest
+ * counts drift. */
 #ifndef EMULATOR_EFFECTS_MOISTURE_H
 #define EMULATOR_EFFECTS_MOISTURE_H
 
@@ -24,20 +25,20 @@ enum moisture_form {
 
 struct moisture_effect {
     enum moisture_form form;
-    size_t board; /* its place in the description */
+    size_t board; /* index in the description */
     double tx, rx, radius_m, edge_m, water, seconds;
 };
 
 int moisture_read(struct effect_line *line, struct effects *effects);
 bool moisture_is_on(const struct moisture_effect *moisture);
 
-/* How much of the patch's water each cell has, 0 to 1. weight [cells]. */
+/* Share of the patch's water in each cell, 0 to 1. weight [cells]. */
 void moisture_fill(const struct moisture_effect *moisture, const struct patch *patch, double *weight);
 
-/* The water's share of the pores at a time, seconds; 0 when it has gone. */
+/* Share of the pores that water fills at a time in seconds; 0 after drying. */
 double moisture_water(const struct moisture_effect *moisture, double time);
 
-/* The relative rise of a cell whose pores hold that share of water, from its rise when dry. */
+/* Relative rise of a cell with a water share `water` in its pores, from its dry rise. */
 double moisture_rise(double water, double rise);
 
 #endif

@@ -5,21 +5,21 @@
 #include <string.h>
 
 #define TOLERANCE 1e-7 /* of the largest current: 0.0005 counts */
-#define SWEEPS_MAX 500
+#define ITERATIONS_MAX 500
 #define BLOCK 4
-#define INLINED __attribute__((always_inline)) /* into each of the two forms of solve() */
+#define ALWAYS_INLINE __attribute__((always_inline)) /* inlined into both variants of solve() */
 
 typedef double block __attribute__((vector_size(BLOCK * sizeof(double))));
 
-/* 1 / (1 + j reactance): what the sum of a line's currents is multiplied with. */
-static inline INLINED void set_share(struct network_lines *share, int line, double reactance)
+/* Response of a line to the sum of its currents: 1 / (1 + j reactance). */
+static inline ALWAYS_INLINE void set_response(struct network_response *response, int line, double reactance)
 {
     const double square = 1.0 + reactance * reactance;
-    share->re[line] = 1.0 / square;
-    share->im[line] = -reactance / square;
+    response->re[line] = 1.0 / square;
+    response->im[line] = -reactance / square;
 }
 
-static inline INLINED void set_shares(struct network *network)
+static inline ALWAYS_INLINE void set_responses(struct network *network)
 {
     double rx_f[TAXEL_LINES_MAX];
     for (int k = 0; k < network->rx_count; k++) {
@@ -32,15 +32,15 @@ static inline INLINED void set_shares(struct network *network)
             rx_f[k] += network->mutual[i][k];
             network->transposed[k][i] = network->mutual[i][k];
         }
-        set_share(&network->tx_share, i, network->omega * network->tx_ohm * tx_f);
+        set_response(&network->tx_response, i, network->omega * network->tx_ohm * tx_f);
     }
     for (int k = 0; k < network->rx_count; k++) {
-        set_share(&network->rx_share, k, network->omega * network->rx_ohm * rx_f[k]);
+        set_response(&network->rx_response, k, network->omega * network->rx_ohm * rx_f[k]);
     }
 }
 
-/* sum += farad * (what the neighbouring lines have) */
-static inline INLINED void add_beside(double farad, const double *value, int count, double *sum)
+/* sum += farad * (sum of the values of the neighbouring lines) */
+static inline ALWAYS_INLINE void add_neighbours(double farad, const double *value, int count, double *sum)
 {
     if (farad == 0.0 || count < 2) {
         return;
@@ -52,8 +52,9 @@ static inline INLINED void add_beside(double farad, const double *value, int cou
     sum[count - 1] += farad * value[count - 2];
 }
 
-/* re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in blocks that a processor keeps in registers. */
-static inline INLINED void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count, const double *value_re,
+/* re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in blocks that fit into vector registers.
+ */
+static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count, const double *value_re,
                      const double *value_im, double *re, double *im)
 {
     for (int first = 0; first < out_count; first += BLOCK) {
@@ -68,22 +69,22 @@ static inline INLINED void multiply(const double row[][TAXEL_LINES_MAX], int row
     }
 }
 
-/* A resistance of 0 holds a line where it is, so RX lines are solved for their current: V = omega rx_ohm * current. */
-static inline INLINED double update_rx(const struct network *network, const struct network_lines *share, struct network_state *state,
-                        double *largest)
+/* RX lines are solved for their currents, V = omega rx_ohm * current, so that a resistance of 0 is allowed. */
+static inline ALWAYS_INLINE double update_rx(const struct network *network, const struct network_response *response,
+                                             struct network_state *state, double *largest)
 {
     double re[TAXEL_LINES_MAX], im[TAXEL_LINES_MAX];
     const double trace = network->omega * network->rx_ohm * network->trace_f;
     double change = 0.0;
     multiply(network->mutual, network->tx_count, network->rx_count, state->tx_re, state->tx_im, re, im);
-    add_beside(trace, state->rx_re, network->rx_count, re);
-    add_beside(trace, state->rx_im, network->rx_count, im);
+    add_neighbours(trace, state->rx_re, network->rx_count, re);
+    add_neighbours(trace, state->rx_im, network->rx_count, im);
     for (int k = 0; k < network->rx_count; k++) {
         /* j * sum * share */
-        const double new_re = -(re[k] * share->im[k] + im[k] * share->re[k]);
-        const double new_im = re[k] * share->re[k] - im[k] * share->im[k];
-        const double moved = fabs(new_re - state->rx_re[k]) + fabs(new_im - state->rx_im[k]);
-        change = moved > change ? moved : change;
+        const double new_re = -(re[k] * response->im[k] + im[k] * response->re[k]);
+        const double new_im = re[k] * response->re[k] - im[k] * response->im[k];
+        const double step = fabs(new_re - state->rx_re[k]) + fabs(new_im - state->rx_im[k]);
+        change = step > change ? step : change;
         *largest = fabs(new_im) > *largest ? fabs(new_im) : *largest;
         state->rx_re[k] = new_re;
         state->rx_im[k] = new_im;
@@ -91,7 +92,8 @@ static inline INLINED double update_rx(const struct network *network, const stru
     return change;
 }
 
-static inline INLINED void update_tx(const struct network *network, const struct network_lines *share, struct network_state *state, int driven)
+static inline ALWAYS_INLINE void update_tx(const struct network *network, const struct network_response *response,
+                                           struct network_state *state, int driven)
 {
     double re[TAXEL_LINES_MAX], im[TAXEL_LINES_MAX];
     const double volt = network->omega * network->rx_ohm, reactance = network->omega * network->tx_ohm;
@@ -100,47 +102,47 @@ static inline INLINED void update_tx(const struct network *network, const struct
         re[i] *= volt;
         im[i] *= volt;
     }
-    add_beside(network->trace_f, state->tx_re, network->tx_count, re);
-    add_beside(network->trace_f, state->tx_im, network->tx_count, im);
+    add_neighbours(network->trace_f, state->tx_re, network->tx_count, re);
+    add_neighbours(network->trace_f, state->tx_im, network->tx_count, im);
     for (int i = 0; i < network->tx_count; i++) {
         /* (drive + j reactance * sum) * share; the drive below */
-        state->tx_re[i] = -reactance * (im[i] * share->re[i] + re[i] * share->im[i]);
-        state->tx_im[i] = reactance * (re[i] * share->re[i] - im[i] * share->im[i]);
+        state->tx_re[i] = -reactance * (im[i] * response->re[i] + re[i] * response->im[i]);
+        state->tx_im[i] = reactance * (re[i] * response->re[i] - im[i] * response->im[i]);
     }
-    state->tx_re[driven] += share->re[driven];
-    state->tx_im[driven] += share->im[driven];
+    state->tx_re[driven] += response->re[driven];
+    state->tx_im[driven] += response->im[driven];
 }
 
-/* Sweeps converge by a steady factor: what the next ones would still change is known from the last two. */
-static inline INLINED bool is_done(double change, double last_change, double tolerance)
+/* Iterations converge by a constant factor, so the remaining change follows from the last two changes. */
+static inline ALWAYS_INLINE bool is_converged(double change, double last_change, double tolerance)
 {
     const double factor = change < last_change ? change / last_change : 1.0;
     return change <= tolerance || change * factor <= tolerance * (1.0 - factor);
 }
 
-static inline INLINED int solve(struct network *network, int driven, struct network_state *state, double *effective_f)
+static inline ALWAYS_INLINE int solve(struct network *network, int driven, struct network_state *state, double *effective_f)
 {
-    int sweeps = 0;
-    double change = 0.0, last_change, largest; /* the first sweep has none to be compared with */
-    if (network->changed) {
-        set_shares(network);
-        network->changed = false;
+    int iterations = 0;
+    double change = 0.0, last_change, largest; /* the first iteration has no predecessor */
+    if (network->is_changed) {
+        set_responses(network);
+        network->is_changed = false;
     }
     do {
         largest = 0.0;
         last_change = change;
-        update_tx(network, &network->tx_share, state, driven);
-        change = update_rx(network, &network->rx_share, state, &largest);
-        sweeps++;
-    } while (!is_done(change, last_change, TOLERANCE * largest) && sweeps < SWEEPS_MAX);
+        update_tx(network, &network->tx_response, state, driven);
+        change = update_rx(network, &network->rx_response, state, &largest);
+        iterations++;
+    } while (!is_converged(change, last_change, TOLERANCE * largest) && iterations < ITERATIONS_MAX);
     for (int k = 0; k < network->rx_count; k++) {
         effective_f[k] = state->rx_im[k];
     }
-    return sweeps;
+    return iterations;
 }
 
 #ifdef __x86_64__
-/* The same operations, four at a time where the processor can: the same results to the bit. */
+/* The same operations compiled for AVX2; the results are bit-identical. */
 __attribute__((target("avx2"))) static int solve_wide(struct network *network, int driven, struct network_state *state,
                                                       double *effective_f)
 {

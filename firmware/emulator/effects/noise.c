@@ -6,19 +6,19 @@
 #include "emulator/effects/effects.h"
 
 #define NOISE_STREAM 0x6E6F697300000000ull
-#define SHORTEST_S 0.020
-#define STEPS_A_TIME 8.0
+#define SHORTEST_RELAXATION_S 0.020
+#define STEPS_PER_RELAXATION 8.0
 
 static int read_form(struct effect_line *line, struct noise_slot *slot)
 {
     long axis, shared = 0;
     if (slot->form == NOISE_LINE) {
-        if (effect_line_whole(line, "axis", 0, 2, &axis)) {
+        if (effect_line_integer(line, "axis", 0, 2, &axis)) {
             return -1;
         }
         slot->axis = (int)axis;
     }
-    if (slot->form == NOISE_PINK && effect_line_has(line, "shared") && effect_line_whole(line, "shared", 0, 1, &shared)) {
+    if (slot->form == NOISE_PINK && effect_line_has_key(line, "shared") && effect_line_integer(line, "shared", 0, 1, &shared)) {
         return -1;
     }
     slot->shared = shared != 0;
@@ -39,12 +39,12 @@ int noise_read(struct effect_line *line, struct effects *effects)
         [NOISE_WHITE] = "white", [NOISE_LINE] = "line", [NOISE_PINK] = "pink", [NOISE_IMPULSE] = "impulse", NULL};
     struct noise_effect *noise = &effects->noise;
     struct noise_slot slot = {0};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0) {
         return -1;
     }
     if (noise->count == NOISE_SLOTS_MAX) {
-        return effect_line_complain(line, "more than 8 lines of noise");
+        return effect_line_report_error(line, "more than 8 lines of noise");
     }
     slot.form = (enum noise_form)form;
     if (effect_line_boards(line, &slot.boards) || effect_line_number(line, "counts", 0.0, 65535.0, &slot.counts) ||
@@ -58,7 +58,7 @@ int noise_read(struct effect_line *line, struct effects *effects)
 static bool acts_on(const struct noise_slot *slot, size_t board)
 {
     const bool is_off = slot->counts == 0.0 || (slot->form == NOISE_IMPULSE && slot->rate_hz == 0.0);
-    return !is_off && effect_boards_hold(&slot->boards, board);
+    return !is_off && effect_boards_contain(&slot->boards, board);
 }
 
 bool noise_is_on(const struct noise_effect *noise, size_t board)
@@ -79,14 +79,15 @@ void noise_open(struct noise_board *noise, const struct noise_effect *effect, si
         if (acts_on(&effect->slots[i], board)) {
             struct noise_state *state = &noise->state[noise->count];
             random_init(&state->random, seed, NOISE_STREAM | (i << 8) | address);
-            normals_init(&state->normals, seed, NOISE_STREAM | (i << 8) | address);
+            normal_source_init(&state->normals, seed, NOISE_STREAM | (i << 8) | address);
             noise->slot[noise->count++] = &effect->slots[i];
         }
     }
 }
 
-/* Nearly normal, of variance 1, from the sum of the eight bytes of one number: a process of many steps makes up for the rest. */
-static double quick_normal(struct random_source *random)
+/* Approximately normal number of variance 1: the sum of the eight bytes of one random number. The sum of many steps of
+ * a process is then sufficiently normal. */
+static double approximate_normal(struct random_source *random)
 {
     const uint64_t low_bytes = 0x00FF00FF00FF00FFull;
     const uint64_t value = random_u64(random);
@@ -97,25 +98,25 @@ static double quick_normal(struct random_source *random)
 
 static void step_pink(const struct noise_slot *slot, struct noise_state *state, double time, size_t taxels)
 {
-    const double each = slot->counts / sqrt((double)NOISE_OCTAVES);
+    const double process_std = slot->counts / sqrt((double)NOISE_OCTAVES);
     const size_t count = slot->shared ? 1u : taxels;
-    double relaxation = SHORTEST_S;
+    double relaxation = SHORTEST_RELAXATION_S;
     for (int octave = 0; octave < NOISE_OCTAVES; octave++, relaxation *= 2.0) {
-        const double elapsed = time - state->stepped[octave];
-        if (state->has_begun && elapsed < relaxation / STEPS_A_TIME) {
+        const double elapsed = time - state->step_time[octave];
+        if (state->has_started && elapsed < relaxation / STEPS_PER_RELAXATION) {
             continue;
         }
-        const double keep = state->has_begun ? exp(-elapsed / relaxation) : 0.0;
-        const double fresh = each * sqrt(1.0 - keep * keep);
+        const double correlation = state->has_started ? exp(-elapsed / relaxation) : 0.0;
+        const double innovation_std = process_std * sqrt(1.0 - correlation * correlation);
         double *const process = state->process[octave];
-        state->stepped[octave] = time;
+        state->step_time[octave] = time;
         for (size_t i = 0; i < count; i++) {
-            const double value = keep * process[i] + fresh * quick_normal(&state->random);
+            const double value = correlation * process[i] + innovation_std * approximate_normal(&state->random);
             state->pink[i] += value - process[i];
             process[i] = value;
         }
     }
-    state->has_begun = true;
+    state->has_started = true;
 }
 
 void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
@@ -128,7 +129,7 @@ void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
             step_pink(slot, state, time, taxels);
         } else if (slot->form == NOISE_LINE && slot->axis == 1) {
             for (size_t rx = 0; rx < TAXEL_LINES_MAX; rx++) {
-                state->of_rx[rx] = slot->counts * random_normal(&state->random);
+                state->rx_values[rx] = slot->counts * random_normal(&state->random);
             }
         } else if (slot->form == NOISE_LINE && slot->axis == 2) {
             state->common = slot->counts * random_normal(&state->random);
@@ -143,16 +144,16 @@ static double waiting_time(struct noise_state *state, double rate_hz)
 
 static double impulse(const struct noise_slot *slot, struct noise_state *state, double time)
 {
-    if (!state->has_begun) {
-        state->has_begun = true;
-        state->next = waiting_time(state, slot->rate_hz);
+    if (!state->has_started) {
+        state->has_started = true;
+        state->next_event = waiting_time(state, slot->rate_hz);
     }
-    while (time >= state->next) {
-        state->until = state->next + slot->duration_s;
+    while (time >= state->next_event) {
+        state->event_end = state->next_event + slot->duration_s;
         state->sign = random_u64(&state->random) >> 63 ? 1.0 : -1.0;
-        state->next += waiting_time(state, slot->rate_hz);
+        state->next_event += waiting_time(state, slot->rate_hz);
     }
-    return time < state->until ? state->sign * slot->counts : 0.0;
+    return time < state->event_end ? state->sign * slot->counts : 0.0;
 }
 
 double noise_counts(struct noise_board *noise, double time, int tx, int rx, size_t taxel)
@@ -165,13 +166,13 @@ double noise_counts(struct noise_board *noise, double time, int tx, int rx, size
         struct noise_state *state = &noise->state[i];
         switch (slot->form) {
         case NOISE_WHITE:
-            sum += slot->counts * normals_next(&state->normals);
+            sum += slot->counts * normal_source_sample(&state->normals);
             break;
         case NOISE_LINE:
             if (slot->axis == 0 && is_new_line) {
                 state->common = slot->counts * random_normal(&state->random);
             }
-            sum += slot->axis == 1 ? state->of_rx[rx] : state->common;
+            sum += slot->axis == 1 ? state->rx_values[rx] : state->common;
             break;
         case NOISE_PINK:
             sum += state->pink[slot->shared ? 0 : taxel];

@@ -11,7 +11,7 @@
 int nonlinear_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"dead_zone", "bow", NULL};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double value;
     if (form < 0 || effect_line_boards(line, &boards) ||
@@ -30,16 +30,16 @@ bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
     return nonlinear->leak[board] > 0.0 || nonlinear->bow_counts[board] != 0.0;
 }
 
-/* The fraction with the smallest denominator whose plateau holds `share`; else `share`. Longer patterns than that do not last
- * in a modulator that has some noise. */
-static double locked(double share, double leak)
+/* Fraction with the smallest denominator whose plateau contains `share`, else `share`. Longer patterns do not persist
+ * in a modulator with noise. */
+static double lock_to_plateau(double share, double leak)
 {
-    int any = 0; /* nearly always none: found out for all at once, without a branch */
+    int near_plateau = 0; /* rarely true, so one test without branches covers all denominators */
     for (int q = 2; q <= DENOMINATOR_MAX; q++) {
         const double p = (double)(int)(share * q + 0.5);
-        any |= fabs(share * q - p) <= 0.5 * leak;
+        near_plateau |= fabs(share * q - p) <= 0.5 * leak;
     }
-    if (!any) {
+    if (!near_plateau) {
         return share;
     }
     for (int q = 2; q <= DENOMINATOR_MAX; q++) {
@@ -61,5 +61,5 @@ double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, d
     if (nonlinear->leak[board] == 0.0) {
         return hardware_count + bow;
     }
-    return largest_count * locked(share + bow / largest_count, nonlinear->leak[board]);
+    return largest_count * lock_to_plateau(share + bow / largest_count, nonlinear->leak[board]);
 }

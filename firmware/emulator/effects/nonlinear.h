@@ -1,10 +1,10 @@
-/* A converter whose counts are not proportional to capacitance; keys board=.
+/* Converter whose counts are not proportional to the capacitance; keys board=.
  *
- * Form `dead_zone`: a first-order modulator whose integrator leaks locks to short patterns. With a leak a clock, inputs near
- * the fraction p/q of full scale all give p/q; the plateau is leak (1 - leak (q - 1)) / q wide (contracted rotation, for
- * a small leak), up to q = 12. leak=0 is the ideal sensor; 0.004 gives 13 counts of 6400 at one half.
- * Form `bow`: the modulator's capacitor depends on its voltage: counts * 4 u (1 - u) (1 + 0.5 (1 - 2 u)) is added,
- * u the hardware count over the largest count: none at the ends, `counts` in the middle, more below than above. */
+ * Form `dead_zone`: a first-order modulator with a leaky integrator locks to short patterns. With a leak per clock,
+ * inputs near the fraction p/q of full scale all yield p/q; the plateau is leak (1 - leak (q - 1)) / q wide (contracted
+ * rotation, for a small leak), up to q = 12. leak=0 is ideal; 0.004 gives 13 counts of 6400 at one half. Form `bow`:
+ * voltage dependence of the modulator's capacitor. It adds counts * 4 u (1 - u) (1 + 0.5 (1 - 2 u)), where u is the
+ * hardware count divided by the largest count: zero at both ends, `counts` in the middle, larger in the lower half. */
 #ifndef EMULATOR_EFFECTS_NONLINEAR_H
 #define EMULATOR_EFFECTS_NONLINEAR_H
 

@@ -7,12 +7,12 @@
 #include "emulator/layer.h"
 #include "emulator/skin/contact.h"
 
-#define IMAGE_FAR 5.0 /* electrode distances */
+#define IMAGE_FAR 5.0 /* in units of the electrode distance */
 
 int proximity_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[PROXIMITY_IMAGE] = "image", [PROXIMITY_WEDGE] = "wedge", NULL};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     effects->proximity = (struct proximity_effect){.form = form == PROXIMITY_WEDGE ? PROXIMITY_WEDGE : PROXIMITY_IMAGE};
     return form < 0 || effect_line_number(line, "share", 0.0, 1.0, &effects->proximity.share) ||
                    effect_line_number(line, "reach_m", 1e-5, 0.02, &effects->proximity.reach_m)
@@ -25,37 +25,38 @@ bool proximity_is_on(const struct proximity_effect *proximity)
     return proximity->share != 0.0;
 }
 
-double proximity_far(const struct proximity_effect *proximity)
+double proximity_reach(const struct proximity_effect *proximity)
 {
-    const double far = proximity->form == PROXIMITY_IMAGE ? IMAGE_FAR * proximity->reach_m : proximity->reach_m;
-    return proximity_is_on(proximity) ? fmin(far, CONTACT_FAR_M) : 0.0;
+    const double reach = proximity->form == PROXIMITY_IMAGE ? IMAGE_FAR * proximity->reach_m : proximity->reach_m;
+    return proximity_is_on(proximity) ? fmin(reach, CONTACT_FAR_M) : 0.0;
 }
 
-static double answer(const struct proximity_effect *proximity, double thickness, double gap)
+static double response(const struct proximity_effect *proximity, double thickness, double gap)
 {
     const double ratio = 0.5 * proximity->reach_m / (thickness + gap);
-    return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio) : 1.0 / (1.0 + layer_permittivity() * gap / thickness);
+    return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio) : 1.0 / (1.0 + layer_rest_permittivity() * gap / thickness);
 }
 
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness)
 {
     curve->thickness = thickness;
-    curve->far = proximity_far(proximity);
-    curve->floor = thickness / (thickness + curve->far);
-    curve->steps = PROXIMITY_STEPS / (1.0 - curve->floor);
-    const double least = answer(proximity, thickness, curve->far), most = answer(proximity, thickness, 0.0);
+    curve->reach = proximity_reach(proximity);
+    curve->u_min = thickness / (thickness + curve->reach);
+    curve->steps_per_u = PROXIMITY_STEPS / (1.0 - curve->u_min);
+    const double far_response = response(proximity, thickness, curve->reach);
+    const double range = response(proximity, thickness, 0.0) - far_response;
     for (int i = 0; i <= PROXIMITY_STEPS; i++) {
-        const double gap = thickness / (curve->floor + i / curve->steps) - thickness;
-        curve->value[i] = proximity->share * (answer(proximity, thickness, gap) - least) / (most - least);
+        const double gap = thickness / (curve->u_min + i / curve->steps_per_u) - thickness;
+        curve->value[i] = proximity->share * (response(proximity, thickness, gap) - far_response) / range;
     }
 }
 
 double proximity_rise(const struct proximity_curve *curve, double gap)
 {
-    if (gap >= curve->far) {
+    if (gap >= curve->reach) {
         return 0.0;
     }
-    const double position = (curve->thickness / (curve->thickness + gap) - curve->floor) * curve->steps;
+    const double position = (curve->thickness / (curve->thickness + gap) - curve->u_min) * curve->steps_per_u;
     const int index = (int)position;
     if (index >= PROXIMITY_STEPS) {
         return curve->value[PROXIMITY_STEPS];

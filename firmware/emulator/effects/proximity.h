@@ -1,17 +1,17 @@
-/* The fringe field answers before contact: it reaches out of the layer into a dielectric object.
+/* Response of the fringe field before contact: the field extends beyond the layer into a dielectric object.
  *
- * `share`: what an object that lies on the whole taxel adds, as a share of the fringe capacitance at rest (a drop of share
- * * fringe capacitance * counts per farad). A cell at a gap g (metres) adds share * f(g), f(0) = 1, and f = 0 far
- * away; a touched cell keeps f = 1. Over a taxel its cells' parts are averaged. t: thickness of the layer.
+ * `share`: contribution of an object in contact with the whole taxel, relative to the fringe capacitance at rest (a
+ * signal of share * fringe capacitance * counts per farad). A cell at a gap g (metres) adds share * f(g) with f(0) = 1
+ * and f = 0 far away; a touched cell has f = 1. A taxel has the mean over its cells. t: thickness of the layer.
  *
- * Form `image`: two line electrodes reach_m apart see their images in the object's face, a height z = t + g above them. The
- * flux between them that goes through that plane is proportional to L(z) = ln(1 + (reach_m / 2 z)^2). It is followed up to
- * far = 5 reach_m, where less than 2 % of it is left with electrodes reach_m = 4 t apart:
- *     f(g) = (L(t + g) - L(t + far)) / (L(t) - L(t + far)).
+ * Form `image`: two line electrodes at distance reach_m have images in the object's face at height z = t + g. Their
+ * flux through that plane is proportional to L(z) = ln(1 + (reach_m / 2 z)^2). The model ends at far = 5 reach_m, where
+ * less than 2 % remains for electrodes at distance reach_m = 4 t:
+ *         f(g) = (L(t + g) - L(t + far)) / (L(t) - L(t + far)).
  *
- * Form `wedge`: only where skin and object part at a contact's edge, up to a gap of reach_m: there a film of air lies in
- * series with the layer, relative permittivity e. Of the layer's capacitance S(g) = 1 / (1 + e g / t) is left, so
- *     f(g) = (S(g) - S(reach_m)) / (1 - S(reach_m)). */
+ * Form `wedge`: only where skin and object separate at the edge of a contact, up to a gap of reach_m. The air film is
+ * in series with the layer of relative permittivity e, so the remaining capacitance is S(g) = 1 / (1 + e g / t) and
+ *         f(g) = (S(g) - S(reach_m)) / (1 - S(reach_m)). */
 #ifndef EMULATOR_EFFECTS_PROXIMITY_H
 #define EMULATOR_EFFECTS_PROXIMITY_H
 
@@ -32,19 +32,19 @@ struct proximity_effect {
 
 #define PROXIMITY_STEPS 256
 
-/* share * f over u = t / (t + g), in which it is smooth. */
+/* Table of share * f over u = t / (t + g), in which f is smooth. */
 struct proximity_curve {
-    double thickness, far; /* metres */
-    double floor, steps;   /* u at `far`; steps a unit of u */
+    double thickness, reach; /* metres */
+    double u_min, steps_per_u;   /* u at `reach`; table steps per unit of u */
     double value[PROXIMITY_STEPS + 1];
 };
 
 int proximity_read(struct effect_line *line, struct effects *effects);
 bool proximity_is_on(const struct proximity_effect *proximity);
-double proximity_far(const struct proximity_effect *proximity); /* the gap from which on nothing is added; 0 if off */
+double proximity_reach(const struct proximity_effect *proximity); /* smallest gap without any contribution; 0 if inactive */
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness);
 
-/* What a cell at that gap adds to the relative rise. */
+/* Contribution of a cell at a gap to the relative rise. */
 double proximity_rise(const struct proximity_curve *curve, double gap);
 
 #endif

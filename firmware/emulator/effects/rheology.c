@@ -5,13 +5,13 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
-#define FORGOTTEN_M 1e-8 /* some hundredth of a count */
+#define NEGLIGIBLE_M 1e-8 /* about a hundredth of a count */
 
 int rheology_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[RHEOLOGY_SOLID] = "solid", [RHEOLOGY_PLAY] = "play", NULL};
     struct rheology_effect *rheology = &effects->rheology;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0) {
         return -1;
     }
@@ -40,12 +40,12 @@ static struct rheology_lag lag_over(double seconds, double time_constant)
 static inline double follow(const struct rheology_lag *lag, double slow, double from, double to)
 {
     const double next = to - (to - from) * lag->ramp + (slow - from) * lag->decay;
-    return next < FORGOTTEN_M ? 0.0 : next;
+    return next < NEGLIGIBLE_M ? 0.0 : next;
 }
 
-struct rheology_span rheology_span(const struct rheology_effect *rheology, double seconds, bool jump)
+struct rheology_span rheology_span(const struct rheology_effect *rheology, double seconds, bool is_step)
 {
-    struct rheology_span span = {.jump = jump};
+    struct rheology_span span = {.is_step = is_step};
     for (int k = 0; k < RHEOLOGY_CREEPS; k++) {
         const double scale = rheology->form == RHEOLOGY_SOLID ? 1.0 : pow(10.0, k - 1);
         span.lags[k] = lag_over(seconds, rheology->seconds * scale);
@@ -53,49 +53,49 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
     return span;
 }
 
-static double solid(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_cell *cell,
+static double apply_solid(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cell,
                     double c)
 {
-    cell->slow[0] = follow(&span->lags[0], cell->slow[0], cell->input, span->jump ? cell->input : c);
+    cell->slow[0] = follow(&span->lags[0], cell->slow[0], cell->input, span->is_step ? cell->input : c);
     cell->input = c;
     return c + rheology->fraction * (cell->slow[0] - c);
 }
 
-static double stick(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_cell *cell,
+static double apply_play(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cell,
                     double c)
 {
-    double held = 0.0, crept = 0.0;
+    double play_sum = 0.0, creep_sum = 0.0;
     for (int i = 0; i < RHEOLOGY_PLAYS; i++) {
-        const double least = c - rheology->width_m * ((i + 1) / (double)RHEOLOGY_PLAYS);
-        const double low = least > 0.0 ? least : 0.0;
+        const double lower_bound = c - rheology->width_m * ((i + 1) / (double)RHEOLOGY_PLAYS);
+        const double low = lower_bound > 0.0 ? lower_bound : 0.0;
         const double play = cell->play[i] < low ? low : cell->play[i] > c ? c : cell->play[i];
         cell->play[i] = play;
-        held += play;
+        play_sum += play;
     }
-    const double x = c + rheology->fraction * (held * (1.0 / RHEOLOGY_PLAYS) - c);
+    const double x = c + rheology->fraction * (play_sum * (1.0 / RHEOLOGY_PLAYS) - c);
     for (int k = 0; rheology->creep > 0.0 && k < RHEOLOGY_CREEPS; k++) {
-        cell->slow[k] = follow(&span->lags[k], cell->slow[k], cell->input, span->jump ? cell->input : x);
-        crept += cell->slow[k];
+        cell->slow[k] = follow(&span->lags[k], cell->slow[k], cell->input, span->is_step ? cell->input : x);
+        creep_sum += cell->slow[k];
     }
     cell->input = x;
-    return x + rheology->creep * crept * (1.0 / RHEOLOGY_CREEPS);
+    return x + rheology->creep * creep_sum * (1.0 / RHEOLOGY_CREEPS);
 }
 
-static bool remembers(const struct rheology_cell *cell)
+static bool has_memory(const struct rheology_state *cell)
 {
-    return cell->input > FORGOTTEN_M || cell->slow[0] != 0.0 || cell->slow[1] != 0.0 || cell->slow[2] != 0.0;
+    return cell->input > NEGLIGIBLE_M || cell->slow[0] != 0.0 || cell->slow[1] != 0.0 || cell->slow[2] != 0.0;
 }
 
-bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_cell *cells,
+bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cells,
                       size_t count, double *compression)
 {
-    bool awake = false;
+    bool is_active = false;
     for (size_t i = 0; i < count; i++) {
-        if (compression[i] > FORGOTTEN_M || remembers(&cells[i])) {
-            compression[i] = rheology->form == RHEOLOGY_SOLID ? solid(rheology, span, &cells[i], compression[i])
-                                                              : stick(rheology, span, &cells[i], compression[i]);
-            awake = awake || remembers(&cells[i]);
+        if (compression[i] > NEGLIGIBLE_M || has_memory(&cells[i])) {
+            compression[i] = rheology->form == RHEOLOGY_SOLID ? apply_solid(rheology, span, &cells[i], compression[i])
+                                                              : apply_play(rheology, span, &cells[i], compression[i]);
+            is_active = is_active || has_memory(&cells[i]);
         }
     }
-    return awake;
+    return is_active;
 }

@@ -8,7 +8,7 @@ int saturation_read(struct effect_line *line, struct effects *effects)
     static const char *const forms[] = {"clip", "soft", NULL};
     struct saturation_board board;
     struct effect_boards boards;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     if (form < 0 || effect_line_boards(line, &boards) || effect_line_number(line, "counts", 1.0, 65535.0, &board.counts) ||
         effect_line_optional(line, "strength", 0.0, 1.0, 1.0, &board.strength)) {
         return -1;

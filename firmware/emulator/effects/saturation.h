@@ -1,8 +1,9 @@
-/* The converter runs out of current: how far a count can move from rest. Keys counts= (the limit), strength= (1; mixes).
+/* Saturation of the converter: limit of a count's distance from rest. Keys counts= (the limit), strength= (1;
+ * interpolates between none and full effect).
  *
- * Form `clip`: the current source cannot balance more charge; the hardware count stops at rest + counts.
- * Form `soft`: its output resistance loads it, as two resistors divide a voltage: x counts above rest read as
- * x counts / (x + counts): slope 1 at rest, half of the limit where x is the limit. */
+ * Form `clip`: the current source cannot balance more charge, so the hardware count is limited to rest + counts. Form
+ * `soft`: the output resistance of the current source forms a voltage divider: x counts above rest read as x counts /
+ * (x + counts), with slope 1 at rest and half of the limit at x = counts. */
 #ifndef EMULATOR_EFFECTS_SATURATION_H
 #define EMULATOR_EFFECTS_SATURATION_H
 
@@ -24,7 +25,7 @@ struct saturation_effect {
 
 int saturation_read(struct effect_line *line, struct effects *effects);
 
-/* A hardware count, of a taxel with that count at rest. */
+/* Hardware count after saturation. rest: hardware count of the taxel at rest. */
 double saturation_limit(const struct saturation_board *board, double rest, double hardware_count);
 
 #endif

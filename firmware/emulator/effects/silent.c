@@ -4,21 +4,21 @@
 #include "emulator/effects/effects.h"
 
 #define SILENT_STREAM 0x73696C6500000000ull
-#define FOR_EVER 1e30
+#define UNLIMITED_S 1e30
 
 static int read_from(struct effect_line *line, struct silent_effect *silent)
 {
     double duration;
     const size_t n = silent->count;
-    if (n == SILENCES_MAX) {
-        return effect_line_complain(line, "more than 64 silences");
+    if (n == OUTAGES_MAX) {
+        return effect_line_report_error(line, "more than 64 outages (form from)");
     }
-    if (effect_line_board(line, &silent->silences[n].board) ||
-        effect_line_number(line, "seconds", 0.0, 1e7, &silent->silences[n].from) ||
-        effect_line_optional(line, "duration", 0.0, 1e7, FOR_EVER, &duration)) {
+    if (effect_line_board(line, &silent->outages[n].board) ||
+        effect_line_number(line, "seconds", 0.0, 1e7, &silent->outages[n].from) ||
+        effect_line_optional(line, "duration", 0.0, 1e7, UNLIMITED_S, &duration)) {
         return -1;
     }
-    silent->silences[n].until = silent->silences[n].from + duration;
+    silent->outages[n].until = silent->outages[n].from + duration;
     silent->count++;
     return 0;
 }
@@ -27,7 +27,7 @@ int silent_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"from", "flaky", NULL};
     struct silent_effect *silent = &effects->silent;
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double p, burst;
     if (form <= 0) {
@@ -38,7 +38,7 @@ int silent_read(struct effect_line *line, struct effects *effects)
         return -1;
     }
     if (p > burst * (1.0 - p)) {
-        return effect_line_complain(line, "bursts of that mean length cannot make up so large a p; raise burst=");
+        return effect_line_report_error(line, "expected p <= burst / (1 + burst), found a larger p; raise burst=");
     }
     for (size_t i = boards.first; i < boards.end; i++) {
         silent->probability[i] = p;
@@ -53,19 +53,19 @@ void silent_open(struct silent_contact *contact, const struct silent_effect *sil
     contact->is_bad = random_uniform(&contact->random) < silent->probability[board];
 }
 
-bool silent_loses(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact)
+bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact)
 {
     const double p = silent->probability[board], burst = silent->burst[board];
     for (size_t i = 0; i < silent->count; i++) {
-        if (silent->silences[i].board == board && time >= silent->silences[i].from && time < silent->silences[i].until) {
+        if (silent->outages[i].board == board && time >= silent->outages[i].from && time < silent->outages[i].until) {
             return true;
         }
     }
     if (p == 0.0) {
         return false;
     }
-    const double change = contact->is_bad ? 1.0 / burst : p / (burst * (1.0 - p));
-    if (random_uniform(&contact->random) < change) {
+    const double transition_probability = contact->is_bad ? 1.0 / burst : p / (burst * (1.0 - p));
+    if (random_uniform(&contact->random) < transition_probability) {
         contact->is_bad = !contact->is_bad;
     }
     return contact->is_bad;

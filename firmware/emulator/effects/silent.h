@@ -1,8 +1,8 @@
-/* Boards that the bus does not reach: their address goes unacknowledged while they scan on.
+/* Boards that do not respond on the bus: their address is not acknowledged, while they keep scanning.
  *
- * Form `from`: board= answers nothing from `seconds` on, for `duration` seconds or for ever.
- * Form `flaky`: a loose contact. Each addressing is lost with probability p, in runs of mean length `burst` (4) addressings:
- * a chain of two states that leaves the bad one with 1 / burst and enters it with p / (burst (1 - p)). */
+ * Form `from`: board= does not respond from `seconds` on, for `duration` seconds or without end. Form `flaky`: loose
+ * contact. Each addressing is lost with probability p, in runs of mean length `burst` (4) addressings: a two-state
+ * Markov chain that leaves the bad state with probability 1 / burst and enters it with p / (burst (1 - p)). */
 #ifndef EMULATOR_EFFECTS_SILENT_H
 #define EMULATOR_EFFECTS_SILENT_H
 
@@ -12,7 +12,7 @@
 #include "emulator/effects/effect_boards.h"
 #include "emulator/random.h"
 
-#define SILENCES_MAX 64
+#define OUTAGES_MAX 64
 
 struct effect_line;
 struct effects;
@@ -21,7 +21,7 @@ struct silent_effect {
     struct {
         size_t board;
         double from, until; /* seconds */
-    } silences[SILENCES_MAX];
+    } outages[OUTAGES_MAX];
     size_t count;
     double probability[EFFECT_BOARDS_MAX], burst[EFFECT_BOARDS_MAX];
 };
@@ -34,7 +34,7 @@ struct silent_contact {
 int silent_read(struct effect_line *line, struct effects *effects);
 void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed, uint8_t address);
 
-/* Whether this addressing, at a time in seconds, is lost. */
-bool silent_loses(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact);
+/* Whether the addressing at a time in seconds is lost. */
+bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact);
 
 #endif

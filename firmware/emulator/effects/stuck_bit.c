@@ -6,10 +6,10 @@
 int stuck_bit_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"low", "high", NULL};
-    const int form = effect_line_form(line, forms);
+    const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     long bit;
-    if (form < 0 || effect_line_boards(line, &boards) || effect_line_whole(line, "bit", 0, 15, &bit)) {
+    if (form < 0 || effect_line_boards(line, &boards) || effect_line_integer(line, "bit", 0, 15, &bit)) {
         return -1;
     }
     uint16_t *const masks = form == 0 ? effects->stuck_bit.low : effects->stuck_bit.high;

@@ -1,5 +1,5 @@
-/* A bit of a board's count register that does not switch: form `low` reads it as 0, form `high` as 1, whatever was measured.
- * Key bit= 0 to 15; several lines add up. */
+/* Stuck bit in a board's count register: form `low` reads the bit as 0, form `high` as 1. Key bit= 0 to 15; several
+ * lines add up. */
 #ifndef EMULATOR_EFFECTS_STUCK_BIT_H
 #define EMULATOR_EFFECTS_STUCK_BIT_H
 

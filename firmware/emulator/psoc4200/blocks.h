@@ -1,4 +1,4 @@
-/* The state of each block: the registers that are modelled, by their names in boards/psoc4200/regs. */
+/* State of each peripheral block. Registers have the names of boards/psoc4200/regs. */
 #ifndef PSOC4200_BLOCKS_H
 #define PSOC4200_BLOCKS_H
 
@@ -26,13 +26,13 @@ struct psoc_gpio {
         uint32_t data, mode, input_disable;
     } port[PSOC_PORTS];
     uint32_t select[PSOC_PORTS]; /* HSIOM */
-    bool scl_low, sda_low, rts_high; /* by hand, as the wires were told */
+    bool scl_low, sda_low, rts_high; /* levels driven by software at the last update of the wires */
 };
 
 struct psoc_csd {
     uint32_t config, idac, trim1, intr;
-    uint32_t counter;   /* at rest: what the last conversion left */
-    uint64_t begin, end; /* cycles; PSOC_NEVER: none under way */
+    uint32_t counter;   /* when idle: result of the last conversion */
+    uint64_t begin, end; /* cycles; PSOC_NEVER: no conversion active */
     uint32_t period, sense, sample;
     int tx, rx;
 };
@@ -42,7 +42,7 @@ struct psoc_srss {
     uint32_t match, wdt_config, wdt_control;
     uint32_t cause;
     uint32_t bg_trim4, bg_trim5, imo_trim1, imo_trim2;
-    uint64_t bites; /* cycle; PSOC_NEVER: it sleeps */
+    uint64_t reset_cycle; /* cycle of the watchdog reset; PSOC_NEVER: disabled */
 };
 
 struct psoc_fifo {
@@ -52,13 +52,13 @@ struct psoc_fifo {
 
 enum psoc_scb_state {
     PSOC_SCB_IDLE,
-    PSOC_SCB_SLAVE_ADDRESSED, /* SCL is held until the address is answered */
-    PSOC_SCB_SLAVE_RECEIVES,
-    PSOC_SCB_SLAVE_TAKEN, /* a byte waits to be acknowledged, SCL is held */
-    PSOC_SCB_SLAVE_SENDS,
-    PSOC_SCB_MASTER_STARTS,  /* a start was commanded; its address has not come */
-    PSOC_SCB_MASTER_WAITS,   /* a byte or a condition is under way */
-    PSOC_SCB_MASTER_HOLDS,   /* SCL low, until a command or a byte comes */
+    PSOC_SCB_SLAVE_ADDRESSED, /* SCL is held low until the address is acknowledged or refused */
+    PSOC_SCB_SLAVE_RECEIVING,
+    PSOC_SCB_SLAVE_BYTE_RECEIVED, /* SCL is held low until the byte is acknowledged or refused */
+    PSOC_SCB_SLAVE_SENDING,
+    PSOC_SCB_MASTER_STARTING,  /* start commanded, address byte not written yet */
+    PSOC_SCB_MASTER_BUSY,   /* a byte or a bus condition is being transferred */
+    PSOC_SCB_MASTER_HOLDING,   /* SCL is held low until a command or a byte */
 };
 
 struct psoc_scb {
@@ -67,14 +67,14 @@ struct psoc_scb {
     uint32_t tx_ctrl, tx_fifo_ctrl, rx_ctrl, rx_fifo_ctrl, rx_match;
     struct psoc_fifo tx, rx;
     uint32_t intr_m, intr_m_mask, intr_s, intr_s_mask, intr_tx, intr_tx_mask, intr_rx, intr_rx_mask;
-    bool line; /* its interrupt */
+    bool line; /* level of its interrupt */
     enum psoc_scb_state state;
-    bool reading;      /* the master reads */
-    bool acknowledged; /* as slave: its last answer; as master: the last it got */
-    uint64_t answered; /* the cycle of it */
-    bool shift_full;   /* a byte to be sent is on its way out */
+    bool reading;      /* direction of the transfer: read by the master */
+    bool acknowledged; /* as slave: last acknowledge sent; as master: last acknowledge received */
+    uint64_t reply_cycle; /* cycle of `acknowledged` */
+    bool shift_full;   /* the shift register contains a byte to send */
     uint8_t shift;
-    vtime shift_begin, shift_filled; /* when the byte could begin, and when there was one */
+    vtime shift_begin, shift_filled; /* earliest start of the byte, and time at which the byte was available */
 };
 
 #endif

@@ -1,4 +1,4 @@
-/* Which block an address belongs to. */
+/* Address map of the peripheral blocks. */
 #include "emulator/psoc4200/internal.h"
 
 typedef bool register_function(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
@@ -27,7 +27,7 @@ static const struct block {
     uint32_t base, size;
     register_function *read, *write;
 } blocks[] = {
-    {0x40060000u, 0x10000u, scb0_read, scb0_write}, /* most asked first */
+    {0x40060000u, 0x10000u, scb0_read, scb0_write}, /* most frequently accessed blocks first */
     {0x40070000u, 0x10000u, scb1_read, scb1_write},
     {0x40080000u, 0x10000u, psoc_csd_read, psoc_csd_write},
     {0x40040000u, 0x10000u, psoc_gpio_read, psoc_gpio_write},
@@ -53,10 +53,10 @@ enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *a
     struct psoc *psoc = context;
     const struct block *block = block_at(access->address);
     if (!block) {
-        return CORTEX_M0_ERROR; /* as on silicon: a bus fault */
+        return CORTEX_M0_ERROR; /* bus fault, as on silicon */
     }
     if (!block->read(psoc, access->address - block->base, access)) {
-        psoc_complain(psoc, "reads", access->address);
+        psoc_report_unmodelled(psoc, "reads", access->address);
     }
     return CORTEX_M0_OK;
 }
@@ -69,7 +69,7 @@ enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *
         return CORTEX_M0_ERROR;
     }
     if (!block->write(psoc, access->address - block->base, access)) {
-        psoc_complain(psoc, "writes", access->address);
+        psoc_report_unmodelled(psoc, "writes", access->address);
     }
     return CORTEX_M0_OK;
 }

@@ -1,4 +1,4 @@
-/* Dividers of HFCLK for the peripherals (boards/psoc4200/regs/peri_clk.h). */
+/* Clock dividers from HFCLK to the peripherals (boards/psoc4200/regs/peri_clk.h). */
 #include "emulator/psoc4200/internal.h"
 
 #define DIVIDERS 3u
@@ -46,7 +46,7 @@ bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_acce
     return true;
 }
 
-static uint32_t cycles(uint32_t divider)
+static uint32_t divider_cycles(uint32_t divider)
 {
     return divider & ENABLE ? (divider & 0xFFFFu) + 1u : 0u;
 }
@@ -61,14 +61,14 @@ uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral)
     }
     switch (select >> 4 & 3u) {
     case 1:
-        return cycles(clocks->divider_a[number]);
+        return divider_cycles(clocks->divider_a[number]);
     case 2: {
         const uint32_t b = clocks->divider_b[number];
-        return b & CASCADE ? cycles(b) * cycles(clocks->divider_a[number]) : cycles(b);
+        return b & CASCADE ? divider_cycles(b) * divider_cycles(clocks->divider_a[number]) : divider_cycles(b);
     }
     case 3: {
         const uint32_t c = clocks->divider_c[number];
-        return c & CASCADE ? 0u : cycles(c); /* its input would be B's; nothing uses that */
+        return c & CASCADE ? 0u : divider_cycles(c); /* cascading from divider B is not used by the firmware */
     }
     default:
         return 0;

@@ -1,4 +1,4 @@
-/* CPU subsystem: where vectors are served from, and the door to the supervisory ROM. */
+/* CPU subsystem: location of the vector table, and system calls into the supervisory ROM. */
 #include "emulator/psoc4200/internal.h"
 
 #define CONFIG 0x0u

@@ -1,5 +1,5 @@
-/* CapSense: a conversion takes a period of sample clocks, and counts those in which the current source was on. What it counts is the
- * board's to say: the same front end as a native board's. */
+/* CapSense block. A conversion takes a number of sample clocks and counts those in which the current source was on. The
+ * board's front end computes the count, as for a native board. */
 #include "emulator/psoc4200/internal.h"
 
 #define CSD_ID 0x00u
@@ -17,14 +17,14 @@
 #define PERI_CSD_SENSE 4u
 #define PERI_CSD_SAMPLE 5u
 #define SENSE_HALVES 2u
-#define STARTS_AFTER 1u /* sample clocks from the write of the period to the first count */
+#define STARTS_AFTER 1u /* sample clocks between the write of the period and the first count */
 
-static void line_follows(struct psoc *psoc)
+static void update_interrupt(struct psoc *psoc)
 {
     psoc_set_line(psoc, PSOC_IRQ_CSD, psoc->csd.intr & 1u);
 }
 
-static bool begin(struct psoc *psoc, uint32_t period, uint64_t cycle)
+static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
 {
     struct psoc_csd *csd = &psoc->csd;
     csd->sample = psoc_clock_divider(psoc, PERI_CSD_SAMPLE);
@@ -37,7 +37,7 @@ static bool begin(struct psoc *psoc, uint32_t period, uint64_t cycle)
     csd->begin = cycle + (uint64_t)STARTS_AFTER * csd->sample;
     csd->end = csd->begin + (uint64_t)period * csd->sample;
     csd->counter = period << 16;
-    cortex_m0_stop(&psoc->cpu); /* it may end within this run */
+    cortex_m0_stop(&psoc->cpu); /* the conversion may end within this run */
     return true;
 }
 
@@ -58,11 +58,11 @@ void psoc_csd_end(struct psoc *psoc)
     csd->end = PSOC_NEVER;
     csd->counter = senses && wires->convert ? wires->convert(wires->context, &conversion) : 0u;
     csd->intr |= 1u;
-    line_follows(psoc);
+    update_interrupt(psoc);
 }
 
-/* While it counts, the low half is what the source has done so far: nothing before the sense clock ran, which is as long as the
- * firmware looks at it. */
+/* During a conversion the low half is the count so far. The model returns 0, which is exact before the first sense
+ * clock; the firmware reads the register only until then. */
 static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
 {
     if (csd->end == PSOC_NEVER || cycle < csd->begin) {
@@ -109,10 +109,10 @@ bool psoc_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access 
         csd->idac = access->value;
         return true;
     case CSD_COUNTER:
-        return begin(psoc, access->value >> 16, access->cycle);
+        return start_conversion(psoc, access->value >> 16, access->cycle);
     case CSD_INTR:
         csd->intr &= ~access->value;
-        line_follows(psoc);
+        update_interrupt(psoc);
         return true;
     case CSD_TRIM1:
         csd->trim1 = access->value;

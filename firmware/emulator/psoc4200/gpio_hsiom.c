@@ -1,4 +1,4 @@
-/* Ports and the switch matrix behind them: which lines of the sensor are connected, the bus's lines by hand, RTS. */
+/* GPIO ports and the high-speed I/O matrix: connected sensor lines, I2C lines driven by software, and RTS. */
 #include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/wiring.h"
 
@@ -27,7 +27,7 @@ static unsigned mode_of(const struct psoc *psoc, unsigned port, unsigned number)
     return psoc->gpio.port[port].mode >> (3u * number) & 7u;
 }
 
-/* Whether the firmware pulls this pin low by hand. */
+/* Whether software drives this pin low. */
 static bool pulls_low(const struct psoc *psoc, unsigned port, unsigned number)
 {
     const unsigned mode = mode_of(psoc, port, number);
@@ -41,7 +41,7 @@ static bool is_high(const struct psoc *psoc, unsigned port, unsigned number)
            psoc->gpio.port[port].data >> number & 1u;
 }
 
-static void tell_wires(struct psoc *psoc, uint64_t cycle)
+static void update_wires(struct psoc *psoc, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
     struct psoc_gpio *gpio = &psoc->gpio;
@@ -49,11 +49,11 @@ static void tell_wires(struct psoc *psoc, uint64_t cycle)
     const bool rts_high = is_high(psoc, WIRING_RTS >> 4, WIRING_RTS & 7u);
     if (wires->i2c_drive && (scl_low != gpio->scl_low || sda_low != gpio->sda_low)) {
         wires->i2c_drive(wires->context, !scl_low, !sda_low);
-        psoc_acts(psoc);
+        psoc_end_run(psoc);
     }
     if (wires->uart_hold && rts_high != gpio->rts_high) {
         wires->uart_hold(wires->context, rts_high, psoc_time(psoc, cycle));
-        psoc_acts(psoc);
+        psoc_end_run(psoc);
     }
     gpio->scl_low = scl_low;
     gpio->sda_low = sda_low;
@@ -115,7 +115,7 @@ bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
     default:
         return false;
     }
-    tell_wires(psoc, access->cycle);
+    update_wires(psoc, access->cycle);
     return true;
 }
 
@@ -134,27 +134,27 @@ bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_acces
         return false;
     }
     psoc->gpio.select[offset / 4u] = access->value;
-    tell_wires(psoc, access->cycle);
+    update_wires(psoc, access->cycle);
     return true;
 }
 
-/* The one of these pins that has the function; -1: none, or several. */
-static int only_one(const struct psoc *psoc, const uint8_t *pins, unsigned count, unsigned function)
+/* Index of the only pin with the function; -1 if no pin or several pins have it. */
+static int single_pin_with_function(const struct psoc *psoc, const uint8_t *pins, unsigned count, unsigned function)
 {
-    int found = -1;
+    int match = -1;
     for (unsigned i = 0; i < count; i++) {
         if (function_of(psoc, pins[i] >> 4, pins[i] & 7u) == function) {
-            if (found >= 0) {
+            if (match >= 0) {
                 return -1;
             }
-            found = (int)i;
+            match = (int)i;
         }
     }
-    return found;
+    return match;
 }
 
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
 {
-    *tx = only_one(psoc, wiring_tx, WIRING_TX_LINES, FUNCTION_SENSE);
-    *rx = only_one(psoc, wiring_rx, WIRING_RX_LINES, FUNCTION_AMUX_A);
+    *tx = single_pin_with_function(psoc, wiring_tx, WIRING_TX_LINES, FUNCTION_SENSE);
+    *rx = single_pin_with_function(psoc, wiring_rx, WIRING_RX_LINES, FUNCTION_AMUX_A);
 }

@@ -1,4 +1,4 @@
-/* What the blocks share. Each register function returns false for a register that is not modelled. */
+/* Declarations shared by the blocks. A register function returns false for a register that is not modelled. */
 #ifndef PSOC4200_INTERNAL_H
 #define PSOC4200_INTERNAL_H
 
@@ -13,18 +13,19 @@ vtime psoc_time(const struct psoc *psoc, uint64_t cycle);
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time);
 void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle);
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high);
-void psoc_acts(struct psoc *psoc);    /* return from this run after the instruction */
-void psoc_answers(struct psoc *psoc); /* of what the bus waits for */
-void psoc_complain(struct psoc *psoc, const char *what, uint32_t address);
+void psoc_end_run(struct psoc *psoc);    /* records an action on the wires or the flash and ends the run after the instruction */
+void psoc_end_wait(struct psoc *psoc); /* records that the bus has its reply and ends the wait */
+/* Print one line with the PC and `address`, and stop the processor. `action`: "reads", "writes", ... */
+void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t address);
 
-/* bus_map.c: every access that is neither flash nor RAM. */
+/* bus_map.c: bus accesses outside flash and RAM. */
 enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *access);
 enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *access);
 
-/* `offset` from the block's first register; access->value is filled in, or to be written. */
+/* offset: from the first register of the block. access->value is set by a read and used by a write. */
 bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
-uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral); /* cycles of one clock; 0: it has none */
+uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral); /* cycles of one clock; 0: clock disabled */
 
 bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_cpuss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
@@ -45,22 +46,23 @@ void psoc_srss_reset(struct psoc *psoc, uint32_t causes);
 
 bool psoc_sflash_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 
-/* The ROM's call that a write to SYSREQ starts: cycles that it takes. */
+/* Execute the ROM call that a write to SYSREQ starts. Returns its duration in cycles. */
 uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle);
 
 bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access);
-void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb); /* the interrupt's level */
+void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb); /* updates the interrupt level */
 bool psoc_scb_is_i2c(const struct psoc_scb *scb);
 void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte);
 uint8_t psoc_fifo_pop(struct psoc_fifo *fifo);
 
 void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
-void psoc_slave_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* the transmit FIFO */
-void psoc_slave_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* a byte was written to the transmit FIFO */
+void psoc_slave_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
-void psoc_master_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
-void psoc_master_has_room(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* or may acknowledge by itself now */
-void psoc_master_off(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+/* The receive FIFO has space, or automatic acknowledge was enabled. */
+void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
+void psoc_master_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 
 #endif

@@ -1,4 +1,4 @@
-/* The chip in virtual time: power, reset, clock, and the run that its blocks interrupt. */
+/* The chip in virtual time: power, reset, clock, and the run loop that serves the peripheral blocks. */
 #include "emulator/psoc4200/psoc.h"
 
 #include <stdio.h>
@@ -57,26 +57,26 @@ vtime psoc_now(const struct psoc *psoc)
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high)
 {
     cortex_m0_set_line(&psoc->cpu, irq, high);
-    psoc->roused = true;
+    psoc->input_changed = true;
 }
 
-void psoc_acts(struct psoc *psoc)
+void psoc_end_run(struct psoc *psoc)
 {
-    psoc->acted = true;
+    psoc->has_acted = true;
     cortex_m0_stop(&psoc->cpu);
 }
 
-void psoc_answers(struct psoc *psoc)
+void psoc_end_wait(struct psoc *psoc)
 {
-    psoc->answered = true;
+    psoc->has_replied = true;
     cortex_m0_stop(&psoc->cpu);
 }
 
-void psoc_complain(struct psoc *psoc, const char *what, uint32_t address)
+void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t address)
 {
-    fprintf(stderr, "%s: the program at 0x%04X %s 0x%08X: nobody has modelled that; the processor stands still\n", psoc->name,
-            (unsigned)psoc->cpu.r[15], what, (unsigned)address);
-    psoc->broken = true;
+    fprintf(stderr, "%s: the program at 0x%04X %s 0x%08X, which is not modelled (PERIPHERALS.md); the processor stops\n",
+            psoc->name, (unsigned)psoc->cpu.r[15], action, (unsigned)address);
+    psoc->has_stopped = true;
     cortex_m0_stop(&psoc->cpu);
 }
 
@@ -109,7 +109,7 @@ void psoc_free(struct psoc *psoc)
     cortex_m0_free(&psoc->cpu);
 }
 
-/* Blocks as after a reset; RAM and the clock of the world go on. */
+/* Reset the blocks and the processor. RAM and virtual time continue. */
 static void reset(struct psoc *psoc, vtime now, uint32_t causes)
 {
     memset(&psoc->clocks, 0, sizeof psoc->clocks);
@@ -133,13 +133,13 @@ static void reset(struct psoc *psoc, vtime now, uint32_t causes)
 void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
 {
     for (unsigned i = 0; i < PSOC_RAM_SIZE; i += 8u) {
-        const uint64_t drawn = random_u64(&psoc->random);
-        memcpy(psoc->ram + i, &drawn, sizeof drawn);
+        const uint64_t random_bytes = random_u64(&psoc->random);
+        memcpy(psoc->ram + i, &random_bytes, sizeof random_bytes);
     }
     cortex_m0_memory_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
-    cortex_m0_memory_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a torn row */
+    cortex_m0_memory_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a row may have been torn */
     psoc->powered = true;
-    psoc->broken = false;
+    psoc->has_stopped = false;
     psoc->srss.cause = 0;
     reset(psoc, now, causes);
 }
@@ -153,8 +153,8 @@ static void reset_by(struct psoc *psoc, uint32_t cause)
 {
     struct psoc_scb *const scb = &psoc->scb[0];
     const vtime now = psoc_now(psoc);
-    psoc_slave_off(psoc, scb, psoc->cpu.cycle);
-    psoc_master_off(psoc, scb, psoc->cpu.cycle);
+    psoc_slave_disabled(psoc, scb, psoc->cpu.cycle);
+    psoc_master_disabled(psoc, scb, psoc->cpu.cycle);
     if (psoc->config.wires.i2c_drive) {
         psoc->config.wires.i2c_drive(psoc->config.wires.context, true, true);
     }
@@ -162,13 +162,13 @@ static void reset_by(struct psoc *psoc, uint32_t cause)
         psoc->config.wires.uart_hold(psoc->config.wires.context, false, now);
     }
     reset(psoc, now, psoc->srss.cause | cause);
-    psoc->acted = true;
+    psoc->has_acted = true;
 }
 
-/* What a block does by itself. */
+/* Cycle of the next event of a block: end of a conversion or watchdog reset. */
 static uint64_t next_of_blocks(const struct psoc *psoc)
 {
-    return psoc->csd.end < psoc->srss.bites ? psoc->csd.end : psoc->srss.bites;
+    return psoc->csd.end < psoc->srss.reset_cycle ? psoc->csd.end : psoc->srss.reset_cycle;
 }
 
 static void run_blocks(struct psoc *psoc)
@@ -176,12 +176,12 @@ static void run_blocks(struct psoc *psoc)
     if (psoc->csd.end <= psoc->cpu.cycle) {
         psoc_csd_end(psoc);
     }
-    if (psoc->srss.bites <= psoc->cpu.cycle) {
+    if (psoc->srss.reset_cycle <= psoc->cpu.cycle) {
         reset_by(psoc, CAUSE_WATCHDOG);
     }
 }
 
-/* Handlers alone: the main program is put to sleep wherever it is, instruction by instruction. */
+/* Execute handlers only: the main program is put to sleep at its current instruction. */
 static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
 {
     struct cortex_m0 *cpu = &psoc->cpu;
@@ -214,10 +214,10 @@ static void run_processor(struct psoc *psoc, uint64_t until)
     }
 }
 
-static bool run(struct psoc *psoc, vtime until, const bool *over)
+static bool run(struct psoc *psoc, vtime until, const bool *is_done)
 {
-    psoc->roused = false;
-    while (psoc->powered && !psoc->broken && !*over && until > psoc->origin) {
+    psoc->input_changed = false;
+    while (psoc->powered && !psoc->has_stopped && !*is_done && until > psoc->origin) {
         const uint64_t end = psoc_cycle(psoc, until), block = next_of_blocks(psoc);
         if (block <= psoc->cpu.cycle) {
             run_blocks(psoc);
@@ -227,18 +227,18 @@ static bool run(struct psoc *psoc, vtime until, const bool *over)
             run_processor(psoc, block < end ? block : end);
         }
     }
-    return *over;
+    return *is_done;
 }
 
 bool psoc_run(struct psoc *psoc, vtime until)
 {
-    psoc->acted = false;
-    return run(psoc, until, &psoc->acted);
+    psoc->has_acted = false;
+    return run(psoc, until, &psoc->has_acted);
 }
 
-bool psoc_run_to_answer(struct psoc *psoc, vtime until)
+bool psoc_run_until_reply(struct psoc *psoc, vtime until)
 {
-    return run(psoc, until, &psoc->answered);
+    return run(psoc, until, &psoc->has_replied);
 }
 
 void psoc_stall(struct psoc *psoc, vtime until)
@@ -246,12 +246,12 @@ void psoc_stall(struct psoc *psoc, vtime until)
     psoc->stalled_until = until;
 }
 
-vtime psoc_next(const struct psoc *psoc)
+vtime psoc_next_event(const struct psoc *psoc)
 {
-    if (!psoc->powered || psoc->broken) {
+    if (!psoc->powered || psoc->has_stopped) {
         return VTIME_NEVER;
     }
-    if (!psoc->cpu.asleep || psoc->roused) {
+    if (!psoc->cpu.asleep || psoc->input_changed) {
         return psoc_now(psoc);
     }
     const uint64_t tick = cortex_m0_wake_cycle(&psoc->cpu), block = next_of_blocks(psoc);
@@ -259,7 +259,7 @@ vtime psoc_next(const struct psoc *psoc)
     if (next == PSOC_NEVER) {
         return VTIME_NEVER;
     }
-    /* The timer may have come during the last instruction of a run, which is over. */
+    /* The timer may have expired during the last instruction of the previous run. */
     return psoc_time(psoc, next > psoc->cpu.cycle ? next : psoc->cpu.cycle);
 }
 

@@ -1,8 +1,9 @@
-/* A PSoC 4200 (CY8C4245AXI-483) that executes an image: the Cortex-M0 of cortex_m0/, and of the blocks around it what the
- * firmware of boards/psoc4200 uses, in virtual time. What is modelled, register by register: boards/psoc4200/PERIPHERALS.md.
+/* Emulated PSoC 4200 (CY8C4245AXI-483) that executes an image in virtual time: the Cortex-M0 of cortex_m0/ and the
+ * peripheral blocks that the firmware of boards/psoc4200 uses. boards/psoc4200/PERIPHERALS.md lists the modelled
+ * registers.
  *
- * A register that nobody has modelled is not silently 0: the access is told on standard error, with address and PC, and the
- * processor stands still from then on. */
+ * An access to a register that is not modelled never reads as 0: it is reported on standard error with address and PC,
+ * and the processor stops. */
 #ifndef PSOC4200_PSOC_H
 #define PSOC4200_PSOC_H
 
@@ -17,7 +18,8 @@
 #define PSOC_RAM_BASE 0x20000000u
 #define PSOC_RAM_SIZE 4096u
 
-/* What a conversion measured: lines as boards/psoc4200/pins.toml counts them, -1 where not exactly one is connected. */
+/* Parameters of a conversion. tx, rx: lines numbered as in boards/psoc4200/pins.toml, -1 unless exactly one is
+ * connected. */
 struct psoc_conversion {
     int tx, rx;
     uint32_t period;       /* sample clocks */
@@ -27,12 +29,13 @@ struct psoc_conversion {
     vtime begin, end;
 };
 
-/* What the pins end in. Times are those of the instruction that did it. */
+/* Callbacks of the pins. Times are those of the instruction that caused the action. */
 struct psoc_wires {
     void *context;
-    /* The sample clocks in which the current source was on; at the conversion's end. */
+    /* Called at the end of a conversion. Returns the number of sample clocks in which the current source was on. */
     uint16_t (*convert)(void *context, const struct psoc_conversion *conversion);
-    /* SCB0 as master: start (again) and address byte, a byte, reading one, stop; psoc_i2c_event() follows. */
+    /* SCB0 as master: start or repeated start with the address byte, write a byte, read a byte, stop.
+     * psoc_i2c_on_event() reports the result. */
     void (*i2c_start)(void *context, uint8_t address_byte, vtime clock, vtime now);
     void (*i2c_write)(void *context, uint8_t byte, vtime now);
     void (*i2c_read)(void *context, vtime now);
@@ -41,18 +44,18 @@ struct psoc_wires {
     void (*i2c_drive)(void *context, bool scl_high, bool sda_high);
     bool (*i2c_scl)(void *context, vtime now);
     bool (*i2c_sda)(void *context, vtime now);
-    /* SCB1: a byte waits (psoc_uart_take()); RTS. */
+    /* SCB1: a byte is available (psoc_uart_take()); RTS. */
     void (*uart_kick)(void *context, vtime now);
     void (*uart_hold)(void *context, bool hold, vtime now);
 };
 
 struct psoc_config {
-    const char *name; /* for complaints; at most 15 characters */
+    const char *name; /* for messages; at most 15 characters */
     struct flash *flash;
     uint8_t unique_id[8];
-    double clock_rate; /* of the main oscillator, times its nominal frequency */
-    uint64_t seed;     /* of what is in the RAM after power-up */
-    vtime reset_time;  /* from a reset to the first instruction */
+    double clock_rate; /* actual divided by nominal frequency of the main oscillator */
+    uint64_t seed;     /* of the random RAM contents after power-up */
+    vtime reset_time;  /* time from a reset to the first instruction */
     struct psoc_wires wires;
 };
 
@@ -70,55 +73,56 @@ struct psoc {
     struct psoc_srss srss;
     struct psoc_scb scb[2];
     double ps_per_cycle;
-    vtime origin;          /* when the cycle counter was at origin_cycle */
+    vtime origin;          /* virtual time at cycle origin_cycle */
     uint64_t origin_cycle;
     vtime stalled_until;
     bool powered;
-    bool broken;           /* stands still: an access that nobody has modelled */
-    bool acted;            /* on its wires or on its flash, in this run */
-    bool answered;         /* what the bus waits for has come */
-    bool roused;           /* an interrupt input has changed since the last run */
-    uint64_t resets;       /* since power-up or not */
+    bool has_stopped;           /* the processor stopped after an access that is not modelled */
+    bool has_acted;            /* acted on its wires or its flash in this run */
+    bool has_replied;         /* the bus has the reply that it waits for */
+    bool input_changed;           /* an interrupt input changed since the last run */
+    uint64_t resets;       /* all resets since psoc_init() */
     uint64_t faults_before; /* cpu.faults at the last reset */
 };
 
-/* Returns -1 without memory. There is no power yet. */
+/* Initialise an unpowered chip. Returns -1 if out of memory. */
 int psoc_init(struct psoc *psoc, const struct psoc_config *config);
 void psoc_free(struct psoc *psoc);
 
-/* `causes`: bits of RES_CAUSE. */
+/* Switch the power. causes: bits of RES_CAUSE. */
 void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes);
 void psoc_power_off(struct psoc *psoc);
 
-/* Execute up to `until`. Returns true if it has stopped before, because it has acted on its wires or on its flash. */
+/* Execute up to `until`. Returns true if the run ended earlier because the program acted on its wires or its flash. */
 bool psoc_run(struct psoc *psoc, vtime until);
-/* The same, until the bus has its answer; false: not within that time. */
-bool psoc_run_to_answer(struct psoc *psoc, vtime until);
+/* Execute until the bus has its reply. Returns false if there is no reply before `until`. */
+bool psoc_run_until_reply(struct psoc *psoc, vtime until);
 
-/* Until then its main program does nothing, as if something else kept it busy; interrupts are served. */
+/* Suspend the main program until a time, as if it were busy; interrupts are served. */
 void psoc_stall(struct psoc *psoc, vtime until);
 
-/* How far it has got, and when it next has something to do by itself. */
+/* Virtual time reached, and time of the next event of the chip. */
 vtime psoc_now(const struct psoc *psoc);
-vtime psoc_next(const struct psoc *psoc);
+vtime psoc_next_event(const struct psoc *psoc);
 
-/* From now on the oscillator runs so fast. */
+/* Change the clock rate from now on. */
 void psoc_set_clock_rate(struct psoc *psoc, double clock_rate);
 
-/* Whether an application runs: vectors are served from RAM. */
+/* Whether an application runs, that is, vectors are read from RAM. */
 bool psoc_runs_application(const struct psoc *psoc);
-/* Whether it has faulted, or locked up, since its last reset. */
+/* Whether the processor has faulted or locked up since its last reset. */
 bool psoc_has_faulted(const struct psoc *psoc);
 
-/* SCB0 as slave: what the bus asks of it at the end of a byte, to which psoc_run() has got. Each returns when it lets go of the clock. */
-bool psoc_i2c_listens(const struct psoc *psoc, uint8_t address);
-vtime psoc_i2c_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge);
-vtime psoc_i2c_written(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge);
-vtime psoc_i2c_read(struct psoc *psoc, vtime now, uint8_t *byte);
-void psoc_i2c_stopped(struct psoc *psoc);
-void psoc_i2c_bus_error(struct psoc *psoc);
+/* SCB0 as slave: events of the bus at the end of a byte, at the time that psoc_run() reached. Each function returns the
+ * time at which the slave releases SCL. */
+bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address);
+vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge);
+vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge);
+vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte);
+void psoc_i2c_on_stop(struct psoc *psoc);
+void psoc_i2c_on_bus_error(struct psoc *psoc);
 
-/* SCB0 as master: what has become of its command. */
+/* SCB0 as master: result of its command. */
 enum psoc_i2c_event {
     PSOC_I2C_ACK,
     PSOC_I2C_NACK,
@@ -127,9 +131,9 @@ enum psoc_i2c_event {
     PSOC_I2C_ARBITRATION_LOST,
     PSOC_I2C_BUS_ERROR,
 };
-void psoc_i2c_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte);
+void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte);
 
-/* SCB1: at the time to which psoc_run() has got. */
+/* SCB1: events at the time that psoc_run() reached. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte);
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte);
 

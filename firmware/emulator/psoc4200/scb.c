@@ -1,4 +1,4 @@
-/* A serial communication block: its FIFOs, its four groups of interrupts, and the registers that its modes share. */
+/* Serial communication block: FIFOs, four groups of interrupts, and the registers that its modes share. */
 #include <string.h>
 
 #include "emulator/psoc4200/internal.h"
@@ -27,7 +27,7 @@ bool psoc_scb_is_i2c(const struct psoc_scb *scb)
     return (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_I2C);
 }
 
-/* What the FIFOs ask for comes back as long as it holds, however often it is cleared. */
+/* Level-triggered FIFO interrupts are set again while their condition holds, even after they are cleared. */
 void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
 {
     if (scb->ctrl & SCB_ENABLED) {
@@ -44,7 +44,7 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
     }
 }
 
-static uint32_t *stored_at(struct psoc_scb *scb, uint32_t offset)
+static uint32_t *register_at(struct psoc_scb *scb, uint32_t offset)
 {
     switch (offset) {
     case SCB_CTRL:
@@ -74,24 +74,24 @@ static uint32_t *stored_at(struct psoc_scb *scb, uint32_t offset)
     }
 }
 
-struct group {
+struct interrupt_group {
     uint32_t *raised, *mask;
 };
 
-static bool group_at(struct psoc_scb *scb, uint32_t offset, struct group *group)
+static bool interrupt_group_at(struct psoc_scb *scb, uint32_t offset, struct interrupt_group *group)
 {
     switch (offset & ~15u) {
     case SCB_INTR_M:
-        *group = (struct group){&scb->intr_m, &scb->intr_m_mask};
+        *group = (struct interrupt_group){&scb->intr_m, &scb->intr_m_mask};
         return true;
     case SCB_INTR_S:
-        *group = (struct group){&scb->intr_s, &scb->intr_s_mask};
+        *group = (struct interrupt_group){&scb->intr_s, &scb->intr_s_mask};
         return true;
     case SCB_INTR_TX:
-        *group = (struct group){&scb->intr_tx, &scb->intr_tx_mask};
+        *group = (struct interrupt_group){&scb->intr_tx, &scb->intr_tx_mask};
         return true;
     case SCB_INTR_RX:
-        *group = (struct group){&scb->intr_rx, &scb->intr_rx_mask};
+        *group = (struct interrupt_group){&scb->intr_rx, &scb->intr_rx_mask};
         return true;
     default:
         return false;
@@ -105,15 +105,16 @@ static uint32_t i2c_status(const struct psoc_scb *scb)
 
 bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
 {
-    struct group group;
-    const uint32_t *stored = stored_at(scb, offset);
+    struct interrupt_group group;
+    const uint32_t *value_register = register_at(scb, offset);
     if (access->size != 4u) {
         return false;
     }
-    if (stored) {
-        access->value = *stored;
-    } else if (group_at(scb, offset, &group)) {
-        const uint32_t values[4] = {*group.raised, *group.raised, *group.mask, *group.raised & *group.mask};
+    if (value_register) {
+        access->value = *value_register;
+    } else if (interrupt_group_at(scb, offset, &group)) {
+        const uint32_t raised = *group.raised, mask = *group.mask;
+        const uint32_t values[4] = {raised, raised, mask, raised & mask};
         access->value = values[offset >> 2 & 3u];
     } else if (offset == SCB_I2C_STATUS) {
         access->value = i2c_status(scb);
@@ -123,7 +124,7 @@ bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, str
         access->value = scb->rx.count;
     } else if (offset == SCB_RX_FIFO_RD) {
         access->value = psoc_fifo_pop(&scb->rx);
-        psoc_master_has_room(psoc, scb, access->cycle);
+        psoc_master_rx_drained(psoc, scb, access->cycle);
         psoc_scb_update(psoc, scb);
     } else {
         return false;
@@ -138,8 +139,8 @@ static bool set_ctrl(struct psoc *psoc, struct psoc_scb *scb, uint32_t value, ui
         return false;
     }
     if (was_on && !(value & SCB_ENABLED)) {
-        psoc_slave_off(psoc, scb, cycle);
-        psoc_master_off(psoc, scb, cycle);
+        psoc_slave_disabled(psoc, scb, cycle);
+        psoc_master_disabled(psoc, scb, cycle);
         scb->state = PSOC_SCB_IDLE;
         scb->shift_full = false;
         scb->tx.count = scb->rx.count = 0;
@@ -148,9 +149,9 @@ static bool set_ctrl(struct psoc *psoc, struct psoc_scb *scb, uint32_t value, ui
     return true;
 }
 
-static bool set_group(struct group group, uint32_t which, uint32_t value)
+static bool write_interrupt_group(struct interrupt_group group, uint32_t register_index, uint32_t value)
 {
-    switch (which) {
+    switch (register_index) {
     case 0:
         *group.raised &= ~value;
         return true;
@@ -165,7 +166,7 @@ static bool set_group(struct group group, uint32_t which, uint32_t value)
     }
 }
 
-static void send(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t cycle)
+static void write_tx_fifo(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
     psoc_fifo_push(&scb->tx, byte);
@@ -173,20 +174,20 @@ static void send(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t
         return;
     }
     if (psoc_scb_is_i2c(scb)) {
-        psoc_slave_filled(psoc, scb, cycle);
-        psoc_master_filled(psoc, scb, cycle);
+        psoc_slave_tx_filled(psoc, scb, cycle);
+        psoc_master_tx_filled(psoc, scb, cycle);
     } else if (wires->uart_kick) {
         wires->uart_kick(wires->context, psoc_time(psoc, cycle));
-        psoc_acts(psoc);
+        psoc_end_run(psoc);
     }
 }
 
-static bool set_settings(struct psoc_scb *scb, uint32_t *stored, uint32_t offset, uint32_t value)
+static bool set_settings(struct psoc_scb *scb, uint32_t *value_register, uint32_t offset, uint32_t value)
 {
     if (offset == SCB_I2C_CTRL && value & ~SCB_I2C_CTRL_MODELLED) {
         return false;
     }
-    *stored = value;
+    *value_register = value;
     if (offset == SCB_TX_FIFO_CTRL && value & SCB_CLEAR) {
         scb->tx.count = 0;
         scb->shift_full = false;
@@ -198,26 +199,26 @@ static bool set_settings(struct psoc_scb *scb, uint32_t *stored, uint32_t offset
 
 bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
 {
-    struct group group;
-    uint32_t *stored = stored_at(scb, offset);
+    struct interrupt_group group;
+    uint32_t *value_register = register_at(scb, offset);
     const uint32_t value = access->value;
-    bool is_known = access->size == 4u;
+    bool is_modelled = access->size == 4u;
     if (offset == SCB_CTRL) {
-        is_known &= set_ctrl(psoc, scb, value, access->cycle);
-    } else if (stored) {
-        is_known &= set_settings(scb, stored, offset, value);
-        psoc_master_has_room(psoc, scb, access->cycle);
-    } else if (group_at(scb, offset, &group)) {
-        is_known &= set_group(group, offset >> 2 & 3u, value);
+        is_modelled &= set_ctrl(psoc, scb, value, access->cycle);
+    } else if (value_register) {
+        is_modelled &= set_settings(scb, value_register, offset, value);
+        psoc_master_rx_drained(psoc, scb, access->cycle);
+    } else if (interrupt_group_at(scb, offset, &group)) {
+        is_modelled &= write_interrupt_group(group, offset >> 2 & 3u, value);
     } else if (offset == SCB_TX_FIFO_WR) {
-        send(psoc, scb, (uint8_t)value, access->cycle);
+        write_tx_fifo(psoc, scb, (uint8_t)value, access->cycle);
     } else if (offset == SCB_I2C_S_CMD) {
         psoc_slave_command(psoc, scb, value, access->cycle);
     } else if (offset == SCB_I2C_M_CMD) {
-        is_known &= psoc_master_command(psoc, scb, value, access->cycle);
+        is_modelled &= psoc_master_command(psoc, scb, value, access->cycle);
     } else {
-        is_known = false;
+        is_modelled = false;
     }
     psoc_scb_update(psoc, scb);
-    return is_known;
+    return is_modelled;
 }

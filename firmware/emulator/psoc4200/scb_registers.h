@@ -1,4 +1,4 @@
-/* Registers and bits of an SCB, as boards/psoc4200/regs/scb.h gives them. */
+/* Registers and bits of an SCB, as defined in boards/psoc4200/regs/scb.h. */
 #ifndef PSOC4200_SCB_REGISTERS_H
 #define PSOC4200_SCB_REGISTERS_H
 

@@ -1,4 +1,4 @@
-/* An SCB as UART: FIFOs to and from the wire, whose bits are the world's (emulator/uart.h). */
+/* SCB as UART: FIFOs to and from the wire. emulator/uart.h models the bits on the wire. */
 #include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
@@ -23,7 +23,7 @@ void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
     psoc_scb_update(psoc, scb);
 }
 
-/* The transmitter begins with its next byte. */
+/* Remove the next byte to transmit from the FIFO. */
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte)
 {
     struct psoc_scb *scb = &psoc->scb[1];

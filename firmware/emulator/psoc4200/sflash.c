@@ -1,4 +1,5 @@
-/* Supervisory flash: what the maker wrote into this die. The trims are arbitrary but fixed: nothing here is trimmed by them. */
+/* Supervisory flash with the factory data of the die. The trim values are arbitrary constants, because the model does
+ * not use them. */
 #include "emulator/psoc4200/internal.h"
 
 #define CSD_TRIM1 0x162u

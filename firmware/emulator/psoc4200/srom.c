@@ -1,5 +1,5 @@
-/* Calls into the supervisory ROM that write flash (boards/psoc4200/regs/srom.h). On silicon the ROM's code runs in an NMI; here its
- * work is done at once and the processor stands still for as long as it takes. */
+/* System calls of the supervisory ROM that write flash (boards/psoc4200/regs/srom.h). On silicon the ROM code runs in
+ * an NMI; the model performs the call at once and stalls the processor for its duration. */
 #include <string.h>
 
 #include "emulator/psoc4200/internal.h"
@@ -10,18 +10,18 @@
 #define KEY_1 0xB6u
 #define KEY_2(opcode) (0xD3u + (opcode))
 #define SUCCEEDED 0xA0000000u
-#define BAD_ADDRESS 0xF0000003u /* (confirm: which of the ROM's error codes) */
+#define BAD_ADDRESS 0xF0000003u /* (confirm the error code) */
 #define BAD_KEY 0xF0000005u
-#define CALL_CYCLES 300u        /* estimate: the ROM's own code */
-#define HEAD 8u                 /* bytes of the parameters before those to be loaded */
+#define CALL_CYCLES 300u        /* estimated duration of the ROM code */
+#define PARAMETER_SIZE 8u                 /* bytes of parameters before the data to load */
 
-static const uint8_t *in_ram(const struct psoc *psoc, uint32_t address, uint32_t size)
+static const uint8_t *ram_at(const struct psoc *psoc, uint32_t address, uint32_t size)
 {
     const uint32_t offset = address - PSOC_RAM_BASE;
     return offset < PSOC_RAM_SIZE && size <= PSOC_RAM_SIZE - offset ? psoc->ram + offset : NULL;
 }
 
-static uint32_t word(const uint8_t *bytes)
+static uint32_t read_word(const uint8_t *bytes)
 {
     uint32_t value;
     memcpy(&value, bytes, sizeof value);
@@ -30,42 +30,42 @@ static uint32_t word(const uint8_t *bytes)
 
 static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
 {
-    const uint8_t *head = in_ram(psoc, address, HEAD);
-    const uint32_t at = first >> 16 & 0xFFu, count = head ? word(head + 4) + 1u : 0u;
-    const uint8_t *bytes = in_ram(psoc, address, HEAD + count);
-    if (!head || !bytes || first >> 24 || count > FLASH_ROW || at + count > FLASH_ROW) {
+    const uint8_t *parameters = ram_at(psoc, address, PARAMETER_SIZE);
+    const uint32_t offset = first >> 16 & 0xFFu, count = parameters ? read_word(parameters + 4) + 1u : 0u;
+    const uint8_t *bytes = ram_at(psoc, address, PARAMETER_SIZE + count);
+    if (!parameters || !bytes || first >> 24 || count > FLASH_ROW_SIZE || offset + count > FLASH_ROW_SIZE) {
         return BAD_ADDRESS;
     }
-    memcpy(psoc->cpuss.latch + at, bytes + HEAD, count);
+    memcpy(psoc->cpuss.latch + offset, bytes + PARAMETER_SIZE, count);
     return SUCCEEDED;
 }
 
 static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t cycle, uint32_t *stall)
 {
     struct flash *flash = psoc->config.flash;
-    uint8_t bytes[FLASH_ROW];
+    uint8_t bytes[FLASH_ROW_SIZE];
     if (row >= FLASH_ROWS) {
         return BAD_ADDRESS;
     }
-    for (unsigned i = 0; i < FLASH_ROW; i++) {
-        bytes[i] = (uint8_t)(psoc->cpuss.latch[i] | (erases ? 0u : flash->bytes[row * FLASH_ROW + i]));
+    for (unsigned i = 0; i < FLASH_ROW_SIZE; i++) {
+        bytes[i] = (uint8_t)(psoc->cpuss.latch[i] | (erases ? 0u : flash->bytes[row * FLASH_ROW_SIZE + i]));
     }
-    const vtime end = flash_write(flash, (uint16_t)row, bytes, psoc_time(psoc, cycle));
-    cortex_m0_memory_changed(&psoc->cpu, row * FLASH_ROW, FLASH_ROW);
+    const vtime end = flash_write_row(flash, (uint16_t)row, bytes, psoc_time(psoc, cycle));
+    cortex_m0_memory_changed(&psoc->cpu, row * FLASH_ROW_SIZE, FLASH_ROW_SIZE);
     memset(psoc->cpuss.latch, 0, sizeof psoc->cpuss.latch);
     *stall += (uint32_t)(psoc_cycle(psoc, end) - cycle);
-    psoc_acts(psoc); /* a power cut may have been planned for this write */
+    psoc_end_run(psoc); /* a power cut may be scheduled for this write */
     return SUCCEEDED;
 }
 
 uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle)
 {
     const uint32_t address = psoc->cpuss.sysarg;
-    const uint8_t *parameters = in_ram(psoc, address, HEAD);
-    const uint32_t first = parameters ? word(parameters) : 0u;
+    const uint8_t *parameters = ram_at(psoc, address, PARAMETER_SIZE);
+    const uint32_t first = parameters ? read_word(parameters) : 0u;
     uint32_t stall = CALL_CYCLES, status;
     if (opcode != LOAD_LATCH && opcode != WRITE_ROW && opcode != PROGRAM_ROW) {
-        psoc_complain(psoc, "asks the ROM for call", opcode);
+        psoc_report_unmodelled(psoc, "requests ROM call", opcode);
         return 0;
     }
     if ((first & 0xFFFFu) != (KEY_2(opcode) << 8 | KEY_1)) {

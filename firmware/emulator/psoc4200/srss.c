@@ -1,4 +1,4 @@
-/* System resources: the main oscillator's frequency, the watchdog's counter 0, the cause of the last reset. */
+/* System resources: frequency of the main oscillator, counter 0 of the watchdog, cause of the last reset. */
 #include <string.h>
 
 #include "emulator/psoc4200/internal.h"
@@ -21,14 +21,14 @@
 #define OSCILLATOR_ENABLE (1u << 31)
 #define TRIM2_24MHZ 25u
 #define TRIM2_48MHZ 53u
-#define ILO_HZ 32768.0 /* nominal; the part's is between 15 and 60 kHz */
+#define ILO_HZ 32768.0 /* nominal; a part's frequency is between 15 and 60 kHz */
 #define CONFIG_RESETS 2u
 #define CONFIG_MODE 3u
 #define CONTROL_ENABLE (1u << 0)
 #define CONTROL_ENABLED (1u << 1)
 #define CONTROL_RESET (1u << 3)
 
-static uint32_t *stored_at(struct psoc_srss *srss, uint32_t offset)
+static uint32_t *register_at(struct psoc_srss *srss, uint32_t offset)
 {
     switch (offset) {
     case CLK_SELECT:
@@ -65,20 +65,21 @@ void psoc_srss_reset(struct psoc *psoc, uint32_t causes)
         .ilo_config = OSCILLATOR_ENABLE,
         .imo_trim2 = TRIM2_24MHZ,
         .cause = causes,
-        .bites = PSOC_NEVER,
+        .reset_cycle = PSOC_NEVER,
     };
 }
 
-/* It bites when its counter reaches the match, and only where that resets. */
-static void wind(struct psoc *psoc, uint64_t cycle)
+/* Schedule the reset for the time at which the counter reaches the match value, if the watchdog is configured to reset.
+ */
+static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
 {
     struct psoc_srss *srss = &psoc->srss;
     const double cycles_a_second = (double)VTIME_SECOND / psoc->ps_per_cycle;
-    const bool bites = srss->wdt_control & CONTROL_ENABLE && (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
-    const uint64_t before = srss->bites;
-    srss->bites = bites ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
-    if (srss->bites < before) {
-        cortex_m0_stop(&psoc->cpu); /* it may bite within this run */
+    const bool reset_cycle = srss->wdt_control & CONTROL_ENABLE && (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
+    const uint64_t before = srss->reset_cycle;
+    srss->reset_cycle = reset_cycle ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
+    if (srss->reset_cycle < before) {
+        cortex_m0_stop(&psoc->cpu); /* the reset may occur within this run */
     }
 }
 
@@ -88,7 +89,7 @@ static bool set_frequency(struct psoc *psoc, uint32_t code, uint64_t cycle)
         return false;
     }
     if (code == TRIM2_48MHZ && !(psoc->srss.select & SELECT_HALF_EN)) {
-        return false; /* the flash would be read faster than it can be */
+        return false; /* 48 MHz would exceed the flash's speed without wait states */
     }
     psoc_set_frequency(psoc, code == TRIM2_48MHZ ? 48e6 : 24e6, cycle);
     cortex_m0_stop(&psoc->cpu);
@@ -97,7 +98,7 @@ static bool set_frequency(struct psoc *psoc, uint32_t code, uint64_t cycle)
 
 bool psoc_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
-    const uint32_t *target = stored_at(&psoc->srss, offset);
+    const uint32_t *target = register_at(&psoc->srss, offset);
     if (!target || access->size != 4u) {
         return false;
     }
@@ -111,7 +112,7 @@ bool psoc_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access 
 bool psoc_srss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     struct psoc_srss *srss = &psoc->srss;
-    uint32_t *target = stored_at(srss, offset);
+    uint32_t *target = register_at(srss, offset);
     if (!target || access->size != 4u) {
         return false;
     }
@@ -131,8 +132,8 @@ bool psoc_srss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
         return set_frequency(psoc, access->value, access->cycle);
     case WDT_CONTROL:
         *target = access->value & ~CONTROL_RESET;
-        if (access->value & CONTROL_RESET || srss->bites == PSOC_NEVER) {
-            wind(psoc, access->cycle);
+        if (access->value & CONTROL_RESET || srss->reset_cycle == PSOC_NEVER) {
+            schedule_watchdog(psoc, access->cycle);
         }
         return true;
     default:

@@ -1,5 +1,5 @@
-/* Which pin of the chip a line is soldered to: boards/psoc4200/pins.toml, from which a test checks this. Port in the high half of a
- * byte, number in the low one. */
+/* Pins of the TX and RX lines, from boards/psoc4200/pins.toml (checked by a test). Port in the high half of a byte, pin
+ * number in the low half. */
 #ifndef PSOC4200_WIRING_H
 #define PSOC4200_WIRING_H
 

@@ -5,8 +5,9 @@
 
 #include "emulator/layer.h"
 
-#define TAXEL_REACH_M (1.5 * TAXEL_PITCH_M) /* from a corner cell of a taxel to its others, curved or not */
-#define DEEPEST_M 0.006 /* a line that enters the object farther below the electrode comes from the object's other side */
+/* Bound of the distance from a corner cell of a taxel to its other cells, also on a curved sheet. */
+#define TAXEL_REACH_M (1.5 * TAXEL_PITCH_M)
+#define DEEPEST_M 0.006 /* a line that enters deeper below the electrode hits the opposite side of the object */
 
 static void add_cell(struct contact_load *load, const struct cell *cell, double compression)
 {
@@ -22,33 +23,33 @@ static void add_cell(struct contact_load *load, const struct cell *cell, double 
     }
 }
 
-bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_of_bracket, double reach)
+bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket, double reach)
 {
     double centre[3], square = 0.0;
-    frame_point(object_of_bracket, patch->centre, centre);
+    frame_point(object_from_bracket, patch->centre, centre);
     for (int k = 0; k < 3; k++) {
         square += (centre[k] - shape->centre[k]) * (centre[k] - shape->centre[k]);
     }
-    const double most = patch->bound + shape->bound + reach;
-    return square > most * most;
+    const double limit = patch->bound + shape->bound + reach;
+    return square > limit * limit;
 }
 
-/* Can no cell of a square be nearer than `reach`? So it is with most of a hand's, most of the time. */
-static bool square_is_far(const struct cell *cells, const struct shape *shape, const struct frame *object_of_bracket,
+/* Whether every cell of a square is farther than `reach`. This holds for most squares of a hand most of the time. */
+static bool square_is_far(const struct cell *cells, const struct shape *shape, const struct frame *object_from_bracket,
                           double reach)
 {
     double point[3];
-    frame_point(object_of_bracket, cells[0].position, point);
+    frame_point(object_from_bracket, cells[0].position, point);
     return shape_distance_bound(shape, point) >= reach + TAXEL_REACH_M;
 }
 
-/* A taxel's cells as lines along their normals, in the object's frame. */
-static void place_lines(struct shape_lines *lines, const struct cell *cells, const struct frame *object_of_bracket)
+/* The cells of a taxel as lines along their normals, in the object's frame. */
+static void place_lines(struct shape_lines *lines, const struct cell *cells, const struct frame *object_from_bracket)
 {
-    frame_point(object_of_bracket, cells[0].position, lines->middle);
+    frame_point(object_from_bracket, cells[0].position, lines->middle);
     lines->radius = TAXEL_REACH_M;
     for (int k = 0; k < 3; k++) {
-        const double *row = object_of_bracket->row[k];
+        const double *row = object_from_bracket->row[k];
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
             const double *p = cells[i].position, *n = cells[i].normal;
             lines->origin[k][i] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
@@ -57,33 +58,33 @@ static void place_lines(struct shape_lines *lines, const struct cell *cells, con
     }
 }
 
-/* Bare sheet bears load too. Returns whether any of it touches. */
-static bool press_margins(const struct patch *patch, const struct shape *shape, const struct frame *object_of_bracket,
+/* Add the load of bare sheet beside the taxels. Returns whether it touches the object. */
+static bool press_margins(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                           double thickness, struct contact_load *load)
 {
-    bool touches = false;
+    bool is_touching = false;
     for (size_t square = 0; square < patch->margin_count; square++) {
         const struct cell *cells = &patch->margins[square * CELLS_PER_TAXEL];
         struct shape_lines lines;
-        if (square_is_far(cells, shape, object_of_bracket, thickness)) {
+        if (square_is_far(cells, shape, object_from_bracket, thickness)) {
             continue;
         }
-        place_lines(&lines, cells, object_of_bracket);
+        place_lines(&lines, cells, object_from_bracket);
         shape_entries(shape, &lines, fmax(thickness, DEEPEST_M));
         for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
             if (lines.entry[i] >= -DEEPEST_M && lines.entry[i] < thickness) {
-                touches = true;
+                is_touching = true;
                 add_cell(load, &cells[i], thickness - lines.entry[i]);
             }
         }
     }
-    return touches;
+    return is_touching;
 }
 
-bool contact_press(const struct patch *patch, const struct shape *shape, const struct frame *object_of_bracket,
+bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                    double thickness, double reach, double *compression, double *gap, struct contact_load *load)
 {
-    bool touches = false;
+    bool is_touching = false;
     if (load) {
         memset(load, 0, sizeof *load);
     }
@@ -91,16 +92,16 @@ bool contact_press(const struct patch *patch, const struct shape *shape, const s
     for (size_t i = 0; gap && i < patch->cell_count; i++) {
         gap[i] = CONTACT_FAR_M;
     }
-    if (contact_is_far(patch, shape, object_of_bracket, thickness + reach)) {
+    if (contact_is_far(patch, shape, object_from_bracket, thickness + reach)) {
         return false;
     }
     for (size_t taxel = 0; taxel < patch->taxel_count; taxel++) {
         const size_t first = taxel * CELLS_PER_TAXEL;
-        if (square_is_far(&patch->cells[first], shape, object_of_bracket, thickness + reach)) {
+        if (square_is_far(&patch->cells[first], shape, object_from_bracket, thickness + reach)) {
             continue;
         }
         struct shape_lines lines;
-        place_lines(&lines, &patch->cells[first], object_of_bracket);
+        place_lines(&lines, &patch->cells[first], object_from_bracket);
         shape_entries(shape, &lines, fmax(thickness + reach, DEEPEST_M));
         for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
             const double entry = lines.entry[i];
@@ -113,15 +114,15 @@ bool contact_press(const struct patch *patch, const struct shape *shape, const s
             if (entry >= thickness) {
                 continue;
             }
-            touches = true;
+            is_touching = true;
             compression[first + i] = thickness - entry;
             if (load) {
                 add_cell(load, &patch->cells[first + i], compression[first + i]);
             }
         }
     }
-    if (load && press_margins(patch, shape, object_of_bracket, thickness, load)) {
-        touches = true;
+    if (load && press_margins(patch, shape, object_from_bracket, thickness, load)) {
+        is_touching = true;
     }
-    return touches;
+    return is_touching;
 }

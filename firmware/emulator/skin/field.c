@@ -6,7 +6,7 @@
 #include "emulator/layer.h"
 #include "emulator/skin/contact.h"
 
-#define NEGLIGIBLE_PA 1.0 /* some hundredth of a count; a film's pressure fades for ever */
+#define NEGLIGIBLE_PA 1.0 /* about a hundredth of a count; the pressure of a film decays without a limit */
 
 bool field_effects_are_on(const struct effects *effects)
 {
@@ -14,7 +14,7 @@ bool field_effects_are_on(const struct effects *effects)
            proximity_is_on(&effects->proximity) || moisture_is_on(&effects->moisture) || modulus_is_on(&effects->modulus);
 }
 
-bool field_effects_take_time(const struct effects *effects)
+bool field_effects_are_dynamic(const struct effects *effects)
 {
     return rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
            (moisture_is_on(&effects->moisture) && effects->moisture.form == MOISTURE_DRYING);
@@ -25,11 +25,11 @@ int field_load_init(struct field_load *load, const struct patch *patch)
     load->pressure = malloc(patch->cell_count * sizeof *load->pressure);
     load->gap = malloc(patch->cell_count * sizeof *load->gap);
     load->force = malloc(patch->taxel_count * sizeof *load->force);
-    load->near = malloc(patch->taxel_count * sizeof *load->near);
-    if (!load->pressure || !load->gap || !load->force || !load->near) {
+    load->is_loaded = malloc(patch->taxel_count * sizeof *load->is_loaded);
+    if (!load->pressure || !load->gap || !load->force || !load->is_loaded) {
         return -1;
     }
-    load->idle = false;
+    load->is_unloaded = false;
     load->object = -1;
     field_load_clear(load, patch);
     return 0;
@@ -40,22 +40,22 @@ void field_load_free(struct field_load *load)
     free(load->pressure);
     free(load->gap);
     free(load->force);
-    free(load->near);
+    free(load->is_loaded);
     memset(load, 0, sizeof *load);
 }
 
 void field_load_clear(struct field_load *load, const struct patch *patch)
 {
-    if (load->idle) {
+    if (load->is_unloaded) {
         return;
     }
     memset(load->pressure, 0, patch->cell_count * sizeof *load->pressure);
     memset(load->force, 0, patch->taxel_count * sizeof *load->force);
-    memset(load->near, 0, patch->taxel_count * sizeof *load->near);
+    memset(load->is_loaded, 0, patch->taxel_count * sizeof *load->is_loaded);
     for (size_t i = 0; i < patch->cell_count; i++) {
         load->gap[i] = CONTACT_FAR_M;
     }
-    load->idle = true;
+    load->is_unloaded = true;
 }
 
 void field_load_copy(struct field_load *load, const struct field_load *from, const struct patch *patch)
@@ -63,8 +63,8 @@ void field_load_copy(struct field_load *load, const struct field_load *from, con
     memcpy(load->pressure, from->pressure, patch->cell_count * sizeof *load->pressure);
     memcpy(load->gap, from->gap, patch->cell_count * sizeof *load->gap);
     memcpy(load->force, from->force, patch->taxel_count * sizeof *load->force);
-    memcpy(load->near, from->near, patch->taxel_count * sizeof *load->near);
-    load->idle = from->idle;
+    memcpy(load->is_loaded, from->is_loaded, patch->taxel_count * sizeof *load->is_loaded);
+    load->is_unloaded = from->is_unloaded;
 }
 
 static int init_moisture(struct field *field)
@@ -80,17 +80,17 @@ static int init_moisture(struct field *field)
 int field_init(struct field *field, const struct world_description *description, size_t index, const struct patch *patch)
 {
     const struct effects *effects = &description->effects;
-    const bool flows = rheology_is_on(&effects->rheology), sets = indent_is_on(&effects->indent);
-    const bool moist = moisture_is_on(&effects->moisture) && effects->moisture.board == index;
+    const bool has_rheology = rheology_is_on(&effects->rheology), has_indent = indent_is_on(&effects->indent);
+    const bool has_moisture = moisture_is_on(&effects->moisture) && effects->moisture.board == index;
     memset(field, 0, sizeof *field);
     field->effects = effects;
     field->patch = patch;
-    field->gap_matters = proximity_far(&effects->proximity);
-    field->awake = calloc(patch->taxel_count, sizeof *field->awake);
-    field->rheology = flows ? calloc(patch->cell_count, sizeof *field->rheology) : NULL;
-    field->indent = sets ? calloc(patch->cell_count, sizeof *field->indent) : NULL;
-    if (!field->awake || (flows && !field->rheology) || (sets && !field->indent) || (moist && init_moisture(field)) ||
-        spread_init(&field->spread, &effects->spread, patch)) {
+    field->proximity_reach_m = proximity_reach(&effects->proximity);
+    field->has_history = calloc(patch->taxel_count, sizeof *field->has_history);
+    field->rheology = has_rheology ? calloc(patch->cell_count, sizeof *field->rheology) : NULL;
+    field->indent = has_indent ? calloc(patch->cell_count, sizeof *field->indent) : NULL;
+    if (!field->has_history || (has_rheology && !field->rheology) || (has_indent && !field->indent) ||
+        (has_moisture && init_moisture(field)) || spread_init(&field->spread, &effects->spread, patch)) {
         return -1;
     }
     if (proximity_is_on(&effects->proximity)) {
@@ -113,11 +113,11 @@ void field_free(struct field *field)
     free(field->moisture);
     free(field->rheology);
     free(field->indent);
-    free(field->awake);
+    free(field->has_history);
     memset(field, 0, sizeof *field);
 }
 
-/* After the cells' own pressures are known. */
+/* Complete a load whose cell pressures are set: film, taxel forces, stiffness. */
 static void finish_load(struct field *field, struct field_load *load)
 {
     const struct patch *patch = field->patch;
@@ -125,123 +125,125 @@ static void finish_load(struct field *field, struct field_load *load)
     for (size_t taxel = 0; taxel < patch->taxel_count; taxel++) {
         const size_t first = taxel * CELLS_PER_TAXEL;
         double force = 0.0;
-        bool near = false;
+        bool is_loaded = false;
         for (size_t i = first; i < first + CELLS_PER_TAXEL; i++) {
             force += load->pressure[i] * SKIN_CELL_AREA_M2;
-            near = near || load->pressure[i] > NEGLIGIBLE_PA || load->gap[i] < field->gap_matters;
+            is_loaded = is_loaded || load->pressure[i] > NEGLIGIBLE_PA || load->gap[i] < field->proximity_reach_m;
         }
         load->force[taxel] = force;
-        load->near[taxel] = near;
+        load->is_loaded[taxel] = is_loaded;
         for (size_t i = first; field->stiffness && i < first + CELLS_PER_TAXEL; i++) {
             load->pressure[i] /= field->stiffness[taxel];
         }
     }
-    load->idle = false;
+    load->is_unloaded = false;
 }
 
-static void press(struct field *field, bool touches, double (*law)(double), double *compression, struct field_load *load)
+static void load_from_contact(struct field *field, bool is_touching, double (*pressure_law)(double), double *compression,
+                              struct field_load *load)
 {
-    if (touches) {
+    if (is_touching) {
         spread_compression(&field->spread, &field->effects->spread, field->patch, compression);
     }
     for (size_t i = 0; i < field->patch->cell_count; i++) {
-        load->pressure[i] = compression[i] > 0.0 ? law(compression[i]) : 0.0;
+        load->pressure[i] = compression[i] > 0.0 ? pressure_law(compression[i]) : 0.0;
     }
     finish_load(field, load);
 }
 
-void field_press(struct field *field, bool touches, double *compression, struct field_load *load)
+void field_load_contact(struct field *field, bool is_touching, double *compression, struct field_load *load)
 {
-    press(field, touches, layer_contact_pressure, compression, load);
+    load_from_contact(field, is_touching, layer_contact_pressure, compression, load);
 }
 
-void field_press_taxels(struct field *field, const float *force, double *compression, struct field_load *load)
+void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load)
 {
-    const bool shapes = spread_is_on(&field->effects->spread) && field->effects->spread.form == SPREAD_PILLARS;
+    const bool spreads_by_pillars = spread_is_on(&field->effects->spread) && field->effects->spread.form == SPREAD_PILLARS;
     for (size_t taxel = 0; taxel < field->patch->taxel_count; taxel++) {
         const double pressure = (double)force[taxel] / (CELLS_PER_TAXEL * SKIN_CELL_AREA_M2);
-        const double depth = shapes ? layer_compression(pressure) : 0.0;
+        const double depth = spreads_by_pillars ? layer_compression(pressure) : 0.0;
         for (size_t i = taxel * CELLS_PER_TAXEL; i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
             load->pressure[i] = pressure;
             load->gap[i] = pressure > 0.0 ? 0.0 : CONTACT_FAR_M;
             compression[i] = depth;
         }
     }
-    if (shapes) {
-        press(field, true, layer_pressure, compression, load);
+    if (spreads_by_pillars) {
+        load_from_contact(field, true, layer_pressure, compression, load);
     } else {
         finish_load(field, load);
     }
 }
 
-bool field_is_awake(const struct field *field, double time)
+bool field_has_history(const struct field *field, double time)
 {
     const struct moisture_effect *moisture = &field->effects->moisture;
-    return field->any_awake || (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
+    return field->any_has_history || (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
 }
 
-static double between(const double *before, const double *after, size_t i, double fraction)
+static double interpolate(const double *before, const double *after, size_t i, double fraction)
 {
     return fraction == 0.0 ? before[i] : fraction == 1.0 ? after[i] : before[i] + fraction * (after[i] - before[i]);
 }
 
-/* What is the same for every taxel at a moment. */
-struct passage {
+/* Values of a time step that are common to all taxels. */
+struct step {
     const struct field_load *before, *after;
     double fraction, water, decay;
     struct rheology_span span;
 };
 
-/* Rise of the layer alone in a taxel's cells, with what they remember. The field of an electrode runs across its cells, so
- * that all of them answer to the mean pressure; what a cell remembers is added as its own departure from that. */
-static void rise_of_layer(struct field *field, const struct passage *passage, size_t taxel, double rise[CELLS_PER_TAXEL])
+/* Rise of the layer in a taxel's cells, including load history. The field of an electrode extends across its cells, so
+ * every cell responds to the mean pressure; the history of a cell adds the deviation of its compression from the
+ * elastic value. */
+static void layer_rise(struct field *field, const struct step *step, size_t taxel, double rise[CELLS_PER_TAXEL])
 {
     const size_t first = taxel * CELLS_PER_TAXEL;
     double pressure[CELLS_PER_TAXEL], mean = 0.0;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        pressure[i] = between(passage->before->pressure, passage->after->pressure, first + i, passage->fraction);
+        pressure[i] = interpolate(step->before->pressure, step->after->pressure, first + i, step->fraction);
         mean += pressure[i] / CELLS_PER_TAXEL;
     }
-    const double common = layer_pressure_rise(mean);
+    const double mean_rise = layer_rise_at_pressure(mean);
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        rise[i] = common;
+        rise[i] = mean_rise;
     }
     if (!field->rheology && !field->indent) {
         return;
     }
     double compression[CELLS_PER_TAXEL], elastic[CELLS_PER_TAXEL];
-    bool awake = false;
+    bool has_history = false;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
         compression[i] = elastic[i] = layer_compression(pressure[i]);
     }
     if (field->rheology) {
-        awake = rheology_advance(&field->effects->rheology, &passage->span, field->rheology + first, CELLS_PER_TAXEL,
+        has_history = rheology_advance(&field->effects->rheology, &step->span, field->rheology + first, CELLS_PER_TAXEL,
                                  compression);
     }
     if (field->indent) {
-        awake |= indent_advance(&field->effects->indent, passage->decay, field->indent + first, CELLS_PER_TAXEL, compression);
+        has_history |= indent_advance(&field->effects->indent, step->decay, field->indent + first, CELLS_PER_TAXEL, compression);
     }
-    field->awake[taxel] = awake;
-    field->any_awake = field->any_awake || awake;
+    field->has_history[taxel] = has_history;
+    field->any_has_history = field->any_has_history || has_history;
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
         if (compression[i] != elastic[i]) {
-            rise[i] += layer_compression_rise(compression[i]) - layer_compression_rise(elastic[i]);
+            rise[i] += layer_rise_at_compression(compression[i]) - layer_rise_at_compression(elastic[i]);
         }
     }
 }
 
-static struct taxel_field field_of(struct field *field, const struct passage *passage, size_t taxel)
+static struct taxel_field taxel_field_at(struct field *field, const struct step *step, size_t taxel)
 {
-    struct taxel_field sum = {0.0, 0.0, between(passage->before->force, passage->after->force, taxel, passage->fraction)};
+    struct taxel_field sum = {0.0, 0.0, interpolate(step->before->force, step->after->force, taxel, step->fraction)};
     double rise[CELLS_PER_TAXEL];
-    rise_of_layer(field, passage, taxel, rise);
+    layer_rise(field, step, taxel, rise);
     for (size_t n = 0; n < CELLS_PER_TAXEL; n++) {
         const size_t i = taxel * CELLS_PER_TAXEL + n;
-        const double gap = between(passage->before->gap, passage->after->gap, i, passage->fraction);
-        if (passage->water > 0.0 && field->moisture[i] > 0.0) {
-            rise[n] = moisture_rise(passage->water * field->moisture[i], rise[n]);
+        const double gap = interpolate(step->before->gap, step->after->gap, i, step->fraction);
+        if (step->water > 0.0 && field->moisture[i] > 0.0) {
+            rise[n] = moisture_rise(step->water * field->moisture[i], rise[n]);
         }
-        if (gap < field->gap_matters) {
+        if (gap < field->proximity_reach_m) {
             rise[n] += proximity_rise(&field->proximity, gap);
         }
         sum.rise += rise[n] / CELLS_PER_TAXEL;
@@ -253,21 +255,21 @@ static struct taxel_field field_of(struct field *field, const struct passage *pa
 void field_advance(struct field *field, const struct field_load *before, const struct field_load *after,
                    const struct field_moment *moment, struct taxel_field *fields)
 {
-    struct passage passage = {.before = before, .after = after, .fraction = moment->fraction};
-    passage.water = field->moisture ? moisture_water(&field->effects->moisture, moment->time) : 0.0;
+    struct step step = {.before = before, .after = after, .fraction = moment->fraction};
+    step.water = field->moisture ? moisture_water(&field->effects->moisture, moment->time) : 0.0;
     if (field->rheology) {
-        passage.span = rheology_span(&field->effects->rheology, moment->seconds, moment->jump);
+        step.span = rheology_span(&field->effects->rheology, moment->seconds, moment->is_step);
     }
     if (field->indent) {
-        passage.decay = indent_decay(&field->effects->indent, moment->seconds);
+        step.decay = indent_decay(&field->effects->indent, moment->seconds);
     }
-    field->any_awake = false;
+    field->any_has_history = false;
     for (size_t taxel = 0; taxel < field->patch->taxel_count; taxel++) {
-        const bool near = before->near[taxel] || (moment->fraction > 0.0 && after->near[taxel]);
-        if (near || field->awake[taxel] || passage.water > 0.0) {
-            fields[taxel] = field_of(field, &passage, taxel);
+        const bool is_loaded = before->is_loaded[taxel] || (moment->fraction > 0.0 && after->is_loaded[taxel]);
+        if (is_loaded || field->has_history[taxel] || step.water > 0.0) {
+            fields[taxel] = taxel_field_at(field, &step, taxel);
         } else {
-            const double force = between(before->force, after->force, taxel, moment->fraction);
+            const double force = interpolate(before->force, after->force, taxel, moment->fraction);
             fields[taxel] = (struct taxel_field){.rise = 0.0, .gap = CONTACT_FAR_M, .force = force};
         }
     }

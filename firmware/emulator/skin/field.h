@@ -1,9 +1,9 @@
-/* From what presses one board's cells to its taxels' fields: the chain of effects, in the order in which things happen.
+/* From the load on one board's cells to the fields of its taxels: the sequence of skin effects in physical order.
  *
- * At a record: compression of the cells -> (spread: pillars) -> pressure of the whole layer -> (spread: film)
- * -> (modulus) -> a load.
- * At any moment between two records: pressure of the loads, interpolated -> compression -> (rheology) -> (indent) -> rise of
- * the permittivity -> (moisture) -> (proximity, by the gap) -> mean over each taxel's cells. */
+ * At a record: compression of the cells -> (spread: pillars) -> pressure of the whole layer -> (spread: film) ->
+ * (modulus) -> load. At any time between two records: interpolated pressure of the loads -> compression -> (rheology)
+ * -> (indent) -> rise of the permittivity -> (moisture) -> (proximity, from the gap) -> mean over each taxel's cells.
+ */
 #ifndef EMULATOR_SKIN_FIELD_H
 #define EMULATOR_SKIN_FIELD_H
 
@@ -11,29 +11,29 @@
 #include "emulator/world_file.h"
 
 struct taxel_field {
-    double rise;  /* relative rise of what goes through the layer, of the whole taxel */
-    double gap;   /* metres to the object before contact, mean over the cells; CONTACT_FAR_M where no effect asks for it */
+    double rise;  /* relative rise of the fringe capacitance through the layer, mean over the taxel */
+    double gap;   /* distance to the object before contact, metres, mean over the cells; CONTACT_FAR_M if no effect uses it */
     double force; /* newtons */
 };
 
-/* What acts on a board's cells at a record. */
+/* Load on a board's cells at a record. */
 struct field_load {
-    double *pressure; /* [cells] pascal that shortens pillars of the layer's own modulus */
+    double *pressure; /* [cells] pascal, equivalent pressure on pillars of nominal modulus */
     double *gap;      /* [cells] metres; CONTACT_FAR_M without an object */
     double *force;    /* [taxels] newtons */
-    bool *near;       /* [taxels] some cell is pressed for what counts can tell, or has a gap that matters */
-    bool idle;        /* none is */
-    bool repeats;     /* it is that of the record before */
-    struct frame object_of_bracket; /* from which a contact was solved */
-    long object;                    /* in that scene, -1 for none */
+    bool *is_loaded;       /* [taxels] a cell has a measurable pressure, or a gap within proximity_reach_m */
+    bool is_unloaded;        /* no taxel is loaded */
+    bool equals_previous;     /* equal to the load of the previous record */
+    struct frame object_from_bracket; /* pose for which the contact was solved */
+    long object;                    /* index of the object in the scene, -1: none */
 };
 
-/* A moment between two loads. */
+/* A time between two loads. */
 struct field_moment {
-    double fraction; /* of the way from the one load to the other */
-    double seconds;  /* since the last moment that was asked for */
-    double time;     /* seconds since the world began */
-    bool jump;       /* the load has changed all at once, not linearly */
+    double fraction; /* interpolation fraction between the two loads */
+    double seconds;  /* time since the previous call of field_advance() */
+    double time;     /* seconds since the start of the world */
+    bool is_step;       /* the load changed in a step, not linearly */
 };
 
 struct field {
@@ -41,39 +41,39 @@ struct field {
     const struct patch *patch;
     struct spread_state spread;
     double *stiffness;              /* [taxels]; NULL without the effect */
-    double *moisture;               /* [cells]; NULL unless this board is moist */
-    struct rheology_cell *rheology; /* [cells]; NULL without the effect */
-    struct indent_cell *indent;     /* [cells]; NULL without the effect */
-    double gap_matters;             /* up to so many metres */
+    double *moisture;               /* [cells]; NULL unless this board has the effect */
+    struct rheology_state *rheology; /* [cells]; NULL without the effect */
+    struct indent_state *indent;     /* [cells]; NULL without the effect */
+    double proximity_reach_m;             /* gaps up to this distance contribute, metres */
     struct proximity_curve proximity;
-    bool *awake;                    /* [taxels] some cell remembers */
-    bool any_awake;
+    bool *has_history;                    /* [taxels] a cell has load history */
+    bool any_has_history;
 };
 
-/* Does any effect of the skin act in this world? Does one of them change the fields while no load changes? */
+/* Whether an effect of the skin is active, and whether an active effect changes fields while no load changes. */
 bool field_effects_are_on(const struct effects *effects);
-bool field_effects_take_time(const struct effects *effects);
+bool field_effects_are_dynamic(const struct effects *effects);
 
-/* Return 0, or -1 without memory. `index`: the board in the description. */
+/* Return 0, or -1 if out of memory. `index`: board in the description. */
 int field_load_init(struct field_load *load, const struct patch *patch);
 void field_load_free(struct field_load *load);
 int field_init(struct field *field, const struct world_description *description, size_t index, const struct patch *patch);
 void field_free(struct field *field);
 
-/* Nothing presses. */
+/* Set a load to zero. */
 void field_load_clear(struct field_load *load, const struct patch *patch);
 
 void field_load_copy(struct field_load *load, const struct field_load *from, const struct patch *patch);
 
-/* A load from the compression [cells] of a contact, or from forces [taxels] in newtons; `compression` is overwritten. The
- * contact has filled in the gaps already; `touches`: some cell is compressed. */
-void field_press(struct field *field, bool touches, double *compression, struct field_load *load);
-void field_press_taxels(struct field *field, const float *force, double *compression, struct field_load *load);
+/* Compute a load from the compression [cells] of a contact, or from forces [taxels] in newtons; `compression` is
+ * overwritten. For a contact the gaps are already set; is_touching: a cell is compressed. */
+void field_load_contact(struct field *field, bool is_touching, double *compression, struct field_load *load);
+void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load);
 
-/* Can the fields differ from what they were although neither load is near? */
-bool field_is_awake(const struct field *field, double time);
+/* Whether fields may change although neither load touches the board. */
+bool field_has_history(const struct field *field, double time);
 
-/* The fields [taxels] at a moment. Moments must not go back. */
+/* Compute the fields [taxels] at a time. Times must not decrease. */
 void field_advance(struct field *field, const struct field_load *before, const struct field_load *after,
                    const struct field_moment *moment, struct taxel_field *fields);
 

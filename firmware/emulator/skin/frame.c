@@ -50,7 +50,7 @@ struct frame frame_inverse(const struct frame *a)
     return inverse;
 }
 
-/* Rodrigues' formula: turn by |rotation_vector| radians about its direction, then move. */
+/* Rodrigues' formula: rotation by |rotation_vector| radians about its direction, then translation. */
 struct frame frame_of_offset(const double translation[3], const double rotation_vector[3])
 {
     const double *w = rotation_vector;

@@ -1,4 +1,4 @@
-/* Rigid motions as 12 numbers: three rows of a rotation and its translation, as in the upper part of a 4 x 4 matrix. */
+/* Rigid transforms as 12 numbers: three rows of rotation and translation, as in the upper part of a 4 x 4 matrix. */
 #ifndef EMULATOR_SKIN_FRAME_H
 #define EMULATOR_SKIN_FRAME_H
 

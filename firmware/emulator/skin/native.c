@@ -25,7 +25,7 @@ struct taxel_contact *taxel_contact_open(const char *world_path)
         free(contact);
         return NULL;
     }
-    contact->stimulus.values = STIMULUS_SCENE_VALUES(contact->description.board_count);
+    contact->stimulus.value_count = STIMULUS_SCENE_VALUES(contact->description.board_count);
     if (skin_init(&contact->skin, &contact->description, &contact->stimulus)) {
         taxel_contact_close(contact);
         return NULL;
@@ -66,11 +66,11 @@ void taxel_contact_object_offset(const struct taxel_contact *contact, size_t obj
     memcpy(offset, &contact->description.objects[object].offset, sizeof(struct frame));
 }
 
-static void write_forces(const struct skin_board *board, bool touched, double *force)
+static void write_forces(const struct skin_board *board, bool is_touching, double *force)
 {
     for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {
         force[taxel] = 0.0;
-        for (size_t i = taxel * CELLS_PER_TAXEL; touched && i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
+        for (size_t i = taxel * CELLS_PER_TAXEL; is_touching && i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
             force[taxel] += layer_contact_pressure(board->compression[i]) * SKIN_CELL_AREA_M2;
         }
     }
@@ -80,34 +80,34 @@ int taxel_contact_evaluate(struct taxel_contact *contact, int object, const doub
                            double *load, double *force)
 {
     const struct world_description *description = &contact->description;
-    const bool present = object >= 0 && (size_t)object < description->object_count;
-    struct frame object_of_world = frame_identity;
+    const bool has_object = object >= 0 && (size_t)object < description->object_count;
+    struct frame object_from_world = frame_identity;
     int touched_boards = 0;
-    if (present) {
-        struct frame believed;
-        memcpy(&believed, object_pose, sizeof believed);
-        const struct frame world_of_object = frame_product(&believed, &description->objects[object].offset);
-        object_of_world = frame_inverse(&world_of_object);
+    if (has_object) {
+        struct frame nominal_pose;
+        memcpy(&nominal_pose, object_pose, sizeof nominal_pose);
+        const struct frame world_from_object = frame_product(&nominal_pose, &description->objects[object].offset);
+        object_from_world = frame_inverse(&world_from_object);
     }
     for (size_t i = 0; i < contact->skin.board_count; i++) {
         struct skin_board *board = &contact->skin.boards[i];
         struct contact_load sum = {0};
-        bool touched = false;
-        if (present) {
-            struct frame believed;
-            memcpy(&believed, bracket_poses + 12 * i, sizeof believed);
-            const struct frame bracket = frame_product(&believed, &description->boards[i].bracket_offset);
-            const struct frame object_of_bracket = frame_product(&object_of_world, &bracket);
-            touched = contact_press(&board->patch, &description->objects[object].shape, &object_of_bracket,
+        bool is_touching = false;
+        if (has_object) {
+            struct frame nominal_pose;
+            memcpy(&nominal_pose, bracket_poses + 12 * i, sizeof nominal_pose);
+            const struct frame bracket = frame_product(&nominal_pose, &description->boards[i].bracket_offset);
+            const struct frame object_from_bracket = frame_product(&object_from_world, &bracket);
+            is_touching = contact_solve(&board->patch, &description->objects[object].shape, &object_from_bracket,
                                     description->layer_thickness, 0.0, board->compression, NULL, &sum);
         }
         memcpy(load + 42 * i, sum.wrench, sizeof sum.wrench);
         memcpy(load + 42 * i + 6, sum.stiffness, sizeof sum.stiffness);
         if (force) {
-            write_forces(board, touched, force);
+            write_forces(board, is_touching, force);
             force += board->patch.taxel_count;
         }
-        touched_boards += touched;
+        touched_boards += is_touching;
     }
     return touched_boards;
 }

@@ -2,12 +2,12 @@
 
 #include <math.h>
 
-/* A line lies in a half-space from one distance on, or up to one: keep the part that lies in all of them. */
+/* Interval of a line inside the half-spaces so far. */
 struct span {
     double enter, leave;
 };
 
-/* Divides only where the span changes: most planes do not bound it. */
+/* Divides only if the interval changes, because most planes do not bound it. */
 static inline void clip(struct span *span, double slope, double excess)
 {
     if (slope < 0.0) {
@@ -59,19 +59,19 @@ double shape_entry(const struct shape *shape, const double origin[3], const doub
     return span.enter < span.leave ? span.enter : INFINITY;
 }
 
-/* One plane's part for all lines, without branches, so that a compiler takes several lines at a time. */
+/* Clip all lines by one plane, without branches, so that the compiler vectorises the loop. */
 static void clip_lines(const double *plane, const struct shape_lines *lines, double *enter, double *leave)
 {
     const double(*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;
     for (int i = 0; i < SHAPE_LINES; i++) {
         const double slope = plane[0] * d[0][i] + plane[1] * d[1][i] + plane[2] * d[2][i];
         const double excess = plane[0] * o[0][i] + plane[1] * o[1][i] + plane[2] * o[2][i] - plane[3];
-        const double at = -excess / slope;
-        const double in = slope < 0.0 ? at : -INFINITY;
+        const double distance = -excess / slope;
+        const double entry_distance = slope < 0.0 ? distance : -INFINITY;
         const double parallel = excess > 0.0 ? -INFINITY : INFINITY;
-        const double out = slope > 0.0 ? at : slope < 0.0 ? INFINITY : parallel;
-        enter[i] = in > enter[i] ? in : enter[i];
-        leave[i] = out < leave[i] ? out : leave[i];
+        const double exit_distance = slope > 0.0 ? distance : slope < 0.0 ? INFINITY : parallel;
+        enter[i] = entry_distance > enter[i] ? entry_distance : enter[i];
+        leave[i] = exit_distance < leave[i] ? exit_distance : leave[i];
     }
 }
 
@@ -92,7 +92,8 @@ void shape_entries(const struct shape *shape, struct shape_lines *lines, double 
     }
     for (size_t plane = 0; plane < shape->plane_count; plane++) {
         const double *n = shape->planes[plane], *p = lines->middle;
-        if (n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3] >= -lines->radius - reach) { /* else no line meets it within reach */
+        /* Planes farther away meet no line within reach. */
+        if (n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3] >= -lines->radius - reach) {
             clip_lines(n, lines, enter, leave);
         }
     }

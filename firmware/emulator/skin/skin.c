@@ -4,19 +4,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/skin/press.h"
+#include "emulator/skin/board_load.h"
 
 #define FIRST_STEP (10u * VTIME_MS)
-#define LIVE_STEP (20u * VTIME_MS) /* nobody knows when the next record comes */
+#define LIVE_STEP (20u * VTIME_MS) /* the time of the next live record is unknown */
 #define LAST_STEP VTIME_SECOND
 
-static const struct field_moment begin = {0.0, 0.0, 0.0, false};
+static const struct field_moment initial_moment = {0.0, 0.0, 0.0, false};
 
 static int init_board(struct skin_board *board, const struct world_description *description, size_t index)
 {
     const struct board_description *sheet = &description->boards[index];
-    if (patch_init(&board->patch, sheet->rows, sheet->columns, sheet->crossing_map, sheet->taxel_count, sheet->places) ||
-        patch_add_margins(&board->patch, sheet->margin_count, sheet->margins) ||
+    if (patch_init(&board->patch, sheet->rows, sheet->columns, sheet->crossing_map, sheet->taxel_count, sheet->taxel_poses) ||
+        patch_add_margins(&board->patch, sheet->margin_count, sheet->margin_poses) ||
         field_load_init(&board->loads[0], &board->patch) || field_load_init(&board->loads[1], &board->patch) ||
         field_init(&board->field, description, index, &board->patch)) {
         return -1;
@@ -28,7 +28,7 @@ static int init_board(struct skin_board *board, const struct world_description *
     if (!board->before || !board->after || !board->compression) {
         return -1;
     }
-    field_advance(&board->field, &board->loads[0], &board->loads[1], &begin, board->after);
+    field_advance(&board->field, &board->loads[0], &board->loads[1], &initial_moment, board->after);
     memcpy(board->before, board->after, taxels * sizeof *board->before);
     return 0;
 }
@@ -36,7 +36,7 @@ static int init_board(struct skin_board *board, const struct world_description *
 static bool is_placed(const struct world_description *description)
 {
     for (size_t i = 0; i < description->board_count; i++) {
-        if (!description->boards[i].placed) {
+        if (!description->boards[i].taxel_pose_count) {
             return false;
         }
     }
@@ -46,11 +46,12 @@ static bool is_placed(const struct world_description *description)
 static int check_scene(const struct world_description *description, const struct stimulus *stimulus)
 {
     if (!is_placed(description)) {
-        fprintf(stderr, "stimulus %s: gives poses, but the world does not place every taxel (surface)\n", stimulus->name);
+        fprintf(stderr, "stimulus %s: contains poses, expected a world with the pose of every taxel (surface lines)\n",
+                stimulus->name);
         return -1;
     }
-    if (stimulus->values != STIMULUS_SCENE_VALUES(description->board_count)) {
-        fprintf(stderr, "stimulus %s: gives poses of another number of boards than the world's %zu\n", stimulus->name,
+    if (stimulus->value_count != STIMULUS_SCENE_VALUES(description->board_count)) {
+        fprintf(stderr, "stimulus %s: expected poses of %zu boards, as in the world; found another number\n", stimulus->name,
                 description->board_count);
         return -1;
     }
@@ -64,7 +65,7 @@ int skin_init(struct skin *skin, const struct world_description *description, co
     skin->board_count = description->board_count;
     skin->next = VTIME_NEVER;
     skin->until = VTIME_NEVER;
-    skin->takes_time = field_effects_take_time(&description->effects);
+    skin->is_dynamic = field_effects_are_dynamic(&description->effects);
     const bool scene = stimulus->kind == STIMULUS_SCENE;
     if (!scene && (stimulus->kind == STIMULUS_COUNTS || !field_effects_are_on(&description->effects))) {
         return 0;
@@ -81,7 +82,7 @@ int skin_init(struct skin *skin, const struct world_description *description, co
             return -1;
         }
     }
-    skin_advance(skin, stimulus); /* opening the stimulus has read its first record */
+    skin_advance(skin, stimulus); /* stimulus_open() has read the first record */
     return skin->boards ? 0 : -1;
 }
 
@@ -101,103 +102,103 @@ void skin_free(struct skin *skin)
     memset(skin, 0, sizeof *skin);
 }
 
-struct press {
+struct load_task {
     struct skin *skin;
     const struct stimulus *stimulus;
     const float *values;
 };
 
-static void press_board(void *context, size_t item)
+static void load_board(void *context, size_t item)
 {
-    const struct press *press = context;
-    const struct skin *skin = press->skin;
+    const struct load_task *load_task = context;
+    const struct skin *skin = load_task->skin;
     struct skin_board *board = &skin->boards[item];
     const struct field_load *last = &board->loads[skin->earlier];
     struct field_load *load = &board->loads[skin->earlier ^ 1u];
-    if (press->stimulus->kind == STIMULUS_SCENE) {
-        press_scene(board, skin->description, item, press->values, last, load);
+    if (load_task->stimulus->kind == STIMULUS_SCENE) {
+        board_load_from_scene(board, skin->description, item, load_task->values, last, load);
     } else {
-        press_forces(board, press->values + board->first_taxel, load);
+        board_load_from_forces(board, load_task->values + board->first_taxel, load);
     }
 }
 
-static void press_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
+static void load_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
 {
-    struct press press = {.skin = skin, .stimulus = stimulus, .values = values};
-    thread_pool_run(skin->thread_pool, skin->board_count, press_board, &press);
+    struct load_task load_task = {.skin = skin, .stimulus = stimulus, .values = values};
+    thread_pool_run(skin->thread_pool, skin->board_count, load_board, &load_task);
 }
 
-struct advance {
+struct advance_task {
     struct skin *skin;
     struct field_moment moment;
 };
 
 static void advance_board(void *context, size_t item)
 {
-    const struct advance *advance = context;
-    const struct skin *skin = advance->skin;
-    const struct field_moment *moment = &advance->moment;
+    const struct advance_task *advance_task = context;
+    const struct skin *skin = advance_task->skin;
+    const struct field_moment *moment = &advance_task->moment;
     struct skin_board *board = &skin->boards[item];
     const struct field_load *before = &board->loads[skin->earlier], *after = &board->loads[skin->earlier ^ 1u];
-    const bool steady = moment->fraction == 0.0 || after->repeats || (before->idle && after->idle);
-    board->quiet = steady && !field_is_awake(&board->field, moment->time) ? board->quiet + 1u : 0u;
-    if (board->quiet > 2u) {
-        return; /* `before` and `after` are what this would make them */
+    const bool is_steady = moment->fraction == 0.0 || after->equals_previous || (before->is_unloaded && after->is_unloaded);
+    board->unchanged_steps = is_steady && !field_has_history(&board->field, moment->time) ? board->unchanged_steps + 1u : 0u;
+    if (board->unchanged_steps > 2u) {
+        return; /* `before` and `after` already equal the result */
     }
-    struct taxel_field *const spare = board->before;
+    struct taxel_field *const previous = board->before;
     board->before = board->after;
-    board->after = spare;
+    board->after = previous;
     field_advance(&board->field, before, after, moment, board->after);
 }
 
-/* Fields at `until`, those that were there before to be those at `from`. */
+/* Compute the fields at `until`; the previous fields become those at `from`. */
 static void advance_fields(struct skin *skin, double fraction, vtime time)
 {
-    struct advance advance = {
+    struct advance_task advance_task = {
         .skin = skin,
         .moment =
             {
                 .fraction = fraction,
-                .seconds = time > skin->remembered ? (double)(time - skin->remembered) / (double)VTIME_SECOND : 0.0,
+                .seconds = time > skin->history_time ? (double)(time - skin->history_time) / (double)VTIME_SECOND : 0.0,
                 .time = (double)time / (double)VTIME_SECOND,
-                .jump = skin->jump,
+                .is_step = skin->is_step,
             },
     };
-    skin->remembered = vtime_max(skin->remembered, time);
-    thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance);
+    skin->history_time = vtime_max(skin->history_time, time);
+    thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance_task);
 }
 
 static bool load_changes(const struct stimulus *stimulus)
 {
-    return stimulus->until != VTIME_NEVER && !stimulus->step &&
-           memcmp(stimulus->before, stimulus->after, stimulus->values * sizeof *stimulus->after) != 0;
+    return stimulus->until != VTIME_NEVER && !stimulus->is_step &&
+           memcmp(stimulus->before, stimulus->after, stimulus->value_count * sizeof *stimulus->after) != 0;
 }
 
-/* The next fields: at the next record, or at a step before it. Steps grow while nothing but time acts. */
-static void go_on(struct skin *skin, const struct stimulus *stimulus)
+/* Start the next step, which ends at the next record or earlier. The step length grows while no load changes. */
+static void start_step(struct skin *skin, const struct stimulus *stimulus)
 {
     const bool changes = load_changes(stimulus);
-    const bool in_steps = skin->takes_time || (changes && stimulus->kind == STIMULUS_FORCE);
+    const bool in_steps = skin->is_dynamic || (changes && stimulus->kind == STIMULUS_FORCE);
     const vtime end = stimulus->until;
     skin->until = in_steps ? vtime_min(end, skin->from + skin->step) : end;
     skin->next = skin->until < end ? skin->until : VTIME_NEVER;
     if (skin->until == VTIME_NEVER) {
         return;
     }
-    skin->jump = skin->until == end && stimulus->step;
-    skin->step = changes || stimulus->live ? skin->step : vtime_min(2u * skin->step, LAST_STEP);
-    const double whole = (double)(end - stimulus->from), part = (double)(skin->until - stimulus->from);
-    advance_fields(skin, skin->until == end ? 1.0 : changes ? part / whole : 0.0, skin->until);
+    skin->is_step = skin->until == end && stimulus->is_step;
+    skin->step = changes || stimulus->is_live ? skin->step : vtime_min(2u * skin->step, LAST_STEP);
+    const double interval = (double)(end - stimulus->from), elapsed = (double)(skin->until - stimulus->from);
+    advance_fields(skin, skin->until == end ? 1.0 : changes ? elapsed / interval : 0.0, skin->until);
 }
 
 static void begin_interval(struct skin *skin, const struct stimulus *stimulus, vtime now)
 {
     skin->from = now;
-    skin->step = stimulus->live ? LIVE_STEP : FIRST_STEP;
+    skin->step = stimulus->is_live ? LIVE_STEP : FIRST_STEP;
     if (stimulus->until != VTIME_NEVER) {
-        press_boards(skin, stimulus, stimulus->after);
+        load_boards(skin, stimulus, stimulus->after);
     }
-    go_on(skin, stimulus);
+    start_step(skin, stimulus);
 }
 
 void skin_advance(struct skin *skin, const struct stimulus *stimulus)
@@ -211,30 +212,30 @@ void skin_advance(struct skin *skin, const struct stimulus *stimulus)
 void skin_step(struct skin *skin, const struct stimulus *stimulus)
 {
     skin->from = skin->until;
-    go_on(skin, stimulus);
+    start_step(skin, stimulus);
 }
 
-/* What holds at a time inside [from, until] becomes what the next fields start from. */
-static void settle(struct skin *skin, vtime now)
+/* Make the fields at a time in [from, until] the start of the next step. */
+static void freeze_fields(struct skin *skin, vtime now)
 {
     for (size_t i = 0; i < skin->board_count; i++) {
         struct skin_board *board = &skin->boards[i];
-        for (size_t taxel = 0; board->quiet <= 2u && taxel < board->patch.taxel_count; taxel++) {
+        for (size_t taxel = 0; board->unchanged_steps <= 2u && taxel < board->patch.taxel_count; taxel++) {
             board->after[taxel] = skin_field(skin, i, taxel, now);
         }
     }
     skin->until = VTIME_NEVER;
 }
 
-void skin_take_live(struct skin *skin, const struct stimulus *stimulus, vtime now)
+void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, vtime now)
 {
     if (!skin->boards) {
         return;
     }
-    settle(skin, now);
+    freeze_fields(skin, now);
     if (stimulus->until == VTIME_NEVER) {
-        press_boards(skin, stimulus, stimulus->before);
-        skin->jump = true;
+        load_boards(skin, stimulus, stimulus->before);
+        skin->is_step = true;
         skin->from = now;
         advance_fields(skin, 1.0, now);
         skin->earlier ^= 1u;
@@ -247,7 +248,7 @@ static double fraction_at(const struct skin *skin, vtime time)
     if (skin->until == VTIME_NEVER) {
         return 1.0;
     }
-    return skin->jump || time <= skin->from ? 0.0 : (double)(time - skin->from) / (double)(skin->until - skin->from);
+    return skin->is_step || time <= skin->from ? 0.0 : (double)(time - skin->from) / (double)(skin->until - skin->from);
 }
 
 struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxel, vtime time)

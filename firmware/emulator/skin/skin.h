@@ -1,8 +1,9 @@
-/* The whole skin over time: what presses each board's cells, and what that makes of each taxel's field.
+/* Skin of all boards over time: from the stimulus to the field of each taxel.
  *
- * The stimulus says at its records what acts: a force on each taxel, or an object and the brackets' poses, from which the
- * contact is solved here. At every record each taxel gets its field (field.h); between records fields change linearly. Where
- * effects depend on time, or forces pass through the layer's curve, there are steps between records, and after the last one. */
+ * A record of the stimulus contains a force per taxel, or an object and the poses of the brackets, from which the
+ * contact is solved here. At every record each taxel receives its field (field.h); between records fields change
+ * linearly. If effects depend on time, or if forces pass through the layer's curve, additional steps are computed
+ * between records and after the last record. */
 #ifndef EMULATOR_SKIN_SKIN_H
 #define EMULATOR_SKIN_SKIN_H
 
@@ -15,11 +16,11 @@
 struct skin_board {
     struct patch patch;
     struct field field;
-    size_t first_taxel;                 /* in the stimulus */
-    struct field_load loads[2];         /* at the records around now: loads[earlier], and the other one */
+    size_t first_taxel;                 /* index of its first taxel in the stimulus */
+    struct field_load loads[2];         /* at the records before (loads[earlier]) and after the current time */
     struct taxel_field *before, *after; /* [taxels] at `from` and `until` */
-    double *compression;                /* [cells] of the contact that was solved last, metres */
-    unsigned quiet;                     /* fields in a row that nothing changed */
+    double *compression;                /* [cells] of the latest contact, metres */
+    unsigned unchanged_steps;                     /* consecutive steps without a change */
 };
 
 struct skin {
@@ -27,29 +28,29 @@ struct skin {
     size_t board_count;
     struct thread_pool *thread_pool;         /* who works on the boards; NULL: the caller alone */
     struct skin_board *boards; /* [board_count]; NULL if the stimulus acts on the front ends directly */
-    unsigned earlier;          /* which of each board's loads holds at the stimulus's `from` */
-    bool takes_time;           /* some effect changes fields while no load changes */
-    bool jump;                 /* the fields at `until` take effect at once */
-    vtime from, until;         /* of the fields; until is VTIME_NEVER while they stay */
-    vtime next;                /* a step before the next record, or VTIME_NEVER */
+    unsigned earlier;          /* index into `loads` of the load at the stimulus's `from` */
+    bool is_dynamic;           /* an effect changes fields while no load changes */
+    bool is_step;                 /* the fields at `until` take effect in a step */
+    vtime from, until;         /* times of the fields; until is VTIME_NEVER while the fields are constant */
+    vtime next;                /* end of the step before the next record, or VTIME_NEVER */
     vtime step;
-    vtime remembered;          /* what the effects remember is that of this time */
+    vtime history_time;          /* time to which the load history of the effects is advanced */
 };
 
-/* Returns 0, or -1 after a line on stderr: no memory, or a stimulus of poses for a world without surfaces. */
+/* Returns 0, or -1 after one line on stderr: out of memory, or a stimulus of poses for a world without taxel poses. */
 int skin_init(struct skin *skin, const struct world_description *description, const struct stimulus *stimulus);
 void skin_free(struct skin *skin);
 
-/* The record at the stimulus's former `until` has been reached, and the one after it is known or not. */
+/* Continue after the record at the stimulus's former `until`, whether or not the following record is known. */
 void skin_advance(struct skin *skin, const struct stimulus *stimulus);
 
-/* A live record has come: it holds from now on already, or replaces what was known of the next one. */
-void skin_take_live(struct skin *skin, const struct stimulus *stimulus, vtime now);
+/* Apply a live record: it takes effect now, or replaces the known next record. */
+void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, vtime now);
 
-/* Virtual time has reached `next`. */
+/* Continue when virtual time has reached `next`. */
 void skin_step(struct skin *skin, const struct stimulus *stimulus);
 
-/* The field of a taxel of a board at a time in [from, until]. */
+/* Field of a taxel of a board at a time in [from, until]. */
 struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxel, vtime time);
 
 #endif

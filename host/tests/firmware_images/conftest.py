@@ -1,4 +1,4 @@
-"""The images as `make firmware` builds them, and the modules of tools/firmware."""
+"""Fixtures: the images as built by `make firmware`, and the modules of tools/firmware."""
 
 from __future__ import annotations
 
@@ -43,23 +43,23 @@ def tools():
 
 @pytest.fixture(scope="session")
 def build_images() -> Callable[..., Path]:
-    """Build targets in a folder. Skips where the cross compiler is missing."""
+    """Function that builds targets in a folder. Skips the test if the cross compiler is missing."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
-    found = {name: shutil.which(name, path=path) for name in ("arm-none-eabi-gcc", "cmake", "ninja")}
-    missing = [name for name, place in found.items() if place is None]
+    executables = {name: shutil.which(name, path=path) for name in ("arm-none-eabi-gcc", "cmake", "ninja")}
+    missing = [name for name, place in executables.items() if place is None]
     if missing:
         pytest.skip(f"{', '.join(missing)} not installed: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
 
     def run(*arguments: str) -> None:
-        done = subprocess.run([str(found["cmake"]), *arguments], capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+        completed = subprocess.run([str(executables["cmake"]), *arguments], capture_output=True, text=True)
+        assert completed.returncode == 0, completed.stdout[-2000:] + completed.stderr[-2000:]
 
     def build(folder: Path, *targets: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / ".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             toolchain = f"-DCMAKE_TOOLCHAIN_FILE={PORT / 'toolchain.cmake'}"
-            ninja = ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={found['ninja']}")
+            ninja = ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={executables['ninja']}")
             run(*ninja, "-S", str(PORT), "-B", str(folder), toolchain, f"-DTAXEL_PYTHON={sys.executable}")
             run("--build", str(folder), *(("--target", *targets) if targets else ()))
         return folder
@@ -68,21 +68,21 @@ def build_images() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def built(build_images) -> Path:
-    """The folder that `make firmware` builds in, up to date."""
+def build_folder(build_images) -> Path:
+    """Up-to-date build folder of `make firmware`."""
     return build_images(ROOT / "build" / "psoc4200")
 
 
 @pytest.fixture(scope="session")
-def flash_of(built, tools) -> Callable[..., bytes]:
-    """Flash with a bootloader, the images of some slots, and records."""
+def flash_with(build_folder, tools) -> Callable[..., bytes]:
+    """Function that composes a flash from a bootloader, the images of some slots, and records."""
 
-    def make(device: str, slots: str = "a", metadata: bytes = b"", configuration: bytes = b"") -> bytes:
+    def build_flash(device: str, slots: str = "a", metadata: bytes = b"", configuration: bytes = b"") -> bytes:
         flash = bytearray(0x8000)
-        boot = tools.firmware_elf.read_linked_image(built / f"bootloader-{device}.elf").content
+        boot = tools.firmware_elf.read_linked_image(build_folder / f"bootloader-{device}.elf").content
         flash[: len(boot)] = boot
         for slot in slots:
-            data = (built / "images" / f"{device}-{slot}.bin").read_bytes()
+            data = (build_folder / "images" / f"{device}-{slot}.bin").read_bytes()
             begin = LAYOUTS[DEVICES[device]].slot_address("ab".index(slot))
             flash[begin : begin + len(data)] = data
         for row, magic, content in (
@@ -93,4 +93,4 @@ def flash_of(built, tools) -> Callable[..., bytes]:
                 flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE] = record(magic, 1, content)
         return bytes(flash)
 
-    return make
+    return build_flash

@@ -1,8 +1,8 @@
-"""A CY8C4245AXI-483 for tests: Unicorn executes the image, Python stands in for the registers that the firmware uses.
+"""Test model of a CY8C4245AXI-483: Unicorn executes the image, Python models the registers that the firmware uses.
 
-Interrupts are taken between slices of instructions, not in the middle of them; time passes by instructions. Registers
-without a model read back what was written last. What each register is expected to do stands in
-firmware/boards/psoc4200/PERIPHERALS.md.
+Interrupts are taken between slices of instructions, and time is proportional to instructions. A register without a
+model returns the last written value. firmware/boards/psoc4200/PERIPHERALS.md specifies the expected behaviour of each
+register.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ FLASH_SIZE, RAM, RAM_SIZE = 0x8000, 0x20000000, 0x1000
 SFLASH, SYSTEM = 0x0FFFF000, 0xE000E000
 ROW = 128
 SLICE = 1000
-"""Instructions between two looks at the interrupts."""
+"""Instructions between two checks for interrupts."""
 
 UNMASKED_WITHIN = 40
-"""Instructions."""
+"""Instructions after a slice within which interrupts must be unmasked."""
 
 ROW_CYCLES = 400_000
-"""Of a call of the ROM: 8 ms at 48 MHz, several wraps of SysTick."""
+"""Duration of a ROM call: 8 ms at 48 MHz, several wraps of SysTick."""
 
-RETURN = 0x1FFF0000
-"""Where handlers return to: a page that holds nothing."""
+RETURN_ADDRESS = 0x1FFF0000
+"""Return address of handlers: an empty page."""
 
 SYSREQ, SYSARG = 0x40000004, 0x40000008
 SYST_CONTROL, SYST_RELOAD, SYST_VALUE = 0xE000E010, 0xE000E014, 0xE000E018
@@ -45,16 +45,20 @@ SYSTICK_VECTOR = 15
 
 
 class Part:
-    """`on_write[address](value)` and `on_read[address]()` model registers, `levels[irq]()` interrupt lines."""
+    """A part under test.
+
+    on_write[address](value) and on_read[address]() model registers; levels[irq]() returns the level of an interrupt
+    line.
+    """
 
     def __init__(self, cause: int = POWER_ON, flash: bytes = b"", ram: bytes = bytes(RAM_SIZE)) -> None:
         self._engine = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self._engine.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M0)
-        for address, size in ((0, FLASH_SIZE), (RAM, RAM_SIZE), (SFLASH, 0x1000), (RETURN, 0x1000)):
+        for address, size in ((0, FLASH_SIZE), (RAM, RAM_SIZE), (SFLASH, 0x1000), (RETURN_ADDRESS, 0x1000)):
             self._engine.mem_map(address, size)
         self._engine.mem_write(0, flash)
         self._engine.mem_write(RAM, ram)
-        self._engine.mem_write(SFLASH, bytes(place & 0xFF for place in range(0x1000)))
+        self._engine.mem_write(SFLASH, bytes(address & 0xFF for address in range(0x1000)))
         for base, size in ((0x40000000, 0x100000), (SYSTEM, 0x1000)):
             self._engine.mmio_map(base, size, self._read, base, self._write, base)
         self.words: dict[int, int] = defaultdict(int)
@@ -75,23 +79,23 @@ class Part:
         self.was_reset = False
         self.cycles = 0
         self.speed = 1
-        """Cycles an instruction: more lets time pass faster."""
+        """Cycles per instruction; larger values make time pass faster."""
         self._latch = bytes(ROW)
-        self._left, self._tick_pending = 0, False
+        self._ticks_remaining, self._tick_pending = 0, False
         stack, reset = struct.unpack("<II", self.flash(0, 8))
         self._engine.reg_write(UC_ARM_REG_SP, stack)
         self._engine.reg_write(UC_ARM_REG_PC, reset)
 
     def flash(self, address: int, size: int) -> bytes:
-        """Bytes of flash."""
+        """Read bytes of flash."""
         return bytes(self._engine.mem_read(address, size))
 
     def write_flash(self, address: int, data: bytes) -> None:
-        """As a programmer does."""
+        """Write flash directly, as a programmer does."""
         self._engine.mem_write(address, data)
 
     def ram(self, offset: int = 0, size: int = RAM_SIZE) -> bytes:
-        """Bytes of RAM."""
+        """Read bytes of RAM."""
         return bytes(self._engine.mem_read(RAM + offset, size))
 
     @property
@@ -106,45 +110,45 @@ class Part:
 
     @property
     def vectors(self) -> tuple[int, ...]:
-        """The 32 that the processor would take now."""
+        """The 32 vectors currently in use."""
         data = self.ram(0, 128) if self.words[0x40000000] & 1 else self.flash(0, 128)
         return struct.unpack("<32I", data)
 
     def run_until(self, ready: Callable[[], bool], slices: int = 20_000) -> None:
-        """Execute until then. Fails after so many slices, and when the processor was reset on the way to it."""
+        """Execute until `ready()` is true. Fails after `slices` slices, or if the processor is reset."""
         for _ in range(slices):
             if ready():
                 return
             if self.was_reset:
-                raise AssertionError("the firmware has reset the processor")
+                raise AssertionError("the firmware reset the processor")
             self.run()
-        raise AssertionError(f"not so after {slices} slices, at 0x{self.pc:X}")
+        raise AssertionError(f"the condition is not met after {slices} slices, at 0x{self.pc:X}")
 
     def run(self, slices: int = 1) -> None:
         """Execute slices of instructions, and the interrupts that are due after each."""
         for _ in range(slices):
-            self._engine.emu_start(self.pc | 1, RETURN, count=SLICE)
-            self._pass(SLICE)
-            for _ in range(UNMASKED_WITHIN):  # a loop that opens them for a moment may be as long as a slice
-                if not self.is_masked or not self._due():
+            self._engine.emu_start(self.pc | 1, RETURN_ADDRESS, count=SLICE)
+            self._advance_time(SLICE)
+            for _ in range(UNMASKED_WITHIN):  # a loop that unmasks interrupts briefly may be as long as a slice
+                if not self.is_masked or not self._pending_exceptions():
                     break
-                self._engine.emu_start(self.pc | 1, RETURN, count=1)
+                self._engine.emu_start(self.pc | 1, RETURN_ADDRESS, count=1)
             self._take_interrupts()
 
     def call_handler(self, number: int) -> None:
         """Execute the handler of an exception to its end."""
         state = self._engine.context_save()
         self._engine.reg_write(UC_ARM_REG_SP, (int(self._engine.reg_read(UC_ARM_REG_SP)) - 32) & ~7)
-        self._engine.reg_write(UC_ARM_REG_LR, RETURN | 1)
-        self._engine.emu_start(self.vectors[number] | 1, RETURN, count=1_000_000)
+        self._engine.reg_write(UC_ARM_REG_LR, RETURN_ADDRESS | 1)
+        self._engine.emu_start(self.vectors[number] | 1, RETURN_ADDRESS, count=1_000_000)
         if self.was_reset:
             return
-        if self.pc != RETURN:
+        if self.pc != RETURN_ADDRESS:
             raise AssertionError(f"handler {number} does not return, it is at 0x{self.pc:X}")
         self._engine.context_restore(state)
 
-    def _due(self) -> list[int]:
-        """Numbers of the exceptions that wait."""
+    def _pending_exceptions(self) -> list[int]:
+        """Numbers of the pending exceptions."""
         lines = [16 + irq for irq, level in self.levels.items() if self.enabled >> irq & 1 and level()]
         return [SYSTICK_VECTOR] * self._tick_pending + lines
 
@@ -152,28 +156,30 @@ class Part:
         for _ in range(1000):
             if self.is_masked:
                 return
-            due = self._due()
+            due = self._pending_exceptions()
             if not due or self.was_reset:
                 return
             if due[0] == SYSTICK_VECTOR:
                 self._tick_pending = False
             self.call_handler(due[0])
-        raise AssertionError("an interrupt comes again and again: nobody clears its cause")
+        raise AssertionError("an interrupt repeats endlessly: its cause is not cleared")
 
-    def _pass(self, instructions: int) -> None:
+    def _advance_time(self, instructions: int) -> None:
         self.cycles += instructions * self.speed
         if self.words[SYST_CONTROL] & 1:
-            self._left -= instructions * self.speed
+            self._ticks_remaining -= instructions * self.speed
             period = self.words[SYST_RELOAD] + 1
-            self._tick_pending |= self._left <= 0
-            self._left = self._left if self._left > 0 else period - -self._left % period
+            self._tick_pending |= self._ticks_remaining <= 0
+            self._ticks_remaining = (
+                self._ticks_remaining if self._ticks_remaining > 0 else period - -self._ticks_remaining % period
+            )
 
     def _tick(self) -> int:
-        self._pass(10)
-        return self._left if self._left <= self.words[SYST_RELOAD] else 0
+        self._advance_time(10)
+        return self._ticks_remaining if self._ticks_remaining <= self.words[SYST_RELOAD] else 0
 
     def _clear_tick(self, _: int) -> None:
-        self._left = self.words[SYST_RELOAD] + 1
+        self._ticks_remaining = self.words[SYST_RELOAD] + 1
 
     def _set_icsr(self, value: int) -> None:
         if value >> 25 & 1:
@@ -204,10 +210,10 @@ class Part:
             self.words[address] = value
 
     def _system_call(self, value: int) -> None:
-        """The supervisory ROM: opcodes 4, 5 and 6 with their keys; interrupts are off meanwhile."""
+        """Model of the supervisory ROM: opcodes 4, 5 and 6 with their keys; interrupts must be masked."""
         opcode = value & 0xFFFF
-        place = self.words[SYSARG]
-        parameters = struct.unpack("<II", self._engine.mem_read(place, 8))
+        address = self.words[SYSARG]
+        parameters = struct.unpack("<II", self._engine.mem_read(address, 8))
         assert value == 0x80000000 | opcode
         assert self.is_masked
         assert parameters[0] & 0xFFFF == 0xB6 | (0xD3 + opcode) << 8
@@ -215,20 +221,22 @@ class Part:
         self.calls.append((opcode, high))
         if opcode == 4:
             assert (high, parameters[1]) == (0, ROW - 1)
-            self._latch = bytes(self._engine.mem_read(place + 8, ROW))
+            self._latch = bytes(self._engine.mem_read(address + 8, ROW))
         elif opcode == 5:
-            assert sum(struct.unpack("<32I", self._latch)) % 2**32 or not any(self._latch), "such a row does not hold"
+            assert sum(struct.unpack("<32I", self._latch)) % 2**32 or not any(self._latch), (
+                "a row with word sum zero cannot be written by opcode 5"
+            )
             self.write_flash(high * ROW, self._latch)
         else:
             assert opcode == 6
             old = self.flash(high * ROW, ROW)
             self.write_flash(high * ROW, bytes(a | b for a, b in zip(old, self._latch, strict=True)))
-        self._pass(ROW_CYCLES // self.speed)
+        self._advance_time(ROW_CYCLES // self.speed)
         self.words[SYSARG] = 0xA0000000
 
 
-def metadata_of(part: Part) -> bytes:
-    """Of the newest record: confirmed, pending, tries of A and B."""
+def read_metadata(part: Part) -> bytes:
+    """Fields of the newest metadata record: confirmed, pending, tries of A and B."""
     rows = [part.flash(row * ROW, ROW) for row in METADATA_ROWS]
     valid = [row for row in rows if row[:4] == b"TXLM"]
     return max(valid, key=lambda row: int.from_bytes(row[4:8], "little"))[8:12]

@@ -1,4 +1,4 @@
-"""The serial blocks of a part under test: an I2C bus that reaches a slave, the bus that a hub is master of, a UART."""
+"""Models of the serial blocks: the I2C bus of a slave, the I2C bus of a master (hub), and a UART."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ FIFO = 8
 NACK, ACK, STOP, ADDRESS_MATCH, BUS_ERROR = 1 << 1, 1 << 2, 1 << 4, 1 << 6, 1 << 8
 TRIGGER, NOT_EMPTY = 1 << 0, 1 << 2
 START, START_ON_IDLE, M_ACK, M_NACK, M_STOP = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4
-PATIENCE = 20_000
-"""Slices that a slave may hold SCL."""
+SLICES_MAX = 20_000
+"""Maximum number of slices for which a slave may hold SCL."""
 
 
 class Scb:
-    """FIFOs and interrupt registers of a block. Bits that follow a FIFO come back while their cause lasts."""
+    """FIFOs and interrupt registers of a serial block.
+
+    Bits that depend on a FIFO are set while their condition holds.
+    """
 
     def __init__(self, part: Part, base: int, irq: int) -> None:
         self.part, self.base = part, base
@@ -42,7 +45,7 @@ class Scb:
         part.levels[irq] = lambda: any(self._masked(group) for group in self._bits)
 
     def word(self, offset: int) -> int:
-        """What was last written to a register."""
+        """Value last written to a register."""
         return self.part.words[self.base + offset]
 
     @property
@@ -55,7 +58,7 @@ class Scb:
         self._bits[group] |= bits
 
     def on_write(self, offset: int, model: Callable[[int], None]) -> None:
-        """What happens when a register is written."""
+        """Set the function that models writes to a register."""
         self.part.on_write[self.base + offset] = model
 
     def _on_read(self, offset: int, model: Callable[[], int]) -> None:
@@ -78,7 +81,7 @@ class Scb:
         self._bits[group] &= ~value
 
     def _send(self, value: int) -> None:
-        assert len(self.to_send) < FIFO, "the FIFO has 8 places"
+        assert len(self.to_send) < FIFO, "the FIFO has 8 entries"
         self.to_send.append(value & 0xFF)
 
     def _control(self, offset: int, value: int, fifo: list[int]) -> None:
@@ -88,16 +91,16 @@ class Scb:
 
 
 class SlaveBus(Scb):
-    """A master on the bus of a part that is a slave. All methods execute the part meanwhile."""
+    """Bus master for a part that is a slave. Every method executes the part during the transfer."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part, SCB0, 10)
-        self._answer = 0
-        self.on_write(S_CMD, self._take_answer)
+        self._reply_code = 0
+        self.on_write(S_CMD, self._set_reply)
 
     def write(self, address: int, data: bytes) -> int:
-        """Bytes of (address and data) that were acknowledged; then a stop."""
-        acknowledged = int(self.begin(address, reading=False))
+        """Write and stop. Returns the number of acknowledged bytes, including the address."""
+        acknowledged = int(self.start(address, reading=False))
         for byte in data if acknowledged else b"":
             self.received.append(byte)
             if not self._is_acknowledged():
@@ -107,22 +110,22 @@ class SlaveBus(Scb):
         return acknowledged
 
     def read(self, address: int, size: int, first: bytes = b"") -> bytes | None:
-        """Bytes of the slave, None if it does not answer. first: written before, without a stop between."""
+        """Read bytes, or None if the slave does not respond. first: bytes written before, without a stop in between."""
         if first:
-            if not self.begin(address, reading=False):
+            if not self.start(address, reading=False):
                 return None
             for byte in first:
                 self.received.append(byte)
                 assert self._is_acknowledged()
-        if not self.begin(address, reading=True):
+        if not self.start(address, reading=True):
             self.stop()
             return None
         data = bytes(self._next_byte() for _ in range(size))
         self.stop()
         return data
 
-    def begin(self, address: int, reading: bool) -> bool:
-        """A start and the address: whether it was acknowledged."""
+    def start(self, address: int, reading: bool) -> bool:
+        """Send a start condition and the address; return whether it was acknowledged."""
         if not self.is_enabled or self.word(RX_MATCH) & 0xFE != address << 1:
             return False
         self.part.words[self.base + I2C_STATUS] = reading << 4
@@ -130,48 +133,48 @@ class SlaveBus(Scb):
         return self._is_acknowledged()
 
     def stop(self) -> None:
-        """A stop condition."""
+        """Send a stop condition."""
         if self.is_enabled:
             self.raise_event(INTR_S, STOP)
         self.part.run()
 
-    def _take_answer(self, value: int) -> None:
-        self._answer = value
+    def _set_reply(self, value: int) -> None:
+        self._reply_code = value
 
     def _is_acknowledged(self) -> bool:
-        self._answer = 0
-        self.part.run_until(lambda: self._answer != 0 or not self.is_enabled, PATIENCE)
-        return self._answer == 1
+        self._reply_code = 0
+        self.part.run_until(lambda: self._reply_code != 0 or not self.is_enabled, SLICES_MAX)
+        return self._reply_code == 1
 
     def _next_byte(self) -> int:
-        self.part.run_until(lambda: bool(self.to_send), PATIENCE)
+        self.part.run_until(lambda: bool(self.to_send), SLICES_MAX)
         return self.to_send.pop(0)
 
 
 class Uart(Scb):
-    """The other end of a hub's UART."""
+    """Remote end of a hub's UART."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part, SCB1, 11)
 
     def send(self, data: bytes) -> None:
-        """Bytes to the part, one a slice."""
+        """Send bytes to the part, one per slice."""
         for byte in data:
             self.received.append(byte)
             self.part.run()
 
     def take(self) -> bytes:
-        """What the part has sent and not yet been taken."""
+        """Return and remove the bytes that the part has sent."""
         data = bytes(self.to_send)
         self.to_send.clear()
         return data
 
 
 class MasterBus(Scb):
-    """The bus of a hub.
+    """I2C bus of a hub.
 
-    A device is a function of (bytes written, whether they are to be read): asked at each address, it returns the bytes
-    to read, or None for no acknowledge; at the stop after a write it is told what was written.
+    A device is a function of (bytes written, whether a read follows). It is called at each address and returns the
+    bytes to read, or None for no acknowledge. At the stop after a write it is called with the written bytes.
     """
 
     def __init__(self, part: Part, devices: dict[int, Callable[[bytes, bool], bytes | None]]) -> None:
@@ -185,7 +188,7 @@ class MasterBus(Scb):
         self.on_write(M_CMD, self._command)
         self.on_write(TX_FIFO_WR, self._byte)
         self.on_write(I2C_CTRL, self._set_settings)
-        self._on_read(RX_FIFO_RD, self._take)
+        self._on_read(RX_FIFO_RD, self._pop_received)
         self.on_write(CTRL, self._set_control)
 
     def _set_control(self, value: int) -> None:
@@ -195,11 +198,11 @@ class MasterBus(Scb):
 
     def _set_settings(self, value: int) -> None:
         self.part.words[self.base + I2C_CTRL] = value
-        self._go_on()
+        self._continue_read()
 
-    def _take(self) -> int:
+    def _pop_received(self) -> int:
         byte = self.received.pop(0)
-        self._go_on()
+        self._continue_read()
         return byte
 
     def _byte(self, value: int) -> None:
@@ -225,17 +228,17 @@ class MasterBus(Scb):
         self.raise_event(INTR_M, ACK)
         if reading:
             self._reply = reply
-            self._give()
+            self._push_reply_byte()
 
-    def _give(self) -> None:
-        assert len(self.received) < FIFO, "a byte is lost"
+    def _push_reply_byte(self) -> None:
+        assert len(self.received) < FIFO, "the receive FIFO overflows"
         self.received.append(self._reply[0] if self._reply else 0xFF)
         self._reply = self._reply[1:]
-        self._go_on()
+        self._continue_read()
 
-    def _go_on(self) -> None:
+    def _continue_read(self) -> None:
         if self._state == "reading" and self.word(I2C_CTRL) & READY_DATA_ACK and len(self.received) < FIFO:
-            self._give()
+            self._push_reply_byte()
 
     def _command(self, value: int) -> None:
         if value & START_ON_IDLE:
@@ -253,4 +256,4 @@ class MasterBus(Scb):
             self.raise_event(INTR_M, STOP)
         elif value & M_ACK:
             assert self._state == "reading"
-            self._give()
+            self._push_reply_byte()

@@ -1,4 +1,4 @@
-"""The tools around the images, without a compiler: pins, stack, files that cannot be."""
+"""The build tools without a compiler: pins, stack analysis, invalid files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taxel.hand import load_hand
 PINS = (PORT / "pins.toml").read_text()
 
 
-def refusal(tools, tmp_path, text: str) -> str:
+def error_message(tools, tmp_path, text: str) -> str:
     pins = tmp_path / "pins.toml"
     pins.write_text(text)
     with pytest.raises(ValueError) as error:
@@ -26,7 +26,7 @@ def refusal(tools, tmp_path, text: str) -> str:
     return str(error.value)
 
 
-def test_the_kinds_of_the_hands_are_all_there(tools, tmp_path):
+def test_kinds_source_contains_every_kind_of_the_hands(tools, tmp_path):
     tools.board_header.write_all(PORT / "pins.toml", tmp_path)
     source = (tmp_path / "kinds.c").read_text()
     for board in load_hand("allegro").boards:
@@ -36,26 +36,26 @@ def test_the_kinds_of_the_hands_are_all_there(tools, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     [
         ('scl = "P4.0"', 'scl = "P4.1"', "pins.toml: sensor.scl: expected P4.0, found 'P4.1'"),
         ('scl = "P4.0"\n', "", "pins.toml: sensor.scl: expected P4.0, found None"),
         ('"P2.0"', '"P5.0"', "expected a pin from P0.0 to P4.3, found 'P5.0'"),
         ('"P2.0"', '"P4.7"', "expected a pin from P0.0 to P4.3, found 'P4.7'"),
         ('"P2.0"', '"P3.2"', "expected a pin other than the debugger's, found P3.2"),
-        ('"P2.0"', '"P2.1"', "expected each pin once, found P2.1, which is sensor.tx already"),
+        ('"P2.0"', '"P2.1"', "expected each pin once, found P2.1, which sensor.tx uses already"),
         ('"P2.0", ', "", "sensor.tx: expected 13 pins or more, for fingertip, found 12"),
         ("hands = [", "hands = [] #", "hands: expected a packaged hand or more, found []"),
         ("[sensor]", "[sensor", "file: expected TOML"),
     ],
 )
-def test_pins_that_cannot_be_are_one_line(tools, tmp_path, old, new, words):
+def test_invalid_pins_are_reported_in_one_line(tools, tmp_path, old, new, message):
     assert old in PINS
-    assert words in refusal(tools, tmp_path, PINS.replace(old, new, 1))
+    assert message in error_message(tools, tmp_path, PINS.replace(old, new, 1))
 
 
-def test_a_hand_that_is_not_there_is_one_line(tools, tmp_path):
-    assert "nohand" in refusal(tools, tmp_path, PINS.replace('"flat8"', '"nohand"'))
+def test_an_unknown_hand_is_reported_in_one_line(tools, tmp_path):
+    assert "nohand" in error_message(tools, tmp_path, PINS.replace('"flat8"', '"nohand"'))
 
 
 LISTING = """
@@ -85,24 +85,26 @@ LISTING = """
 """
 
 
-def graph_of(tools, listing: str, noted: dict[str, int] | None = None, pointed: tuple[int, ...] = (0x400,)):
+def build_graph(
+    tools, listing: str, noted_frames: dict[str, int] | None = None, pointer_targets: tuple[int, ...] = (0x400,)
+):
     stack, elf = tools.firmware_stack, tools.firmware_elf
     routines = stack.read_disassembly(listing)
     functions = tuple(elf.Function(routine.name, address, 4) for address, routine in routines.items())
-    content = b"".join(struct.pack("<I", address | 1) for address in pointed)
-    linked = elf.LinkedImage("some.elf", 0, content, (), {}, functions)
+    content = b"".join(struct.pack("<I", address | 1) for address in pointer_targets)
+    build_linked_image = elf.LinkedImage("some.elf", 0, content, (), {}, functions)
     table = stack.CallTable("calls.toml", ((["*"], ["on_*"]),), ((["some"], [["systick_handler"]]),))
-    return stack.CallGraph(linked, routines, noted or {}, table)
+    return stack.CallGraph(build_linked_image, routines, noted_frames or {}, table)
 
 
 def test_the_stack_is_the_deepest_chain_and_the_interrupts(tools):
-    use = graph_of(tools, LISTING).use("some")
+    use = build_graph(tools, LISTING).use("some")
     assert (use.start, use.interrupts) == (32 + 28, 36 + 8)
     assert use.chain == ("reset_handler", "deep", "leaf", "systick_handler")
 
 
-def test_what_the_compiler_noted_counts_if_it_is_more(tools):
-    use = graph_of(tools, LISTING, {"on_call": 100}).use("some")
+def test_the_larger_frame_of_code_and_compiler_counts(tools):
+    use = build_graph(tools, LISTING, {"on_call": 100}).use("some")
     assert use.start == 32 + 100
     assert use.chain[1] == "on_call"
 
@@ -110,30 +112,30 @@ def test_what_the_compiler_noted_counts_if_it_is_more(tools):
 def test_recursion_is_an_error(tools):
     listing = LISTING.replace("bl\t300 <leaf.constprop.0>", "bl\t200 <deep>")
     with pytest.raises(ValueError, match=r"some.elf: deep: expected no recursion"):
-        graph_of(tools, listing).use("some")
+        build_graph(tools, listing).use("some")
 
 
-def test_a_function_that_is_pointed_at_must_stand_in_the_table(tools):
+def test_a_pointer_target_must_be_listed_in_the_table(tools):
     with pytest.raises(ValueError, match=r"some.elf: deep: expected an entry in calls.toml, found none"):
-        graph_of(tools, LISTING, pointed=(0x200,))
+        build_graph(tools, LISTING, pointer_targets=(0x200,))
 
 
-def test_a_frame_that_only_the_compiler_knows_needs_its_note(tools):
+def test_a_dynamic_frame_requires_the_size_from_the_compiler(tools):
     listing = LISTING.replace("sub\tsp, #20", "add\tsp, r4")
     with pytest.raises(ValueError, match="build with -fstack-usage"):
-        graph_of(tools, listing)
-    assert graph_of(tools, listing, {"reset_handler": 600}).use("some").start == 628
+        build_graph(tools, listing)
+    assert build_graph(tools, listing, {"reset_handler": 600}).use("some").start == 628
 
 
 def test_an_array_of_variable_length_is_an_error(tools, tmp_path):
     notes = tmp_path / "image.su"
     notes.write_text("a.c:1:1:fixed\t16\tstatic\nb.c:2:2:open\t24\tdynamic\n")
     with pytest.raises(ValueError, match=r"image.su: open: expected a frame of a known size"):
-        tools.firmware_stack.noted_frames([notes])
+        tools.firmware_stack.read_noted_frames([notes])
 
 
 @pytest.mark.parametrize("text", ["", "pointer = 1", "[[pointer]]\ncallers = ['*']", "["])
-def test_a_call_table_that_cannot_be_is_one_line(tools, tmp_path, text):
+def test_an_invalid_call_table_is_reported_in_one_line(tools, tmp_path, text):
     table = tmp_path / "calls.toml"
     table.write_text(text)
     with pytest.raises(ValueError, match=r"calls.toml: table: expected \[\[pointer\]\] and \[\[levels\]\]") as error:
@@ -142,7 +144,7 @@ def test_a_call_table_that_cannot_be_is_one_line(tools, tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("[project]\nversion = '1.2.0rc1'", "three numbers to 255, such as 1.2.0, found '1.2.0rc1'"),
         ("[project]\nversion = '1.2.300'", "three numbers to 255"),
@@ -150,39 +152,41 @@ def test_a_call_table_that_cannot_be_is_one_line(tools, tmp_path, text):
         ("[", "project.version: expected a version, found none"),
     ],
 )
-def test_a_version_that_no_header_holds_is_one_line(tools, tmp_path, text, words):
+def test_a_version_beyond_the_header_format_is_reported_in_one_line(tools, tmp_path, text, message):
     project = tmp_path / "pyproject.toml"
     project.write_text(text)
-    with pytest.raises(ValueError, match=re.escape(words)):
-        tools.firmware_image.version_of(project)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        tools.firmware_image.read_project_version(project)
 
 
-def linked(tools, content: bytes, address: int = 0x1000, **symbols: int) -> SimpleNamespace:
+def build_linked_image(tools, content: bytes, address: int = 0x1000, **symbols: int) -> SimpleNamespace:
     values = {"image_device": 1, "image_slot": 0} | symbols
     return tools.firmware_elf.LinkedImage("some.elf", address, content, (), values, ())
 
 
-def content_of(stack: int, reset: int, header: bytes = bytes(32), size: int = 16) -> bytes:
+def build_content(stack: int, reset: int, header: bytes = bytes(32), size: int = 16) -> bytes:
     return header + struct.pack("<II", stack, reset) + bytes(size)
 
 
-def test_an_image_gets_its_header(tools):
-    image = tools.firmware_image.slot_image(linked(tools, content_of(0x20001000, 0x1029)), 0, (1, 2, 3))
+def test_the_header_of_an_image_is_completed(tools):
+    image = tools.firmware_image.build_slot_image(
+        build_linked_image(tools, build_content(0x20001000, 0x1029)), 0, (1, 2, 3)
+    )
     assert (image.version, image.slot, image.kind, len(image.data)) == ((1, 2, 3), 0, 0, 56)
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
-        (content_of(0x20001000, 0x1029, bytes(31) + b"\1"), "header: expected 32 zeros"),
-        (content_of(0x20001008, 0x1029), "stack pointer: expected a multiple of 8 in RAM"),
-        (content_of(0x20000FFC, 0x1029), "stack pointer: expected a multiple of 8 in RAM"),
-        (content_of(0x20001000, 0x1028), "reset vector: expected Thumb code from 0x1028"),
-        (content_of(0x20001000, 0x4029), "reset vector: expected Thumb code from 0x1028"),
-        (content_of(0x20001000, 0x1029, size=13000), "size: expected at most 12288 bytes"),
+        (build_content(0x20001000, 0x1029, bytes(31) + b"\1"), "header: expected 32 zeros"),
+        (build_content(0x20001008, 0x1029), "stack pointer: expected a multiple of 8 in RAM"),
+        (build_content(0x20000FFC, 0x1029), "stack pointer: expected a multiple of 8 in RAM"),
+        (build_content(0x20001000, 0x1028), "reset vector: expected Thumb code from 0x1028"),
+        (build_content(0x20001000, 0x4029), "reset vector: expected Thumb code from 0x1028"),
+        (build_content(0x20001000, 0x1029, size=13000), "size: expected at most 12288 bytes"),
     ],
 )
-def test_an_image_that_cannot_start_gets_no_header(tools, content, words):
-    with pytest.raises(ValueError, match=re.escape(words)) as error:
-        tools.firmware_image.slot_image(linked(tools, content), 0, (1, 2, 3))
+def test_an_image_with_invalid_vectors_or_size_is_rejected(tools, content, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        tools.firmware_image.build_slot_image(build_linked_image(tools, content), 0, (1, 2, 3))
     assert "\n" not in str(error.value)

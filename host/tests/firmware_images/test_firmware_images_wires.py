@@ -1,4 +1,4 @@
-"""The images at work on their wires, executed in Unicorn: packets, snapshots, frames."""
+"""The images on their wires, executed in Unicorn: packets, snapshots, frames."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from taxel_protocol.registers import Identity, Status
 pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
 
 from host.tests.firmware_images.conftest import PORT
-from host.tests.firmware_images.psoc_front_end import FrontEnd, count_of
-from host.tests.firmware_images.psoc_part import POWER_ON, SLICE, SOFTWARE, SYSREQ, Part, metadata_of
+from host.tests.firmware_images.psoc_front_end import FrontEnd, simulated_count
+from host.tests.firmware_images.psoc_part import POWER_ON, SLICE, SOFTWARE, SYSREQ, Part, read_metadata
 from host.tests.firmware_images.psoc_wires import (
     BUS_ERROR,
     INTR_S,
@@ -39,18 +39,18 @@ FINGERTIP = next(board.kind for board in load_hand("allegro").boards if board.ki
 CONFIGURATION = bytes([1, ADDRESS, FINGERTIP.code, 0]) + b"0007".ljust(16, b"\0") + IDAC
 
 
-def front_end_of(part: Part) -> FrontEnd:
+def create_front_end(part: Part) -> FrontEnd:
     pins = tomllib.loads((PORT / "pins.toml").read_text())["sensor"]
     tx, rx = ([(int(name[1]), int(name[3])) for name in pins[key]] for key in ("tx", "rx"))
     return FrontEnd(part, tx, rx)
 
 
-def counts_of(kind: BoardKind) -> list[int]:
-    return [PERIOD - count_of(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
+def expected_counts(kind: BoardKind) -> list[int]:
+    return [PERIOD - simulated_count(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
 
 
-def ask(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> bytes:
-    """Send a packet; data of the response, whose status is OK."""
+def request(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> bytes:
+    """Send a packet and return the data of the response, whose status must be OK."""
     packet = build_packet(command, data)
     assert bus.write(UNSET, packet) == 1 + len(packet)
     part.run()
@@ -64,22 +64,22 @@ def ask(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> b
 
 
 @pytest.fixture
-def listening(flash_of) -> tuple[Part, SlaveBus]:
-    """A board without an image in its bootloader."""
-    part = Part(POWER_ON, flash_of("board", ""))
+def listening_board(flash_with) -> tuple[Part, SlaveBus]:
+    """A board without an image, running its bootloader."""
+    part = Part(POWER_ON, flash_with("board", ""))
     bus = SlaveBus(part)
     part.run_until(lambda: bus.is_enabled and part.enabled != 0)
     return part, bus
 
 
 @pytest.fixture
-def scanning(flash_of) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]:
-    """A fingertip board that scans."""
+def scanning_board(flash_with) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]:
+    """Function that starts a scanning fingertip board."""
 
     def start(metadata: bytes = CONFIRMED_A, configuration: bytes = CONFIGURATION):
-        part = Part(SOFTWARE, flash_of("board", "ab", metadata, configuration))
+        part = Part(SOFTWARE, flash_with("board", "ab", metadata, configuration))
         part.speed = 20
-        bus, front_end = SlaveBus(part), front_end_of(part)
+        bus, front_end = SlaveBus(part), create_front_end(part)
         part.run_until(lambda: front_end.conversions > 0)
         return part, bus, front_end
 
@@ -87,12 +87,12 @@ def scanning(flash_of) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]:
 
 
 def program(part: Part, bus: SlaveBus, first: int, image: bytes) -> None:
-    """Write an image as a host does."""
+    """Write an image row by row, as a host does."""
     for place in range(0, len(image), 128):
         row = image[place : place + 128].ljust(128, b"\0")
-        ask(part, bus, BootCommand.SEND_DATA, row[:57])
-        ask(part, bus, BootCommand.SEND_DATA, row[57:114])
-        ask(part, bus, BootCommand.PROGRAM_ROW, b"\0" + (first + place // 128).to_bytes(2, "little") + row[114:])
+        request(part, bus, BootCommand.SEND_DATA, row[:57])
+        request(part, bus, BootCommand.SEND_DATA, row[57:114])
+        request(part, bus, BootCommand.PROGRAM_ROW, b"\0" + (first + place // 128).to_bytes(2, "little") + row[114:])
 
 
 def run_to_reset(part: Part) -> None:
@@ -100,32 +100,32 @@ def run_to_reset(part: Part) -> None:
         part.run_until(lambda: False)
 
 
-def test_an_update_over_the_bus_starts_the_new_image(built, listening):
-    part, bus = listening
-    image = (built / "images" / "board-a.bin").read_bytes()
-    ask(part, bus, BootCommand.ENTER)
-    first = int.from_bytes(ask(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
+def test_an_update_over_the_bus_starts_the_new_image(build_folder, listening_board):
+    part, bus = listening_board
+    image = (build_folder / "images" / "board-a.bin").read_bytes()
+    request(part, bus, BootCommand.ENTER)
+    first = int.from_bytes(request(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
     program(part, bus, first, image)
     assert part.flash(first * 128, len(image)) == image
-    assert ask(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
+    assert request(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
     bus.write(UNSET, build_packet(BootCommand.EXIT))
     run_to_reset(part)
     after = Part(SOFTWARE, part.flash(0, 0x8000), part.ram())
     after.run_until(lambda: after.pc >= first * 128)
 
 
-def test_a_row_whose_words_add_up_to_zero_is_written_in_two_steps(listening):
-    part, bus = listening
+def test_a_row_with_word_sum_zero_is_written_in_two_steps(listening_board):
+    part, bus = listening_board
     row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)
-    ask(part, bus, BootCommand.ENTER)
+    request(part, bus, BootCommand.ENTER)
     part.calls.clear()
     program(part, bus, 32, row)
     assert part.flash(32 * 128, 128) == row
     assert part.calls == [(4, 0), (5, 32), (4, 0), (6, 32)]
 
 
-def test_a_row_is_written_with_the_slave_off(listening):
-    part, bus = listening
+def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
+    part, bus = listening_board
     system_call = part.on_write[SYSREQ]
     enabled = []
 
@@ -134,39 +134,39 @@ def test_a_row_is_written_with_the_slave_off(listening):
         system_call(value)
 
     part.on_write[SYSREQ] = call
-    ask(part, bus, BootCommand.ENTER)
+    request(part, bus, BootCommand.ENTER)
     program(part, bus, 40, bytes(range(128)))
     assert enabled == [False, False]
     assert bus.is_enabled
 
 
-def test_a_bootloader_answers_after_a_bus_error(listening):
-    part, bus = listening
+def test_a_bootloader_responds_after_a_bus_error(listening_board):
+    part, bus = listening_board
     bus.begin(UNSET, reading=False)
     bus.raise_event(INTR_S, BUS_ERROR)
     part.run()
     bus.raise_event(INTR_S, 0)
-    assert ask(part, bus, BootCommand.GET_INFO)[0] == 1
+    assert request(part, bus, BootCommand.GET_INFO)[0] == 1
 
 
 @pytest.mark.parametrize("kind", {board.kind.code: board.kind for board in load_hand("allegro").boards}.values())
-def test_a_snapshot_holds_the_crossings_of_the_kind_that_the_configuration_names(scanning, kind):
-    part, bus, front_end = scanning(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
+def test_a_snapshot_contains_the_crossings_of_the_configured_kind(scanning_board, kind):
+    part, bus, front_end = scanning_board(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
     part.run_until(lambda: front_end.conversions > 2 * kind.taxel_count)
     snapshot = bus.read(ADDRESS, 10 + 2 * kind.taxel_count, bytes([SNAPSHOT]))
     assert int.from_bytes(snapshot[-4:], "little") == crc32(bytes([ADDRESS]) + snapshot[:-4])
-    assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == counts_of(kind)
+    assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == expected_counts(kind)
 
 
-def test_lines_take_the_current_that_the_configuration_gives_them(scanning):
-    part, _, front_end = scanning()
+def test_each_rx_line_uses_its_configured_current(scanning_board):
+    part, _, front_end = scanning_board()
     part.run_until(lambda: front_end.conversions > FINGERTIP.taxel_count)
     expected = {line: IDAC[line] or IDAC_DEFAULT for line in range(FINGERTIP.rx_count)}
     assert front_end.codes == expected
 
 
-def test_a_board_that_nobody_has_configured_answers_at_the_default_address(scanning):
-    _, bus, _ = scanning(CONFIRMED_A, b"")
+def test_an_unconfigured_board_responds_at_the_default_address(scanning_board):
+    _, bus, _ = scanning_board(CONFIRMED_A, b"")
     identity, _ = unpack(Identity, bus.read(UNSET, 58, b"\0"))
     assert (identity["kind"], identity["taxel_count"]) == (0, 1)
 
@@ -183,21 +183,21 @@ def test_a_board_that_nobody_has_configured_answers_at_the_default_address(scann
         (1 << 7, ResetCause.POWER_ON),
     ],
 )
-def test_an_image_tells_why_the_processor_was_reset(flash_of, bits, cause):
-    part = Part(bits, flash_of("board", "a", CONFIRMED_A, CONFIGURATION))
+def test_an_image_reports_the_reset_cause(flash_with, bits, cause):
+    part = Part(bits, flash_with("board", "a", CONFIRMED_A, CONFIGURATION))
     part.speed = 20
-    bus, front_end = SlaveBus(part), front_end_of(part)
+    bus, front_end = SlaveBus(part), create_front_end(part)
     part.run_until(lambda: front_end.conversions > 0)
     status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
     assert status["reset_cause"] == cause
 
 
-def test_an_image_on_trial_confirms_itself_after_ten_scans_and_a_read(scanning):
-    part, bus, front_end = scanning(ON_TRIAL_A)
+def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read(scanning_board):
+    part, bus, front_end = scanning_board(ON_TRIAL_A)
     part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
-    assert metadata_of(part) == bytes([0xFF, 0, 2, 3])
+    assert read_metadata(part) == bytes([0xFF, 0, 2, 3])
     bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
-    part.run_until(lambda: metadata_of(part)[0] == 0)
+    part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(10)
     identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
     assert identity["kind"] == FINGERTIP.code
@@ -206,8 +206,8 @@ def test_an_image_on_trial_confirms_itself_after_ten_scans_and_a_read(scanning):
     assert front_end.conversions > before
 
 
-def test_the_clock_loses_nothing_to_the_confirmation(scanning):
-    part, bus, front_end = scanning(ON_TRIAL_A)
+def test_the_confirmation_does_not_delay_the_clock(scanning_board):
+    part, bus, front_end = scanning_board(ON_TRIAL_A)
 
     def offset() -> float:
         status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
@@ -216,7 +216,7 @@ def test_the_clock_loses_nothing_to_the_confirmation(scanning):
     part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
     before = offset()
     bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
-    part.run_until(lambda: metadata_of(part)[0] == 0)
+    part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(100)
     assert abs(offset() - before) < 2 * SLICE * part.speed / 48
 
@@ -224,20 +224,20 @@ def test_the_clock_loses_nothing_to_the_confirmation(scanning):
 @pytest.mark.parametrize(
     ("command", "word"), [(BoardCommand.RESTART, bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"STAY")]
 )
-def test_a_commanded_restart_says_whether_the_bootloader_stays(scanning, command, word):
-    part, bus, _ = scanning()
+def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_board, command, word):
+    part, bus, _ = scanning_board()
     bus.write(ADDRESS, bytes([COMMAND, command, ~command & 0xFF]))
     assert part.was_reset
     assert part.ram(0x80, 4) == word
 
 
-def test_the_capacitor_and_the_bus_share_a_port(scanning):
-    part, _, _ = scanning()
-    assert part.words[0x40010010] == 0x6EE
+def test_the_capacitor_and_the_bus_share_one_port(scanning_board):
+    part, _, _ = scanning_board()
+    assert part.message[0x40010010] == 0x6EE
 
 
 class Host:
-    """The PC's end of the UART of a hub whose bus has these devices."""
+    """The PC at the UART of a hub with the given devices on its bus."""
 
     def __init__(self, flash: bytes, devices: dict[int, Callable[[bytes, bool], bytes | None]]) -> None:
         self.part = Part(SOFTWARE, flash)
@@ -247,28 +247,28 @@ class Host:
         self.frames: list[tuple[int, int, bytes]] = []
 
     def run_until(self, ready: Callable[[], bool], slices: int = 20_000) -> None:
-        def look() -> bool:
+        def is_ready() -> bool:
             self.frames += self._decoder.push(self.uart.take())
             return ready()
 
-        self.part.run_until(look, slices)
+        self.part.run_until(is_ready, slices)
 
-    def of_type(self, kind: FrameType) -> list[bytes]:
+    def payloads_of_type(self, kind: FrameType) -> list[bytes]:
         return [payload for found, _, payload in self.frames if found == kind]
 
-    def say(self, kind: FrameType, payload: bytes) -> None:
+    def send_frame(self, kind: FrameType, payload: bytes) -> None:
         self.uart.send(encode_frame(kind, 0, payload))
 
 
-def test_a_hub_sends_its_handshake_and_searches_for_boards(flash_of):
-    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
-    assert host.of_type(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
+def test_a_hub_sends_its_handshake_and_searches_for_boards(flash_with):
+    host = Host(flash_with("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
+    assert host.payloads_of_type(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
     assert not host.part.was_reset
 
 
-def test_a_hub_streams_what_a_board_measures_and_confirms_itself_with_the_host_held_back(flash_of, scanning):
-    sensor, bus, _ = scanning()
+def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(flash_with, scanning_board):
+    sensor, bus, _ = scanning_board()
 
     def board(written: bytes, reading: bool) -> bytes | None:
         sensor.run(30)
@@ -278,47 +278,47 @@ def test_a_hub_streams_what_a_board_measures_and_confirms_itself_with_the_host_h
             assert bus.write(ADDRESS, written) == 1 + len(written)
         return b""
 
-    host = Host(flash_of("hub", "a", ON_TRIAL_A), {ADDRESS: board})
+    host = Host(flash_with("hub", "a", ON_TRIAL_A), {ADDRESS: board})
     levels: list[int] = []
     host.part.on_write[RTS_PORT] = levels.append
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
-    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.of_type(FrameType.HUB_HANDSHAKE)) == 2)
-    host.say(FrameType.COMMAND, bytes([2, Command.START]))
-    host.run_until(lambda: len(host.of_type(FrameType.TAXELS)) == 5)
-    payload = host.of_type(FrameType.TAXELS)[-1]
+    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
+    host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) == 2)
+    host.send_frame(FrameType.COMMAND, bytes([2, Command.START]))
+    host.run_until(lambda: len(host.payloads_of_type(FrameType.TAXELS)) == 5)
+    payload = host.payloads_of_type(FrameType.TAXELS)[-1]
     assert payload[0] == ADDRESS
-    assert np.frombuffer(payload[14:-4], "<u2").tolist() == counts_of(FINGERTIP)
-    host.run_until(lambda: metadata_of(host.part) == bytes([0, 0xFF, 3, 3]))
+    assert np.frombuffer(payload[14:-4], "<u2").tolist() == expected_counts(FINGERTIP)
+    host.run_until(lambda: read_metadata(host.part) == bytes([0, 0xFF, 3, 3]))
     host.part.run()
     lines = [level >> 6 & 1 for level in levels]
-    assert lines[-2:] == [1, 0]  # around the row's write
-    assert not any(lines[:-2])  # and while it starts
+    assert lines[-2:] == [1, 0]  # during the write of the row
+    assert not any(lines[:-2])  # and not during the start
 
 
-def test_a_hub_frees_a_bus_whose_sda_is_held_low(flash_of):
-    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
+def test_a_hub_releases_a_bus_whose_sda_is_held_low(flash_with):
+    host = Host(flash_with("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
     edges: list[int] = []
     drive = {"last": 3}
 
-    def driven(value: int) -> None:
+    def on_drive(value: int) -> None:
         if not drive["last"] & 1 and value & 1:
             edges.append(value)
         drive["last"] = value
 
-    host.part.on_write[BUS_PORT] = driven
+    host.part.on_write[BUS_PORT] = on_drive
     host.part.on_read[BUS_PORT + 4] = lambda: drive["last"] & ~(2 if len(edges) < 5 else 0)
-    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
+    host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(edges) >= 5)
     host.part.run(100)
-    assert host.part.words[0x40010010] == 0xEE  # the lines are the block's again
+    assert host.part.message[0x40010010] == 0xEE  # the pins are connected to the I2C block again
     probed = len(host.bus.probed)
     host.run_until(lambda: len(host.bus.probed) > probed + 10)
 
 
-def test_a_hub_without_an_image_answers_over_its_uart(flash_of):
-    part = Part(POWER_ON, flash_of("hub", ""))
+def test_a_hub_without_an_image_responds_on_its_uart(flash_with):
+    part = Part(POWER_ON, flash_with("hub", ""))
     uart = Uart(part)
     part.run_until(lambda: uart.is_enabled and part.enabled != 0)
     uart.send(build_packet(BootCommand.GET_INFO))
@@ -330,12 +330,12 @@ def test_a_hub_without_an_image_answers_over_its_uart(flash_of):
     assert (status, info[1]) == (BootStatus.OK, 2)
 
 
-def test_a_hub_asked_for_its_bootloader_stays_in_it(flash_of):
-    host = Host(flash_of("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.of_type(FrameType.HUB_HANDSHAKE)))
-    host.say(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.of_type(FrameType.HUB_HANDSHAKE)) == 2)
-    host.say(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
+def test_a_hub_enters_its_bootloader_on_command(flash_with):
+    host = Host(flash_with("hub", "a", CONFIRMED_A), {})
+    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
+    host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
+    host.run_until(lambda: len(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) == 2)
+    host.send_frame(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
     with pytest.raises(AssertionError, match="reset the processor"):
         host.run_until(lambda: False)
     assert host.part.ram(0x80, 4) == b"STAY"

@@ -71,7 +71,8 @@ static void print_log(const char *name)
     log_count = 0;
 }
 
-static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1, unsigned irq2, unsigned irq3)
+static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1, unsigned irq2,
+                           unsigned irq3)
 {
     SHPR2 = svcall << 30;
     SHPR3 = systick << 30 | pendsv << 22;

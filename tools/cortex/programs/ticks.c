@@ -71,7 +71,8 @@ static void check_stretched_wrap(void)
     busy_loop(RUN);
     ticks_shrink(part);
     interrupts_unmask(interrupts);
-    const uint32_t stretched_us = (uint32_t)(ticks_us() - begin), difference = stretched_us > normal_us ? stretched_us - normal_us : normal_us - stretched_us;
+    const uint32_t stretched_us = (uint32_t)(ticks_us() - begin);
+    const uint32_t difference = stretched_us > normal_us ? stretched_us - normal_us : normal_us - stretched_us;
     put_word("busy loop longer than two wraps", normal_us > 2u * WRAP_US);
     put_word("time lost in a long wrap", difference * 100u > normal_us);
 }

@@ -1,10 +1,10 @@
-"""Read snapshots of an executed board at random instants of its scans: every one must be of one time.
+"""Coherence test: snapshots read from an executed board at random times must each contain one scan.
 
-python tools/firmware/read_anywhere.py [--reads 100000] [--seed 1] [--board 0x2C]
+    python tools/firmware/random_snapshot_reads.py [--reads 100000] [--seed 1] [--board 0x2C]
 
-What is measured grows all the while, a few steps a scan, so that each scan has values of its own: in a coherent
-snapshot they never fall from taxel to taxel, and no snapshot begins below the end of an earlier one. The CRC must be
-right. Exit status 1 if one is not so.
+The measured value increases all the time by a few steps per scan, so that each scan has distinct values: in a coherent
+snapshot values never decrease from taxel to taxel, and no snapshot starts below the end of an earlier snapshot. The
+CRC must be correct. The exit status is 1 otherwise.
 """
 
 from __future__ import annotations
@@ -28,16 +28,18 @@ from taxel_protocol.framing import crc32
 from taxel_protocol.limits import REGISTER_SNAPSHOT
 
 HEADER: Final = struct.Struct("<HI")
-LONGEST_PAUSE_S: Final = 0.002
+PAUSE_MAX_S: Final = 0.002
 STEP_S: Final = 0.0007
-LARGEST: Final = 6000
-"""Counts go from 1 to here and begin again; the scan that sees that is left out."""
+COUNT_MAX: Final = 6000
+"""Counts increase from 1 to this value and restart; scans during the restart are ignored."""
 
 
 @dataclass
 class Reads:
-    """What was read: snapshots and the scans that they show, those left out, and what was wrong; of the processor: the
-    stack it took, bytes, and its faults.
+    """Result of a series of reads.
+
+    reads: number of snapshots. scans: number of distinct scans. skipped: ignored snapshots. stack: bytes used by the
+    processor. faults: faults of the processor. error: first incoherent snapshot.
     """
 
     reads: int = 0
@@ -45,58 +47,58 @@ class Reads:
     skipped: int = 0
     stack: int = 0
     faults: int = 0
-    wrong: str | None = None
+    error: str | None = None
 
 
 class _Board:
-    """The board, its stimulus that only grows, and the snapshots read from it."""
+    """The board, its increasing stimulus, and the snapshots read from it."""
 
     def __init__(self, world: VirtualWorld, address: int, taxels: int, seed: int) -> None:
         self._world, self._address, self._taxels = world, address, taxels
         self._random = np.random.default_rng(seed)
         self._value, self._steps_s = 1, 0.0
-        self._last: tuple[int, int] | None = None
+        self._previous: tuple[int, int] | None = None
         self._sequence = 0
         self._skip_until: int | None = None
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
 
-    def _grow(self, seconds: float) -> None:
-        """Let time pass; the measured value grows by 1 every `STEP_S`."""
+    def _advance(self, seconds: float) -> None:
+        """Advance the time; the measured value increases by 1 every `STEP_S`."""
         end = self._world.now_s + seconds
         while self._world.now_s < end:
             self._value += 1
-            if self._value > LARGEST:
+            if self._value > COUNT_MAX:
                 self._value, self._skip_until = 1, self._sequence + 3
             self._world.press(np.full(self._taxels, self._value))
             self._world.run(min(STEP_S, max(end - self._world.now_s, 1e-9)))
 
     def read(self, result: Reads) -> None:
-        """One snapshot at a random instant; `result.wrong` is set if it cannot have been measured in one scan."""
-        self._grow(float(self._random.uniform(0.0, LONGEST_PAUSE_S)))
+        """Read a snapshot at a random time; set `result.error` if it cannot originate from one scan."""
+        self._advance(float(self._random.uniform(0.0, PAUSE_MAX_S)))
         code, data = self._world.transfer(self._address, b"", SNAPSHOT_OVERHEAD + 2 * self._taxels)
         result.reads += 1
         body, crc = data[:-4], struct.unpack("<I", data[-4:])[0]
         if code or crc32(bytes([self._address]) + body) != crc:
-            result.wrong = f"transfer {code}, CRC wrong: {data.hex()}"
+            result.error = f"transfer result {code} or CRC wrong: {data.hex()}"
             return
         sequence = HEADER.unpack_from(body)[0]
         counts = np.frombuffer(body, "<u2", offset=HEADER.size).astype(int)
-        if self._last is None or sequence != self._last[0]:
+        if self._previous is None or sequence != self._previous[0]:
             result.scans += 1
         self._sequence = sequence
         if self._skip_until is not None and (self._skip_until - sequence) % 65536 < 32768:
-            self._last = None
+            self._previous = None
             result.skipped += 1
             return
         self._skip_until = None
-        before = self._last
+        before = self._previous
         if (np.diff(counts) < 0).any() or (before and sequence != before[0] and counts[0] < before[1]):
-            result.wrong = f"scan {sequence}: {counts.tolist()} after {before}"
-        self._last = sequence, int(counts[-1])
+            result.error = f"scan {sequence}: {counts.tolist()} after {before}"
+        self._previous = sequence, int(counts[-1])
 
 
-def read_anywhere(reads: int, seed: int = 1, address: int = 0x2C, images: Path = IMAGES) -> Reads:
-    """Read so many snapshots; ends with the first that is wrong."""
+def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images: Path = IMAGES) -> Reads:
+    """Read `reads` snapshots; stop at the first incoherent snapshot."""
     hand = load_hand("allegro")
     text = lone_board(hand, address, WorldSettings(seed=seed)) + image_line(address)
     result = Reads()
@@ -104,7 +106,7 @@ def read_anywhere(reads: int, seed: int = 1, address: int = 0x2C, images: Path =
         world.inject("hub_unplug")
         world.run(0.3)
         board = _Board(world, address, hand.get_board(address).kind.taxel_count, seed)
-        while result.reads < reads and result.wrong is None:
+        while result.reads < reads and result.error is None:
             board.read(result)
         processor = world.processor(address)
         result.stack, result.faults = processor.stack, processor.faults
@@ -112,7 +114,7 @@ def read_anywhere(reads: int, seed: int = 1, address: int = 0x2C, images: Path =
 
 
 def main() -> int:
-    """Read, and say what came of it; an error is one line."""
+    """Read the snapshots and print the result; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--reads", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
@@ -120,16 +122,16 @@ def main() -> int:
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")
     options = parser.parse_args()
     try:
-        result = read_anywhere(options.reads, options.seed, options.board, options.images)
+        result = read_random_snapshots(options.reads, options.seed, options.board, options.images)
     except (TaxelError, OSError) as error:
         print(f"read_anywhere: {error}", file=sys.stderr)
         return 1
-    found = "all of one time" if result.wrong is None else result.wrong
+    finding = "all coherent" if result.error is None else result.error
     print(
-        f"{result.reads} snapshots of {result.scans} scans, seed {options.seed}: {found}; faults {result.faults}, "
+        f"{result.reads} snapshots of {result.scans} scans, seed {options.seed}: {finding}; faults {result.faults}, "
         f"stack {result.stack} bytes"
     )
-    return 0 if result.wrong is None and not result.faults else 1
+    return 0 if result.error is None and not result.faults else 1
 
 
 if __name__ == "__main__":

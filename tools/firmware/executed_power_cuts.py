@@ -1,10 +1,10 @@
-"""Cut the power of an executed board in the writes of `taxel flash`: the real bootloader and applications, as ARM code.
+"""Power cuts during `taxel flash` on an executed board: the bootloader and applications run as ARM code.
 
-python tools/firmware/cut_executed.py [--cuts 1000] [--seed 1]
+    python tools/firmware/executed_power_cuts.py [--cuts 1000] [--seed 1]
 
-Each update gives the board the images of `make firmware` under a new version. One of its writes is cut at a random
-instant, and often one of the writes that mend it. After each cut the old or the new version must run; the command,
-given again, must succeed, with the slot's bytes whole. Exit status 1 if that is not so.
+Each update installs the images of `make firmware` under a new version. The power is cut at a random time in one of its
+writes, and in half of the cases also in a write of the repeated update. After each cut the old or the new version must
+run; the repeated command must succeed, and the slot must contain the image. The exit status is 1 otherwise.
 """
 
 from __future__ import annotations
@@ -29,20 +29,24 @@ from taxel.link.virtual import VirtualWorld
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files import Firmware
 
-OFF_S: Final = 0.03
+POWER_OFF_S: Final = 0.03
 RUNS_MAX: Final = 5
-ROWS: Final = 8
-"""Of the image that differ from one version to the next, at least; the others are not written again."""
-RECORDS: Final = 3
-"""Writes of an update beside the rows: pending, a try, the confirmation."""
+CHANGED_ROWS: Final = 8
+"""Number of rows that differ between versions, at least; unchanged rows are not written again."""
+RECORD_WRITES: Final = 3
+"""Number of other writes of an update: pending, trial, confirmation."""
 Version = tuple[int, int, int]
 
 
 @dataclass
 class Cuts:
-    """What the cuts have struck, updates that succeeded, and what went wrong."""
+    """Result of a series of power cuts.
 
-    struck: Counter[tuple[str, str]] = field(default_factory=Counter)
+    outcomes: cuts by (time within a write, version that runs afterwards). updates: number of successful updates.
+    failure: first failure.
+    """
+
+    outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
     updates: int = 0
     torn: int = 0
     stack: int = 0
@@ -50,85 +54,86 @@ class Cuts:
     failure: str | None = None
 
     @property
-    def made(self) -> int:
-        """Cuts that were made."""
-        return sum(self.struck.values())
+    def cut_count(self) -> int:
+        """Number of power cuts so far."""
+        return sum(self.outcomes.values())
 
 
-def _instant(generator: random.Random) -> float:
+def _random_instant(generator: random.Random) -> float:
     return generator.choice(POINTS_S) if generator.random() < 0.3 else generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
 class _Board:
-    """The board that is cut, and what runs on it."""
+    """The board under test and the version that it runs."""
 
     def __init__(self, world: VirtualWorld, images: Path) -> None:
         self.world, self.images = world, images
-        self.way = BoardRoute(world, through_hub=False)
+        self.route = BoardRoute(world, through_hub=False)
         self.version = self._running()
 
     def _running(self) -> Version:
-        version = self.way.version()
+        version = self.route.version()
         if version is None:
-            raise TaxelError("bricked: no application comes up")
+            raise TaxelError("bricked: no application starts")
         return version
 
-    def update(self, number: int, planned: int, result: Cuts) -> None:
-        """One update, given again until it has succeeded and all its cuts are made. Raises `TaxelError`."""
-        firmware = firmware_with((1, number // 256, number % 256), self.images, rows=ROWS)
+    def update(self, number: int, planned_cuts: int, result: Cuts) -> None:
+        """Update once, repeating the command until it succeeds and all planned cuts have occurred. Raises
+        `TaxelError`.
+        """
+        firmware = firmware_with((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
         target = firmware.images[0].version
-        before = seen = self.world.cut_count(BOARD)
+        cuts_before = counted_cuts = self.world.cut_count(BOARD)
         for _ in range(RUNS_MAX):
             failure = self._try(firmware)
-            self.world.run(OFF_S + 0.01)
+            self.world.run(POWER_OFF_S + 0.01)
             version = self._running()
-            for cut in self.world.cuts(BOARD, seen):
-                result.struck[name_moment(cut.after_s), "new" if version == target else "old"] += 1
-            seen = self.world.cut_count(BOARD)
+            for cut in self.world.cuts(BOARD, counted_cuts):
+                result.outcomes[name_moment(cut.after_s), "new" if version == target else "old"] += 1
+            counted_cuts = self.world.cut_count(BOARD)
             if version not in (self.version, target):
                 raise TaxelError(f"{version} runs, expected {self.version} or {target}")
-            if failure is None and seen - before == planned:
+            if failure is None and counted_cuts - cuts_before == planned_cuts:
                 break
         else:
-            raise TaxelError(
-                f"{RUNS_MAX} runs did not finish the update ({seen - before} of {planned} cuts): {failure}"
-            )
+            cuts = f"{counted_cuts - cuts_before} of {planned_cuts} cuts"
+            raise TaxelError(f"{RUNS_MAX} runs did not finish the update ({cuts}): {failure}")
         self._check(firmware)
         self.version = target
         result.updates += 1
 
     def _try(self, firmware: Firmware) -> str | None:
         try:
-            self.way.update(firmware)
+            self.route.update(firmware)
         except TaxelError as error:
             return str(error)
         return None
 
     def _check(self, firmware: Firmware) -> None:
-        """One slot holds the new image, whole, and no processor has faulted since the last start."""
+        """Check that one slot contains the new image and that the processor has not faulted since the last start."""
         flash, layout = self.world.board_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
         if not any(flash[layout.slot_address(one.slot) :].startswith(one.data) for one in firmware.images):
-            raise TaxelError("the command has succeeded, but neither slot holds the new image")
+            raise TaxelError("the command succeeded, but neither slot contains the new image")
         processor = self.world.processor(BOARD)
         if processor.is_broken or processor.faults or not processor.is_application:
-            raise TaxelError(f"the processor is not well: {processor}")
+            raise TaxelError(f"expected a running application without faults, found {processor}")
 
 
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
-    """Updates with so many cuts at least; ends with the first failure."""
+    """Run updates with at least `cuts` power cuts; stop at the first failure."""
     generator, result = random.Random(f"executed {seed}"), Cuts()
     text = make_small_world(2, ["boot_listens 1"], seed) + image_line(BOARD)
     with VirtualWorld(text, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
         world.run(0.4)
         board = _Board(world, images)
         try:
-            while result.made < cuts:
-                first = generator.randint(1, ROWS + RECORDS)
-                plan = [(first, _instant(generator))]
-                if first <= ROWS and generator.random() < 0.5:
-                    plan.append((generator.randint(1, ROWS - first + 1), _instant(generator)))
+            while result.cut_count < cuts:
+                first_operation = generator.randint(1, CHANGED_ROWS + RECORD_WRITES)
+                plan = [(first_operation, _random_instant(generator))]
+                if first_operation <= CHANGED_ROWS and generator.random() < 0.5:
+                    plan.append((generator.randint(1, CHANGED_ROWS - first_operation + 1), _random_instant(generator)))
                 for operation, after_s in plan:
-                    world.plan_cut(BOARD, operation, after_s, OFF_S)
+                    world.plan_cut(BOARD, operation, after_s, POWER_OFF_S)
                 board.update(result.updates, len(plan), result)
                 result.stack = max(result.stack, world.processor(BOARD).stack)
         except TaxelError as error:
@@ -138,7 +143,7 @@ def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
 
 
 def main() -> int:
-    """Make the cuts, and say what came of them."""
+    """Run the updates and print the result."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cuts", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
@@ -149,11 +154,12 @@ def main() -> int:
     except OSError as error:
         print(f"cut_executed: {error}", file=sys.stderr)
         return 1
-    for (moment, outcome), count in sorted(result.struck.items()):
+    for (moment, outcome), count in sorted(result.outcomes.items()):
         print(f"{count:6d} cuts {moment}: the {outcome} version runs")
     print(
-        f"{result.made} cuts, {result.torn} rows torn, {result.updates} updates succeeded in {result.virtual_s:.0f} "
-        f"virtual seconds, seed {options.seed}; stack {result.stack} bytes; {result.failure or 'nothing bricked'}"
+        f"{result.cut_count} cuts, {result.torn} rows torn, {result.updates} updates succeeded in "
+        f"{result.virtual_s:.0f} virtual seconds, seed {options.seed}; stack {result.stack} bytes; "
+        f"{result.failure or 'no failure'}"
     )
     return 0 if result.failure is None else 1
 
