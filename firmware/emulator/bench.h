@@ -1,6 +1,6 @@
-/* A world inside a caller's process, moved on by the caller: what a virtual test rig stands on.
+/* A world inside the caller's process, advanced by the caller: the library of the virtual test rig (host/taxel/link/virtual).
  *
- * Times are picoseconds since the world began. Nothing happens between two calls. */
+ * Times are picoseconds since the world started (vtime.h). Nothing happens between two calls. */
 #ifndef EMULATOR_BENCH_H
 #define EMULATOR_BENCH_H
 
@@ -11,87 +11,97 @@
 
 struct taxel_bench;
 
-enum taxel_bench_refusal {
+enum taxel_bench_error {
     TAXEL_BENCH_UNKNOWN_FAULT = -1,
     TAXEL_BENCH_NO_SUCH_BOARD = -2,
     TAXEL_BENCH_TOO_MANY_FAULTS = -3,
 };
 
-/* `uart`: where the hub's UART ends: memory, pty or none. `counts`: taxel_bench_press() gives raw counts, not newtons.
- * NULL after a line on stderr. */
+/* `uart`: the host's end of the UART: memory, pty or none. `counts`: the stimulus consists of raw counts, otherwise of newtons. Returns
+ * NULL after an error line on stderr. */
 struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts);
 void taxel_bench_close(struct taxel_bench *bench);
-const char *taxel_bench_pty(const struct taxel_bench *bench);
-size_t taxel_bench_taxels(const struct taxel_bench *bench);
+const char *taxel_bench_pty_name(const struct taxel_bench *bench);
+size_t taxel_bench_taxel_count(const struct taxel_bench *bench);
 
 uint64_t taxel_bench_now(const struct taxel_bench *bench);
+
+/* Advance the world. Returns 0, or -1 after an error line on stderr. */
 int taxel_bench_run(struct taxel_bench *bench, uint64_t until);
 
-/* Bytes from the host; how many were taken. With a pseudo-terminal they come from there. */
+/* Bytes from the host to the hub; returns how many fit into the buffer. With a pseudo-terminal its client sends them. */
 size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size);
+
+/* Bytes that the host has received and not read yet (memory only). */
 size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size);
-/* Bytes that the USB adapter has handed to the host so far. */
-uint64_t taxel_bench_delivered(const struct taxel_bench *bench);
 
-/* Whether the hub makes the adapter wait before its receive ring is full (the world's flow_control). */
-int taxel_bench_holds_back(const struct taxel_bench *bench);
+/* Total number of bytes that the USB adapter has delivered to the host. */
+uint64_t taxel_bench_bytes_delivered(const struct taxel_bench *bench);
 
-/* What acts on the taxels from now on, one value each, in the order of the world's boards. */
-int taxel_bench_press(struct taxel_bench *bench, const float *values);
+/* Whether the hub stops the adapter by RTS before its receive ring is full (flow_control of the world). */
+int taxel_bench_has_flow_control(const struct taxel_bench *bench);
 
-/* Returns 0 or enum taxel_bench_refusal. */
-int taxel_bench_inject(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second);
+/* The force or raw count of each taxel from now on, in the order of the world's boards. Returns 0, or -1 after an error line. */
+int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values);
 
-/* A transfer by the bench's own I2C adapter; the world goes on until it has ended, or for `patience` at most. Returns enum
+/* Inject a fault of README.md. Returns 0 or enum taxel_bench_error. */
+int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second_value);
+
+/* A transfer by the I2C adapter of the test rig. Advances the world until the transfer has ended, by `timeout` at most. Returns enum
  * taxel_i2c_result. */
-int taxel_bench_transfer(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
-                         uint8_t *read_bytes, size_t read_size, uint64_t patience);
+int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
+                             uint8_t *read_bytes, size_t read_size, uint64_t timeout);
 
-/* What has struck, from number `first` on; how many were written. `lost`: forgotten ones among them. */
-size_t taxel_bench_strikes(const struct taxel_bench *bench, uint64_t first, struct fault_strike *strikes, size_t size,
-                           uint64_t *lost);
+/* Copy entries of the fault log, starting at number `first`; returns how many were copied. `*lost`: entries from `first` on that the log
+ * no longer contains. */
+size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries, size_t size,
+                                  uint64_t *lost);
 
-/* The flash of a board, or of the hub (address 0): 256 rows of 128 bytes, how often each was written, and how many writes the
- * power has torn. `address` is that of the world file, whatever the board has been given since. NULL for a board that is not
- * there. */
-const uint8_t *taxel_bench_flash(const struct taxel_bench *bench, uint8_t address);
-const uint32_t *taxel_bench_wear(const struct taxel_bench *bench, uint8_t address);
-uint64_t taxel_bench_torn(const struct taxel_bench *bench, uint8_t address);
-/* 0: an application runs, 1: the bootloader, 2: an image that does not answer; -1: no such board. */
-int taxel_bench_runs(const struct taxel_bench *bench, uint8_t address);
+/* The flash of a board, or of the hub (address 0): its 256 rows of 128 bytes, the number of writes of each row, and the number of writes
+ * that a power cut has torn. `address` is that of the world file, also after the board was configured with another one. NULL (or 0) if
+ * there is no such board. */
+const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address);
+const uint32_t *taxel_bench_flash_wear(const struct taxel_bench *bench, uint8_t address);
+uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t address);
 
-/* An executed processor (psoc4200/), since the first power-up. */
+/* 0: an application runs, 1: the bootloader, 2: an image that does not respond; -1: no such board. */
+int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address);
+
+/* Counters of an executed processor (psoc4200/) since its first power-up. */
 struct taxel_bench_processor {
     uint64_t resets;
     uint64_t cycles, slept;
     uint64_t faults;
-    uint32_t fault_kind; /* enum cortex_m0_fault_kind, of the latest */
+    uint32_t fault_kind; /* enum cortex_m0_fault_kind, of the latest fault */
     uint32_t fault_pc, fault_address;
-    uint32_t lowest_stack; /* the lowest value of the stack pointer */
+    uint32_t lowest_stack; /* lowest value of the stack pointer */
     uint32_t pc;
-    uint32_t broken; /* it stands still: it asked for what nobody has modelled (a line on standard error) */
+    uint32_t broken; /* the processor stopped at an access to a register that is not modelled (a line on stderr) */
     uint32_t asleep;
     uint32_t is_application;
 };
 
-/* Cycles of one exception's handler: calls; without what preempted it: sum, least, most; with it: sum, most; to its first cycle: sum,
- * most. */
+/* Cycles of the handler of one exception: number of calls; cycles without those of exceptions that preempted it (sum, minimum, maximum);
+ * cycles with them (sum, maximum); cycles up to its first instruction (sum, maximum). */
 struct taxel_bench_cost {
     uint64_t count, own, own_min, own_max, inclusive, inclusive_max, latency, latency_max;
 };
 
-/* Of a board, or of the hub (address 0). Return 0, or TAXEL_BENCH_NO_SUCH_BOARD where no image is executed. */
-int taxel_bench_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor);
-int taxel_bench_cost(struct taxel_bench *bench, uint8_t address, unsigned exception, struct taxel_bench_cost *cost);
+/* Counters of a board, or of the hub (address 0). Return 0, or TAXEL_BENCH_NO_SUCH_BOARD where no image is executed. */
+int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor);
+int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception, struct taxel_bench_cost *cost);
 
-/* Cut the power of a board or the hub `after` the beginning of a write to its flash, for `off`. The next write has number 1; if
- * cuts wait already, it is the next after the last of them. Returns 0 or enum taxel_bench_refusal. */
-int taxel_bench_plan_cut(struct taxel_bench *bench, uint8_t address, uint64_t operation, uint64_t after, uint64_t off);
-/* How many such cuts have been made, and what number `number` of them (from 0 on; of the last eight) has struck: the row, how
- * long after the write's beginning, and the 128 bytes that were to be written. */
-uint64_t taxel_bench_cuts(const struct taxel_bench *bench, uint8_t address);
-int taxel_bench_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row, uint64_t *after,
-                    uint8_t *wanted);
-int taxel_bench_statistics(const struct taxel_bench *bench, const char *path);
+/* Plan a power cut of a board or of the hub (address 0): `delay` after the start of a flash write, for `off_time`. Write number 1 is the
+ * next write, or the next one after the cuts that are planned already. Returns 0 or enum taxel_bench_error. */
+int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay, uint64_t off_time);
+
+/* The number of planned power cuts that took place; and, for one of the latest eight (numbered from 0), its row, its delay after the
+ * start of the write, and the 128 bytes that were to be written. */
+uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t address);
+int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row, uint64_t *delay,
+                               uint8_t *new_bytes);
+
+/* Write the counters of the run as a JSON file. Returns 0, or -1 after an error line on stderr. */
+int taxel_bench_write_statistics(const struct taxel_bench *bench, const char *path);
 
 #endif

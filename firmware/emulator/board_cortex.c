@@ -4,48 +4,49 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "emulator/board_parts.h"
+#include "emulator/board_internal.h"
 #include "emulator/reset_bits.h"
 
-/* The registers say how it was measured; the front end is told when that has changed. */
-static void follow_settings(struct board_node *board, const struct psoc_conversion *conversion)
+/* Apply the settings of this conversion, which the registers contain, to the front end. */
+static void apply_conversion_settings(struct board_node *board, const struct psoc_conversion *conversion)
 {
-    const struct front_end_setting setting = {
-        .period = conversion->period,
-        .sense = conversion->sense,
-        .sample = conversion->sample,
+    const struct front_end_settings settings = {
+        .conversion_clocks = conversion->period,
+        .sense_clocks = conversion->sense,
+        .modulator_divider = conversion->sample,
         .idac_code = conversion->idac_code,
     };
-    if (front_end_set(&board->front_end, &setting, board->clock_rate) && board->electronics) {
+    if (front_end_apply_settings(&board->front_end, &settings, board->clock_rate) && board->electronics) {
         electronics_configure(board->electronics);
     }
 }
 
-static void wander(struct board_node *board, vtime now)
+static void update_clock_rate(struct board_node *board, vtime now)
 {
-    if (board->wander.amplitude != 0.0) {
-        const double rate = clock_wander_rate(&board->wander, (double)now / (double)VTIME_SECOND);
+    if (board->clock_drift.amplitude != 0.0) {
+        const double rate = clock_drift_factor(&board->clock_drift, (double)now / (double)VTIME_SECOND);
         psoc_set_clock_rate(board->psoc, board->clock_rate * rate);
     }
 }
 
+/* Returns the number of sample clocks in which the current source was on. */
 static uint16_t on_convert(void *context, const struct psoc_conversion *conversion)
 {
     struct board_node *board = context;
     const int tx = conversion->tx, rx = conversion->rx;
     if (tx < 0 || rx < 0 || tx >= board->description->rows || rx >= board->description->columns) {
-        return 0; /* nothing is coupled in, so nothing has to be balanced */
+        return 0; /* without a crossing there is no charge to balance */
     }
-    follow_settings(board, conversion);
+    apply_conversion_settings(board, conversion);
     board->conversion_end = conversion->end;
     board->conversion_tx = (uint8_t)tx;
     board->conversion_rx = (uint8_t)rx;
     board->conversion_taxel = board->taxel_at[tx][rx];
-    board->begins_scan = board->conversion_taxel == 0;
-    if (board->begins_scan) {
-        wander(board, conversion->end);
+    board->is_first_of_scan = board->conversion_taxel == 0;
+    if (board->is_first_of_scan) {
+        update_clock_rate(board, conversion->end);
     }
-    const uint16_t raw = board_convert(board);
+    const uint16_t raw = board_run_conversion(board);
     board->conversion_end = VTIME_NEVER;
     return raw < conversion->period ? (uint16_t)(conversion->period - raw) : 0;
 }
@@ -65,7 +66,7 @@ int board_cortex_open(struct board_node *board, const struct world_description *
     memcpy(config.unique_id, board->description->unique_id, sizeof config.unique_id);
     board->psoc = malloc(sizeof *board->psoc);
     if (!board->psoc || psoc_init(board->psoc, &config)) {
-        fprintf(stderr, "%s: out of memory\n", name);
+        fprintf(stderr, "%s: out of memory for its processor\n", name);
         return -1;
     }
     board->address = board->description->address;
@@ -81,7 +82,7 @@ void board_cortex_close(struct board_node *board)
     }
 }
 
-void board_cortex_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
+void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(board->psoc);
     boot_node_power_off(board->boot, now);
@@ -92,14 +93,14 @@ void board_cortex_power(struct board_node *board, bool on, vtime now, uint8_t re
 
 void board_cortex_advance(struct board_node *board, vtime until)
 {
-    while (board->powered) {
-        const vtime event = board_power_event(board); /* may be planned by a write to flash in the run below */
+    while (board->is_powered) {
+        const vtime event = board_next_power_event(board); /* read in each pass: a flash write in psoc_run() can schedule a cut */
         if (psoc_run(board->psoc, vtime_min(until, event))) {
             continue;
         }
         if (event > until) {
             return;
         }
-        board_power_events(board, until);
+        board_run_power_events(board, until);
     }
 }

@@ -4,42 +4,42 @@
 
 #include "emulator/layer.h"
 
-#define MARGIN (VTIME_SECOND / 10u) /* more than a conversion lies before now */
-#define QUIET 2u                    /* skin_board.quiet beyond which nothing is made anew */
+#define CONVERSION_MARGIN (VTIME_SECOND / 10u) /* longer than a conversion */
+#define UNCHANGED_STEPS_MAX 2u /* beyond it, the skin does not compute the fields of a board again */
 
-/* `until` is VTIME_NEVER while the fields stay. */
+/* `until` is VTIME_NEVER while no change of the fields is scheduled. */
 struct interval {
     vtime from, until;
-    bool holds; /* no change before `until` */
+    bool is_constant; /* the fields do not change before `until` */
 };
 
 static struct interval present_interval(const struct board_fields *fields)
 {
     const struct skin *skin = fields->skin;
     const struct stimulus *stimulus = fields->stimulus;
-    struct interval interval = {.from = stimulus->from, .until = stimulus->until, .holds = stimulus->step};
+    struct interval interval = {.from = stimulus->from, .until = stimulus->until, .is_constant = stimulus->is_step};
     if (skin->boards) {
-        interval = (struct interval){.from = skin->from, .until = skin->until, .holds = skin->jump};
+        interval = (struct interval){.from = skin->from, .until = skin->until, .is_constant = skin->is_step};
     }
-    interval.holds = interval.holds || interval.until == VTIME_NEVER;
+    interval.is_constant = interval.is_constant || interval.until == VTIME_NEVER;
     return interval;
 }
 
 double board_fields_fraction(const struct board_fields *fields, vtime time)
 {
     const struct interval interval = present_interval(fields);
-    if (interval.holds || time <= interval.from) {
+    if (interval.is_constant || time <= interval.from) {
         return 0.0;
     }
     return (double)(time - interval.from) / (double)(interval.until - interval.from);
 }
 
-static double rise_of_force(double force)
+static double rise_at_force(double force)
 {
-    return force > 0.0 ? layer_permittivity_rise(force) : 0.0;
+    return force > 0.0 ? layer_rise_at_force(force) : 0.0;
 }
 
-/* Forces are remembered without what they do to the layer. */
+/* The history of a stimulus of forces contains forces, not rises. */
 static double past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel, vtime from)
 {
     const struct taxel_field *before = &span->before[taxel];
@@ -52,13 +52,13 @@ static double past_rise(const struct board_fields *fields, const struct late_spa
         after.force = stimulus_value(fields->stimulus, fields->first_taxel + taxel, from);
     }
     return fields->skin->boards ? before->rise + span->fraction * (after.rise - before->rise)
-                                : rise_of_force(before->force + span->fraction * (after.force - before->force));
+                                : rise_at_force(before->force + span->fraction * (after.force - before->force));
 }
 
 static void past_rises(const struct board_fields *fields, const struct late_span *span, vtime from, double *rise)
 {
     const struct taxel_field *before = span->before, *after = span->fraction != 0.0 ? span->after : span->before;
-    if (!fields->skin->boards || !after) { /* forces; or fields that are not remembered yet */
+    if (!fields->skin->boards || !after) { /* forces, or fields that are not in the history yet */
         for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
             rise[taxel] = past_rise(fields, span, taxel, from);
         }
@@ -69,8 +69,9 @@ static void past_rises(const struct board_fields *fields, const struct late_span
     }
 }
 
-/* Is that time, put back by the delay, before what the skin knows by itself? */
-static bool is_past(const struct board_fields *fields, vtime *time, struct late_span *span)
+/* Subtract the delay of a late board from *time. Returns whether the result precedes the present interval; `span` then contains the fields
+ * around it. */
+static bool find_past_span(const struct board_fields *fields, vtime *time, struct late_span *span)
 {
     if (!fields->history) {
         return false;
@@ -80,20 +81,20 @@ static bool is_past(const struct board_fields *fields, vtime *time, struct late_
     if (*time >= from || fields->history->count == 0) {
         return false;
     }
-    *span = late_history_find(fields->history, *time, from);
+    *span = late_history_span_at(fields->history, *time, from);
     return true;
 }
 
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time)
 {
     struct late_span span;
-    if (is_past(fields, &time, &span)) {
+    if (find_past_span(fields, &time, &span)) {
         return past_rise(fields, &span, taxel, present_interval(fields).from);
     }
     if (fields->skin->boards) {
         return skin_field(fields->skin, fields->source, taxel, time).rise;
     }
-    return layer_permittivity_rise(stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
+    return layer_rise_at_force(stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
 }
 
 static void present_rises(const struct board_fields *fields, vtime time, double *rise)
@@ -105,65 +106,65 @@ static void present_rises(const struct board_fields *fields, vtime time, double 
         const float *after = fields->stimulus->after + fields->first_taxel;
         for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
             const double first = (double)before[taxel];
-            rise[taxel] = rise_of_force(fraction == 0.0 ? first : first + fraction * ((double)after[taxel] - first));
+            rise[taxel] = rise_at_force(fraction == 0.0 ? first : first + fraction * ((double)after[taxel] - first));
         }
         return;
     }
     const struct taxel_field *before = skin->boards[fields->source].before, *after = skin->boards[fields->source].after;
-    const double share = skin->until == VTIME_NEVER ? 1.0 : fraction;
+    const double weight = skin->until == VTIME_NEVER ? 1.0 : fraction;
     for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
-        rise[taxel] = before[taxel].rise + share * (after[taxel].rise - before[taxel].rise);
+        rise[taxel] = before[taxel].rise + weight * (after[taxel].rise - before[taxel].rise);
     }
 }
 
-void board_fields_rises(const struct board_fields *fields, vtime time, double *rise)
+void board_fields_all_rises(const struct board_fields *fields, vtime time, double *rise)
 {
     struct late_span span;
-    if (!is_past(fields, &time, &span)) {
+    if (!find_past_span(fields, &time, &span)) {
         present_rises(fields, time, rise);
         return;
     }
     past_rises(fields, &span, present_interval(fields).from, rise);
 }
 
-bool board_fields_are_still(const struct board_fields *fields, vtime time)
+bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 {
-    if (fields->history && time < fields->changed + fields->history->delay + MARGIN) {
+    if (fields->history && time < fields->last_change + fields->history->delay + CONVERSION_MARGIN) {
         return false;
     }
-    return fields->equal || present_interval(fields).holds;
+    return fields->are_equal || present_interval(fields).is_constant;
 }
 
-double board_fields_load(const struct board_fields *fields, bool after, const double *fringe_f, size_t stride)
+double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f, size_t stride)
 {
     const struct interval interval = present_interval(fields);
     double rise[TAXEL_TAXELS_MAX], farad = 0.0;
-    present_rises(fields, after && !interval.holds ? interval.until : interval.from, rise);
+    present_rises(fields, at_end && !interval.is_constant ? interval.until : interval.from, rise);
     for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
         farad += *(const double *)((const char *)fringe_f + taxel * stride) * rise[taxel];
     }
     return farad;
 }
 
-int board_fields_leave(struct board_fields *fields, vtime now)
+int board_fields_remember(struct board_fields *fields, vtime now)
 {
     const struct interval interval = present_interval(fields);
     const struct skin *skin = fields->skin;
     if (!fields->history) {
         return 0;
     }
-    struct taxel_field *remembered = late_history_add(fields->history, interval.from, interval.holds, now);
-    if (!remembered) {
+    struct taxel_field *stored = late_history_add(fields->history, interval.from, interval.is_constant, now);
+    if (!stored) {
         return -1;
     }
     if (skin->boards) {
         const struct skin_board *board = &skin->boards[fields->source];
-        memcpy(remembered, skin->until == VTIME_NEVER ? board->after : board->before, fields->taxels * sizeof *remembered);
+        memcpy(stored, skin->until == VTIME_NEVER ? board->after : board->before, fields->taxels * sizeof *stored);
         return 0;
     }
     for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
         const double force = stimulus_value(fields->stimulus, fields->first_taxel + taxel, interval.from);
-        remembered[taxel] = (struct taxel_field){.force = force};
+        stored[taxel] = (struct taxel_field){.force = force};
     }
     return 0;
 }
@@ -172,21 +173,21 @@ static bool ends_are_equal(const struct board_fields *fields)
 {
     const struct stimulus *stimulus = fields->stimulus;
     if (fields->skin->boards) {
-        return fields->skin->boards[fields->source].quiet > QUIET;
+        return fields->skin->boards[fields->source].unchanged_steps > UNCHANGED_STEPS_MAX;
     }
     const float *before = stimulus->before + fields->first_taxel, *after = stimulus->after + fields->first_taxel;
     return stimulus->until != VTIME_NEVER && memcmp(before, after, fields->taxels * sizeof *before) == 0;
 }
 
-void board_fields_enter(struct board_fields *fields, vtime now)
+void board_fields_update(struct board_fields *fields, vtime now)
 {
-    if (!fields->watched) {
+    if (!fields->tracks_changes) {
         return;
     }
-    const bool equal = ends_are_equal(fields);
-    if (!equal || !fields->equal) {
-        fields->number++;
-        fields->changed = now;
+    const bool are_equal = ends_are_equal(fields);
+    if (!are_equal || !fields->are_equal) {
+        fields->change_count++;
+        fields->last_change = now;
     }
-    fields->equal = equal;
+    fields->are_equal = are_equal;
 }

@@ -1,39 +1,49 @@
-/* What acts on a board's taxels at a time: of the skin, or of forces directly; of another board, of the past. */
+/* The relative rise of the permittivity above each taxel of a board, at any time.
+ *
+ * The rises come from the skin, or directly from the forces of the stimulus; of this board, or of another one whose skin is exchanged
+ * with it; at the time of the measurement, or earlier for a board with the effect `late`. */
 #ifndef EMULATOR_BOARD_FIELDS_H
 #define EMULATOR_BOARD_FIELDS_H
 
-#include "emulator/effects/droop.h"
+#include <stdbool.h>
+#include <stddef.h>
+
 #include "emulator/effects/late_history.h"
+#include "emulator/skin/skin.h"
+#include "emulator/stimulus.h"
+#include "emulator/vtime.h"
 
 struct board_fields {
     const struct stimulus *stimulus;
     const struct skin *skin;
-    size_t source;      /* the board whose skin it is */
-    size_t first_taxel; /* of that board in the stimulus */
+    size_t source;      /* the board whose skin is measured */
+    size_t first_taxel; /* of the source board in the stimulus */
     size_t taxels;
-    struct late_history *history; /* NULL: not late */
-    bool watched;     /* somebody asks whether they are still */
-    bool equal;       /* the fields at both ends of the present interval are the same */
-    unsigned number;  /* counts intervals that bring anything new */
-    vtime changed;    /* when the last of those began */
+    struct late_history *history; /* NULL: without the effect `late` */
+    bool tracks_changes;   /* maintain the three fields below */
+    bool are_equal;        /* the fields at both ends of the present interval are equal */
+    unsigned change_count; /* intervals whose fields differ from those before */
+    vtime last_change;     /* start of the latest of these intervals */
 };
 
-/* Relative rise of the permittivity over a taxel, and over all taxels [taxels]. */
+/* Relative rise of the permittivity above one taxel, and above all taxels: rise[taxels]. */
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time);
-void board_fields_rises(const struct board_fields *fields, vtime time, double *rise);
+void board_fields_all_rises(const struct board_fields *fields, vtime time, double *rise);
 
-/* No field changes around that time. */
-bool board_fields_are_still(const struct board_fields *fields, vtime time);
+/* Whether all rises are constant around `time`. Needs `tracks_changes`. */
+bool board_fields_are_constant(const struct board_fields *fields, vtime time);
 
-/* How far a time is from the one end of the present interval to the other, 0 to 1. */
+/* Position of `time` in the present interval, 0 (start) to 1 (end). */
 double board_fields_fraction(const struct board_fields *fields, vtime time);
 
-/* The capacitance, farad, that what presses the taxels adds at either end of the interval; fringe_f of taxel 0, and how many
- * bytes lie between two taxels'. */
-double board_fields_load(const struct board_fields *fields, bool after, const double *fringe_f, size_t stride);
+/* Capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval. `fringe_f` points to the
+ * fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next taxel. */
+double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f, size_t stride);
 
-/* Before fields are replaced: a late board remembers them. Returns 0, or -1 without memory. After they have been. */
-int board_fields_leave(struct board_fields *fields, vtime now);
-void board_fields_enter(struct board_fields *fields, vtime now);
+/* Before the fields are replaced: store them in the history of a late board. Returns 0, or -1 if out of memory. */
+int board_fields_remember(struct board_fields *fields, vtime now);
+
+/* After the fields have been replaced: update the tracking of changes. */
+void board_fields_update(struct board_fields *fields, vtime now);
 
 #endif

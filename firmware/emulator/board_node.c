@@ -5,13 +5,8 @@
 #include <string.h>
 
 #include "emulator/board_cortex.h"
-#include "emulator/board_parts.h"
+#include "emulator/board_internal.h"
 #include "emulator/costs.h"
-
-static vtime cycles(const struct board_node *board, unsigned count)
-{
-    return (vtime)(int64_t)(count * board->cycle);
-}
 
 static void on_front_end_configure(void *context, const struct taxel_scan_settings *settings)
 {
@@ -22,32 +17,32 @@ static void on_front_end_configure(void *context, const struct taxel_scan_settin
     }
 }
 
-/* Seconds that a clock which wanders is ahead of its mean rate. */
-static double ahead(const struct board_node *board, vtime time)
+/* Seconds by which a drifting clock leads a clock of constant rate. */
+static double clock_drift_lead_s(const struct board_node *board, vtime time)
 {
-    return clock_wander_ahead(&board->wander, (double)time / (double)VTIME_SECOND);
+    return clock_drift_offset(&board->clock_drift, (double)time / (double)VTIME_SECOND);
 }
 
-/* Of the interrupt that starts the conversion of a crossing, but for what it does afterwards. */
-static unsigned start_cost(const struct board_node *board, uint16_t crossing, uint8_t tx)
+/* CPU cycles of the interrupt that starts a conversion, up to the start. */
+static unsigned conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
 {
-    static const uint8_t division[TAXEL_LINES_MAX] = COST_QUOTIENT;
+    static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
     const uint16_t settle_cycles = board->sensor.settings.settle_cycles;
-    const unsigned skipped = board->begins_scan ? crossing : crossing - board->crossing - 1u;
-    const unsigned cost = COST_CONVERSION + COST_SETTLE_LOOP * (settle_cycles / COST_SETTLE_LOOP + 1u) + division[tx] +
+    const unsigned skipped = board->is_first_of_scan ? crossing : crossing - board->crossing - 1u;
+    const unsigned cost = COST_CONVERSION + COST_SETTLE_LOOP * (settle_cycles / COST_SETTLE_LOOP + 1u) + division_cycles[tx] +
                           COST_SKIPPED_CROSSING * skipped + (tx != board->conversion_tx ? COST_NEW_TX : 0u);
-    return board->begins_scan ? cost + COST_SCAN : cost;
+    return board->is_first_of_scan ? cost + COST_SCAN : cost;
 }
 
-/* SysTick cuts into whatever runs at [from, to): how much later that ends. */
-static vtime tick_between(struct board_node *board, vtime from, vtime to)
+/* The time by which SysTick interrupts delay code that runs at [from, to). */
+static vtime systick_delay(struct board_node *board, vtime from, vtime to)
 {
     const vtime period = board->tick_period, length = board->tick_length;
-    if (to - board->tick >= period) { /* a conversion is much shorter: seldom, and a step for the most part */
-        board->tick = board->clock_zero + (to - board->clock_zero) / period * period;
+    if (to - board->last_tick >= period) { /* rarely true, because a conversion is much shorter than the period */
+        board->last_tick = board->clock_origin + (to - board->clock_origin) / period * period;
     }
-    const vtime last = board->tick;
-    return last == board->clock_zero || last + length <= from ? 0 : last > from ? length : last + length - from;
+    const vtime last = board->last_tick;
+    return last == board->clock_origin || last + length <= from ? 0 : last > from ? length : last + length - from;
 }
 
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
@@ -55,32 +50,32 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     struct board_node *board = context;
     const uint16_t crossing = (uint16_t)(tx * board->description->columns + rx);
     board->conversion_taxel = board->taxel_at[tx][rx];
-    board->begins_scan = board->conversion_taxel == 0;
-    const vtime busy = cycles(board, start_cost(board, crossing, tx));
-    const vtime begin = board->interrupt + busy + tick_between(board, board->interrupt, board->interrupt + busy);
-    vtime duration = begin - board->interrupt + board->front_end.conversion_time;
-    board->cpu_free = begin + cycles(board, COST_AFTER_START + (board->begins_scan ? COST_AFTER_SCAN : 0u));
+    board->is_first_of_scan = board->conversion_taxel == 0;
+    const vtime busy = board_cycles_to_time(board, conversion_start_cycles(board, crossing, tx));
+    const vtime begin = board->interrupt_begin + busy + systick_delay(board, board->interrupt_begin, board->interrupt_begin + busy);
+    vtime duration = begin - board->interrupt_begin + board->front_end.conversion_time;
+    board->cpu_free = begin + board_cycles_to_time(board, COST_AFTER_START + (board->is_first_of_scan ? COST_AFTER_SCAN : 0u));
     board->crossing = crossing;
     board->conversion_tx = tx;
     board->conversion_rx = rx;
-    if (board->wander.amplitude != 0.0) {
-        if (board->begins_scan) {
-            board->wander_rate = clock_wander_rate(&board->wander, (double)board->now / (double)VTIME_SECOND);
+    if (board->clock_drift.amplitude != 0.0) {
+        if (board->is_first_of_scan) {
+            board->clock_drift_rate = clock_drift_factor(&board->clock_drift, (double)board->now / (double)VTIME_SECOND);
         }
-        duration = (vtime)((double)duration / board->wander_rate);
+        duration = (vtime)((double)duration / board->clock_drift_rate);
     }
-    board->conversion_end = board->interrupt + duration;
+    board->conversion_end = board->interrupt_begin + duration;
 }
 
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
-    const double us = (double)(board->now - board->clock_zero) * board->clock_rate / (double)VTIME_US +
+    const double us = (double)(board->now - board->clock_origin) * board->clock_rate / (double)VTIME_US +
                       board->description->clock_start_us;
-    if (board->wander.amplitude == 0.0) {
+    if (board->clock_drift.amplitude == 0.0) {
         return (uint32_t)(uint64_t)us;
     }
-    return (uint32_t)(uint64_t)(us + 1e6 * (ahead(board, board->now) - ahead(board, board->clock_zero)));
+    return (uint32_t)(uint64_t)(us + 1e6 * (clock_drift_lead_s(board, board->now) - clock_drift_lead_s(board, board->clock_origin)));
 }
 
 static uint32_t on_interrupts_disable(void *context)
@@ -97,14 +92,14 @@ static void on_interrupts_restore(void *context, uint32_t state)
 
 static void on_restart(void *context)
 {
-    ((struct board_node *)context)->restart_wanted = true;
+    ((struct board_node *)context)->restart_requested = true;
 }
 
 static void on_enter_bootloader(void *context)
 {
     struct board_node *board = context;
-    board->boot->stay = true;
-    board->restart_wanted = true;
+    board->boot->stay_requested = true;
+    board->restart_requested = true;
 }
 
 static void fill_taxel_table(struct board_node *board)
@@ -120,30 +115,30 @@ static void fill_taxel_table(struct board_node *board)
     }
 }
 
-/* What of the effects is this board's. Returns 0, or -1 without memory. */
+/* Set up the effects of this board. Returns 0, or -1 if out of memory. */
 static int open_effects(struct board_node *board, const struct world_description *world)
 {
     const struct effects *effects = &world->effects;
     const uint8_t address = board->description->address;
     board->effects = effects;
-    board->clock_rate += effects->clock.skew_ppm[board->index] * 1e-6;
+    board->clock_rate += effects->clock.skew_ppm[board->board_index] * 1e-6;
     board->cycle = (double)VTIME_SECOND / CPU_HZ / board->clock_rate;
-    board->tick_period = cycles(board, COST_TICK_PERIOD);
-    board->tick_length = cycles(board, COST_TICK);
-    board->wander = clock_wander_open(&effects->clock, board->index, world->seed, address);
-    board->wander_rate = 1.0;
-    silent_open(&board->contact, &effects->silent, board->index, world->seed, address);
-    gain_apply(&effects->gain, board->index, world->parts_seed, address, &board->front_end);
-    if (effects->late.delay[board->index] > 0.0) {
-        board->fields.history = late_history_open(board->description->taxel_count, effects->late.delay[board->index]);
+    board->tick_period = board_cycles_to_time(board, COST_TICK_PERIOD);
+    board->tick_length = board_cycles_to_time(board, COST_TICK);
+    board->clock_drift = clock_drift_open(&effects->clock, board->board_index, world->seed, address);
+    board->clock_drift_rate = 1.0;
+    silent_open(&board->contact, &effects->silent, board->board_index, world->seed, address);
+    gain_apply(&effects->gain, board->board_index, world->parts_seed, address, &board->front_end);
+    if (effects->late.delay[board->board_index] > 0.0) {
+        board->fields.history = late_history_open(board->description->taxel_count, effects->late.delay[board->board_index]);
     }
-    if (electronics_needed(world, board->index)) {
-        board->electronics = electronics_open(world, board->index, &board->front_end);
-        board->fields.watched = board->electronics && board->electronics->lines;
+    if (electronics_are_needed(world, board->board_index)) {
+        board->electronics = electronics_open(world, board->board_index, &board->front_end);
+        board->fields.tracks_changes = board->electronics && board->electronics->couples_crossings;
     }
-    if ((effects->late.delay[board->index] > 0.0 && !board->fields.history) ||
-        (electronics_needed(world, board->index) && !board->electronics)) {
-        fprintf(stderr, "board 0x%02X: out of memory\n", address);
+    if ((effects->late.delay[board->board_index] > 0.0 && !board->fields.history) ||
+        (electronics_are_needed(world, board->board_index) && !board->electronics)) {
+        fprintf(stderr, "board 0x%02X: out of memory for its effects\n", address);
         return -1;
     }
     return 0;
@@ -162,30 +157,30 @@ void board_node_free(struct board_node *board)
 
 int board_node_init(struct board_node *board, const struct board_description *description,
                     const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
-                    size_t index, size_t first_taxel, const struct droop_loads *loads)
+                    size_t board_index, size_t first_taxel, const struct droop_loads *loads)
 {
     memset(board, 0, sizeof *board);
-    board->power_back_at = VTIME_NEVER;
+    board->power_return_time = VTIME_NEVER;
     board->description = description;
-    board->index = index;
+    board->board_index = board_index;
     board->fields = (struct board_fields){
         .stimulus = stimulus,
         .skin = skin,
-        .source = exchange_board(&world->effects.exchange, index),
+        .source = exchange_source_board(&world->effects.exchange, board_index),
         .first_taxel = first_taxel,
         .taxels = description->taxel_count,
     };
     board->loads = loads;
     board->boot = malloc(sizeof *board->boot);
     if (!board->boot) {
-        fprintf(stderr, "board 0x%02X: out of memory\n", description->address);
+        fprintf(stderr, "board 0x%02X: out of memory for its flash\n", description->address);
         return -1;
     }
     boot_node_init(board->boot, world, description);
     board->clock_rate = 1.0 + description->clock_ppm * 1e-6;
     board->conversion_end = VTIME_NEVER;
     board->compact_end = VTIME_NEVER;
-    normals_init(&board->normals, world->seed, description->address);
+    normal_source_init(&board->normals, world->seed, description->address);
     front_end_init(&board->front_end, description->taxel_count, world->noise_counts, &board->normals);
     fill_taxel_table(board);
     if (open_effects(board, world)) {
@@ -221,28 +216,28 @@ int board_node_init(struct board_node *board, const struct board_description *de
     memcpy(board->config.firmware_version, description->firmware_version, sizeof description->firmware_version);
     memcpy(board->config.unique_id, description->unique_id, sizeof description->unique_id);
     if (taxel_sensor_init(&board->sensor, &board->config)) {
-        fprintf(stderr, "board 0x%02X: the firmware refuses its configuration (map, sizes or scan settings)\n",
+        fprintf(stderr, "board 0x%02X: the firmware rejects its crossing map, its numbers of lines and taxels, or the scan settings\n",
                 description->address);
         return -1;
     }
     if (description->image && board_cortex_open(board, world)) {
         return -1;
     }
-    board_power(board, true, 0, TAXEL_RESET_CAUSE_POWER_ON);
+    board_set_power(board, true, 0, TAXEL_RESET_CAUSE_POWER_ON);
     return 0;
 }
 
-static double rise_of(const void *source, size_t taxel, vtime time)
+static double get_rise(const void *context, size_t taxel, vtime time)
 {
-    return board_fields_rise(source, taxel, time);
+    return board_fields_rise(context, taxel, time);
 }
 
-static void rises_of(const void *source, vtime time, double *rise)
+static void get_all_rises(const void *context, vtime time, double *rise)
 {
-    board_fields_rises(source, time, rise);
+    board_fields_all_rises(context, time, rise);
 }
 
-uint16_t board_convert(struct board_node *board)
+uint16_t board_run_conversion(struct board_node *board)
 {
     const vtime middle = board->conversion_end - board->front_end.conversion_time / 2u;
     const struct board_fields *fields = &board->fields;
@@ -258,44 +253,45 @@ uint16_t board_convert(struct board_node *board)
     const struct electronics_conversion conversion = {
         .tx = board->conversion_tx,
         .rx = board->conversion_rx,
-        .begins_scan = board->begins_scan,
+        .is_first_of_scan = board->is_first_of_scan,
         .time = middle,
-        .powered = board->powered_at,
+        .power_on_time = board->power_on_time,
         .fraction = board_fields_fraction(fields, middle),
         .loads = board->loads,
-        .rise = rise_of,
-        .rises = rises_of,
-        .source = fields,
-        .still = fields->watched && board_fields_are_still(fields, middle),
-        .fields = fields->number,
+        .get_rise = get_rise,
+        .get_all_rises = get_all_rises,
+        .rise_context = fields,
+        .fields_are_constant = fields->tracks_changes && board_fields_are_constant(fields, middle),
+        .change_count = fields->change_count,
     };
     return electronics_convert(board->electronics, &conversion);
 }
 
-/* When an interrupt begins that is raised at `time`. One that waits for another follows it without leaving to the main program. */
-static vtime from(const struct board_node *board, vtime time)
+/* When an interrupt that is raised at `time` begins. After another interrupt it begins earlier by the tail-chaining saving, because the
+ * CPU does not return to the main program in between. */
+static vtime interrupt_begin_time(const struct board_node *board, vtime time)
 {
-    return vtime_max(time, board->cpu_free > time ? board->cpu_free - cycles(board, COST_TAIL_CHAIN) : 0);
+    return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);
 }
 
-/* The CPU is busy with an interrupt: the main loop comes to its end so much later. */
-static void delay_main_loop(struct board_node *board, vtime by)
+/* An interrupt of this duration delays the work of the main loop. */
+static void delay_main_loop(struct board_node *board, vtime duration)
 {
     if (board->compact_end != VTIME_NEVER) {
-        board->compact_end += by;
+        board->compact_end += duration;
     }
 }
 
-/* The main loop begins with what there is to do, once the CPU is free. Coding takes time; exchanging buffers does not. */
+/* The main loop starts pending work once the CPU is free. Encoding takes time; exchanging buffers does not. */
 static void start_main_loop(struct board_node *board)
 {
-    if (board->compact_end != VTIME_NEVER || board->runs != RUNS_APPLICATION || !taxel_sensor_has_work(&board->sensor)) {
+    if (board->compact_end != VTIME_NEVER || board->program != PROGRAM_APPLICATION || !taxel_sensor_has_work(&board->sensor)) {
         return;
     }
     const unsigned taxels = board->description->taxel_count;
     board->compact_end = board->cpu_free;
-    if (!board->sensor.compact.ready) {
-        board->compact_end += cycles(board, COST_COMPACT + COST_COMPACT_TAXEL * taxels);
+    if (!board->sensor.compact.work_ready) {
+        board->compact_end += board_cycles_to_time(board, COST_COMPACT + COST_COMPACT_TAXEL * taxels);
     }
 }
 
@@ -312,25 +308,25 @@ static void run_main_loop(struct board_node *board, vtime until)
 
 void board_advance(struct board_node *board, vtime until)
 {
-    if (!board->powered) {
+    if (!board->is_powered) {
         return;
     }
     if (board->psoc) {
         board_cortex_advance(board, until);
         return;
     }
-    if (board->runs != RUNS_APPLICATION) {
-        board_catch_up(board, until);
+    if (board->program != PROGRAM_APPLICATION) {
+        board_advance_bootloader(board, until);
     }
     while (board->conversion_end <= until) {
-        const vtime start = from(board, board->conversion_end);
+        const vtime start = interrupt_begin_time(board, board->conversion_end);
         if (start > until) {
             return; /* the CPU is still busy with the bus */
         }
         run_main_loop(board, start);
-        const uint16_t raw = board_convert(board);
-        board->interrupt = board->now = start;
-        board->cpu_free = start + cycles(board, COST_CONVERSION);
+        const uint16_t raw = board_run_conversion(board);
+        board->interrupt_begin = board->now = start;
+        board->cpu_free = start + board_cycles_to_time(board, COST_CONVERSION);
         board->conversion_end = VTIME_NEVER;
         taxel_sensor_on_conversion(&board->sensor, raw);
         delay_main_loop(board, board->cpu_free - start);
@@ -338,16 +334,11 @@ void board_advance(struct board_node *board, vtime until)
     run_main_loop(board, until);
 }
 
-vtime board_enter(struct board_node *board, vtime now, unsigned cost)
+vtime board_begin_interrupt(struct board_node *board, vtime now, unsigned cycles)
 {
     board_advance(board, now);
-    board->interrupt = board->now = from(board, now);
-    board->cpu_free = board->now + cycles(board, cost);
+    board->interrupt_begin = board->now = interrupt_begin_time(board, now);
+    board->cpu_free = board->now + board_cycles_to_time(board, cycles);
     delay_main_loop(board, board->cpu_free - board->now);
     return board->now;
-}
-
-vtime board_cycles(const struct board_node *board, unsigned count)
-{
-    return cycles(board, count);
 }

@@ -1,14 +1,15 @@
-/* One emulated sensor board: the real sensor firmware, a front end, a clock of its own, and a CPU that takes time.
+/* One emulated sensor board: the sensor firmware, compiled natively, with a front end, a clock and a CPU whose interrupts take time.
  *
- * A board runs lazily: nothing happens in it until somebody needs its state at a time, and then board_advance() runs all its
- * interrupts up to that time. That is exact, because boards meet only on the bus. */
+ * A board is advanced lazily: board_advance() runs all its interrupts up to the time at which the state of the board is needed. The
+ * result does not depend on when it is called, because boards affect each other on the bus only. */
 #ifndef EMULATOR_BOARD_NODE_H
 #define EMULATOR_BOARD_NODE_H
 
 #include <stdbool.h>
 
-#include "emulator/boot_node.h"
 #include "emulator/board_fields.h"
+#include "emulator/boot_node.h"
+#include "emulator/effects/droop.h"
 #include "emulator/electronics.h"
 #include "emulator/fault_log.h"
 #include "emulator/front_end.h"
@@ -25,75 +26,82 @@ struct board_node {
     struct taxel_sensor_hal hal;
     const struct board_description *description;
     const struct effects *effects;
-    size_t index; /* of this board in the world */
+    size_t board_index; /* in the world */
     struct board_fields fields;
     const struct droop_loads *loads;
-    struct electronics *electronics; /* NULL: the ideal ones */
+    struct electronics *electronics; /* NULL: ideal electronics */
     struct silent_contact contact;
-    struct clock_wander wander;
-    double wander_rate; /* of the clock during this scan */
+    struct clock_drift clock_drift;
+    double clock_drift_rate; /* factor on the clock rate during this scan */
     struct front_end front_end;
-    struct normals normals;
-    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
+    struct normal_source normals;
+    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* [tx][rx] */
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
     taxel_compact_state compact_states[TAXEL_COMPACT_TAXELS_MAX];
     uint8_t compact_residuals[TAXEL_COMPACT_TAXELS_MAX];
     uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(TAXEL_COMPACT_TAXELS_MAX)];
-    double clock_rate;
-    double cycle; /* of its CPU, in units of vtime */
-    vtime tick_period, tick_length; /* SysTick's */
-    vtime now; /* while firmware runs: the time it sees */
+    double clock_rate;              /* relative to the nominal frequency */
+    double cycle;                   /* duration of a CPU cycle, in units of vtime */
+    vtime tick_period, tick_length; /* of the SysTick interrupt */
+    vtime now;                      /* the time that the firmware sees while it runs */
     struct boot_node *boot;
-    struct psoc *psoc; /* NULL: this program's own firmware runs, else an image is executed (board_cortex.h) */
-    enum boot_node_runs runs;
-    uint8_t address;   /* that it answers at now */
-    bool has_confirmed; /* its image, or found that it was */
+    struct psoc *psoc; /* NULL: natively compiled firmware; otherwise an image is executed (board_cortex.h) */
+    enum running_program program;
+    uint8_t address;    /* present I2C address */
+    bool has_confirmed; /* the running image has been confirmed */
     vtime watchdog_at;
-    vtime boot_end;   /* from then on it answers */
-    vtime clock_zero; /* its own clock began then, a little earlier */
-    vtime tick;       /* the last one of SysTick that was asked about */
-    vtime flash_until; /* a row is being written: nothing is acknowledged */
-    vtime cpu_free;
-    vtime compact_end; /* when the main loop is through with what it does for compact snapshots */
+    vtime boot_end;     /* the application acknowledges its address from then on */
+    vtime clock_origin; /* zero of the board's own clock, shortly before boot_end */
+    vtime last_tick;    /* cached time of the latest SysTick interrupt */
+    vtime flash_busy_until; /* the board acknowledges nothing while a row is written */
+    vtime cpu_free;         /* end of the interrupt that occupies the CPU */
+    vtime compact_end;      /* end of the main loop's work on compact snapshots; VTIME_NEVER: none */
     vtime conversion_end;
-    vtime interrupt;  /* when the interrupt that starts the next conversion began */
-    uint16_t crossing; /* of the conversion under way */
-    unsigned unsent;  /* bytes that the slave's FIFO still has */
+    vtime interrupt_begin; /* of the interrupt that starts the next conversion */
+    uint16_t crossing;     /* of the running conversion */
+    unsigned fifo_fill;    /* bytes left in the slave's transmit FIFO */
     uint16_t conversion_taxel;
     uint8_t conversion_tx, conversion_rx;
-    bool begins_scan; /* the conversion under way is a scan's first */
-    vtime powered_at; /* cold */
-    vtime power_back_at; /* after a planned cut */
-    bool powered;
-    bool restart_wanted;
+    bool is_first_of_scan; /* the running conversion is the first of a scan */
+    vtime power_on_time;   /* of the latest power-on, not of other resets */
+    vtime power_return_time; /* after a planned power cut */
+    bool is_powered;
+    bool restart_requested;
     uint64_t conversions;
 
     /* faults */
-    struct fault_log *log; /* NULL: nobody wants to know */
-    vtime stretch;       /* of the next address byte */
-    unsigned hold_clocks; /* SDA is held low until the master has given that many clocks */
+    struct fault_log *log;     /* NULL: faults are not logged */
+    vtime address_stretch;     /* clock stretching of the next address byte */
+    unsigned sda_hold_clocks;  /* SCL clocks for which the board still holds SDA low */
     vtime scl_held_until;
-    unsigned corrupt_bytes;
-    unsigned nacks;
+    unsigned corrupt_bytes_left;
+    unsigned nacks_left;
 };
 
+/* Returns 0, or -1 after an error line on stderr. `first_taxel`: of the board whose skin is measured, in the stimulus. */
 int board_node_init(struct board_node *board, const struct board_description *description,
                     const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
-                    size_t index, size_t first_taxel, const struct droop_loads *loads);
+                    size_t board_index, size_t first_taxel, const struct droop_loads *loads);
 void board_node_free(struct board_node *board);
-void board_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
+
+/* Switch the power on (which resets the board) or off. */
+void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause);
+
+/* Run everything that happens in the board up to `until`. */
 void board_advance(struct board_node *board, vtime until);
 
-/* When a planned power cut (flash.h) or its end is due next, and what is due by then. */
-vtime board_power_event(const struct board_node *board);
-void board_power_events(struct board_node *board, vtime until);
+/* When the next planned power cut (flash.h) or its end is due, and all of them that are due by `until`. */
+vtime board_next_power_event(const struct board_node *board);
+void board_run_power_events(struct board_node *board, vtime until);
 
-/* What the bus asks of a board, at the end of the byte in question. Each returns when the board lets go of the clock. */
-vtime board_address(struct board_node *board, vtime now, bool reading, bool *acknowledge);
-vtime board_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
-vtime board_read(struct board_node *board, vtime now, uint8_t *byte);
-void board_stop(struct board_node *board, vtime now);
-void board_bus_error(struct board_node *board, vtime now);
-bool board_answers(struct board_node *board, vtime now, uint8_t address);
+/* I2C events, at the end of the byte that causes them. A returned time is when the board releases SCL. */
+vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *acknowledge);
+vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
+vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte);
+void board_on_stop(struct board_node *board, vtime now);
+void board_on_bus_error(struct board_node *board, vtime now);
+
+/* Whether the board is ready and has this address: board_on_address() may be called. */
+bool board_can_respond(struct board_node *board, vtime now, uint8_t address);
 
 #endif

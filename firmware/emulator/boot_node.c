@@ -6,16 +6,16 @@
 #include "bootloader/parts.h"
 #include "codec/crc32.h"
 
-#define VECTORS 8u   /* bytes: stack pointer and reset vector; images of a factory have no more */
+#define VECTORS_SIZE 8u /* stack pointer and reset vector; the factory image contains no more */
 #define HANG "HANG"
-#define PACKET_TIME (200u * VTIME_US)     /* estimate: a packet's checksum and its answer at 24 MHz */
-#define VERIFY_TIME (12u * VTIME_MS)      /* estimate: CRC-32 of 12 KiB, nibble by nibble */
+#define PACKET_TIME (200u * VTIME_US) /* estimate: checksum and response of a packet at 24 MHz */
+#define VERIFY_TIME (12u * VTIME_MS)  /* estimate: CRC-32 of 12 KiB, four bits at a time */
 #define SLOT_A 0u
 
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     struct boot_node *boot = context;
-    boot->busy_until = flash_write(&boot->flash, row, bytes, vtime_max(boot->now, boot->busy_until));
+    boot->busy_until = flash_write_row(&boot->flash, row, bytes, vtime_max(boot->now, boot->busy_until));
     return 0;
 }
 
@@ -28,29 +28,29 @@ static uint32_t on_clock_us(void *context)
 static uint8_t on_reset_cause(void *context)
 {
     const struct boot_node *boot = context;
-    /* Where nobody waits for the 100 ms, every reset is as one on command. */
-    return boot->listens || boot->cause == TAXEL_RESET_CAUSE_WATCHDOG ? boot->cause : TAXEL_RESET_CAUSE_COMMAND;
+    /* After a reset by command the bootloader does not wait 100 ms for a host. */
+    return boot->listens || boot->reset_cause == TAXEL_RESET_CAUSE_WATCHDOG ? boot->reset_cause : TAXEL_RESET_CAUSE_COMMAND;
 }
 
 static bool on_stay_requested(void *context)
 {
     struct boot_node *boot = context;
-    const bool stay = boot->stay;
-    boot->stay = false;
-    return stay;
+    const bool stay_requested = boot->stay_requested;
+    boot->stay_requested = false;
+    return stay_requested;
 }
 
 static void on_start(void *context, uint32_t vectors)
 {
     struct boot_node *boot = context;
-    const uint32_t second = (uint32_t)boot->config.flash.layout->first_rows[1] * FLASH_ROW;
-    boot->slot = vectors >= second;
-    boot->wants_start = true;
+    const uint32_t slot_b = (uint32_t)boot->config.flash.layout->first_rows[1] * FLASH_ROW_SIZE;
+    boot->slot = vectors >= slot_b;
+    boot->start_requested = true;
 }
 
 static void on_restart(void *context)
 {
-    ((struct boot_node *)context)->wants_restart = true;
+    ((struct boot_node *)context)->restart_requested = true;
 }
 
 static void on_unique_id(void *context, uint8_t *id)
@@ -59,16 +59,16 @@ static void on_unique_id(void *context, uint8_t *id)
     memcpy(id, boot->unique_id, sizeof boot->unique_id);
 }
 
-static uint8_t *slot_bytes(struct boot_node *boot, uint8_t slot)
+static uint8_t *get_slot_bytes(struct boot_node *boot, uint8_t slot)
 {
-    return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[slot] * FLASH_ROW;
+    return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[slot] * FLASH_ROW_SIZE;
 }
 
 static void store_factory_image(struct boot_node *boot, const uint8_t version[3])
 {
     const struct taxel_boot_layout *const layout = boot->config.flash.layout;
-    uint8_t *const image = slot_bytes(boot, SLOT_A);
-    const uint32_t length = TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS;
+    uint8_t *const image = get_slot_bytes(boot, SLOT_A);
+    const uint32_t length = TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE;
     const struct taxel_boot_image_header header = {
         .magic = TAXEL_BOOT_IMAGE_MAGIC,
         .header_version = TAXEL_BOOT_VERSION,
@@ -78,12 +78,12 @@ static void store_factory_image(struct boot_node *boot, const uint8_t version[3]
         .version_minor = version[1],
         .version_patch = version[2],
         .length = length,
-        .vectors = (uint32_t)layout->first_rows[SLOT_A] * FLASH_ROW + TAXEL_BOOT_IMAGE_HEADER_SIZE,
+        .vectors = (uint32_t)layout->first_rows[SLOT_A] * FLASH_ROW_SIZE + TAXEL_BOOT_IMAGE_HEADER_SIZE,
     };
     taxel_boot_image_header_pack(&header, image);
-    const uint32_t head = taxel_crc32(0, image, TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32);
+    const uint32_t header_crc = taxel_crc32(0, image, TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32);
     taxel_put_u32(image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32,
-                  taxel_crc32(head, image + TAXEL_BOOT_IMAGE_HEADER_SIZE, VECTORS));
+                  taxel_crc32(header_crc, image + TAXEL_BOOT_IMAGE_HEADER_SIZE, VECTORS_SIZE));
 }
 
 static void store_factory_configuration(struct boot_node *boot, const struct board_description *description)
@@ -98,14 +98,14 @@ static void store_factory_configuration(struct boot_node *boot, const struct boa
                                   sizeof bytes);
 }
 
-static void prepare(struct boot_node *boot, const struct world_description *world, const struct taxel_boot_layout *layout,
+static void init_common(struct boot_node *boot, const struct world_description *world, const struct taxel_boot_layout *layout,
                     const uint8_t unique_id[8], double boot_ms)
 {
     memset(boot, 0, sizeof *boot);
     flash_init(&boot->flash, world->seed, unique_id[0]);
     memcpy(boot->unique_id, unique_id, sizeof boot->unique_id);
     boot->listens = world->boot_listens;
-    boot->init_time = vtime_min(BOOT_NODE_INIT, (vtime)(boot_ms * (double)VTIME_MS) / 2u);
+    boot->init_time = vtime_min(BOOT_NODE_INIT_TIME, (vtime)(boot_ms * (double)VTIME_MS) / 2u);
     boot->hal = (struct taxel_boot_hal){
         .context = boot,
         .flash = boot->flash.bytes,
@@ -124,20 +124,20 @@ static void prepare(struct boot_node *boot, const struct world_description *worl
     };
 }
 
-/* What the factory did has worn nothing, and cannot be cut any more. */
-static void leave_the_factory(struct boot_node *boot)
+/* Confirm the factory image. Writes during production do not count as wear, and no power cut can tear them. */
+static void finish_production(struct boot_node *boot)
 {
     (void)taxel_boot_confirm(&boot->config.flash, SLOT_A);
     memset(boot->flash.wear, 0, sizeof boot->flash.wear);
-    boot->flash.count = 0;
-    boot->flash.operations = 0;
+    boot->flash.pending_count = 0;
+    boot->flash.write_count = 0;
     boot->busy_until = 0;
 }
 
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description)
 {
-    prepare(boot, world, &taxel_boot_layout_board, description->unique_id, description->boot_ms);
+    init_common(boot, world, &taxel_boot_layout_board, description->unique_id, description->boot_ms);
     if (description->image) {
         memcpy(boot->flash.bytes, description->image, sizeof boot->flash.bytes);
     }
@@ -146,30 +146,30 @@ void boot_node_init(struct boot_node *boot, const struct world_description *worl
             store_factory_image(boot, description->firmware_version);
         }
         store_factory_configuration(boot, description);
-        leave_the_factory(boot);
+        finish_production(boot);
     }
 }
 
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8])
 {
     static const uint8_t version[3] = WORLD_FIRMWARE_VERSION;
-    prepare(boot, world, &taxel_boot_layout_hub, unique_id, 0.0);
+    init_common(boot, world, &taxel_boot_layout_hub, unique_id, 0.0);
     boot->is_hub = true;
     if (world->hub_image) {
         memcpy(boot->flash.bytes, world->hub_image, sizeof boot->flash.bytes);
     } else {
         store_factory_image(boot, version);
     }
-    leave_the_factory(boot);
+    finish_production(boot);
 }
 
-static bool image_hangs(struct boot_node *boot)
+static bool is_hanging_image(struct boot_node *boot)
 {
-    const uint8_t *const image = slot_bytes(boot, boot->slot);
-    return memcmp(image + TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS, HANG, sizeof HANG - 1u) == 0;
+    const uint8_t *const image = get_slot_bytes(boot, boot->slot);
+    return memcmp(image + TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE, HANG, sizeof HANG - 1u) == 0;
 }
 
-enum boot_node_outcome boot_node_run(struct boot_node *boot, vtime now)
+enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
 {
     const bool has_packet = boot->is_hub ? boot->uart.has_packet : boot->i2c.has_packet;
     const uint8_t command = boot->is_hub ? boot->uart.packet[1] : boot->i2c.packet[1];
@@ -184,28 +184,28 @@ enum boot_node_outcome boot_node_run(struct boot_node *boot, vtime now)
         boot->busy_until = vtime_max(boot->busy_until, boot->now + (verifies ? VERIFY_TIME : PACKET_TIME));
     }
     boot->now = vtime_max(boot->now, boot->busy_until);
-    if (boot->wants_restart) {
-        boot->wants_restart = false;
-        return BOOT_NODE_RESTARTS;
+    if (boot->restart_requested) {
+        boot->restart_requested = false;
+        return BOOT_RESTARTS;
     }
-    if (boot->wants_start) {
-        boot->wants_start = false;
-        return image_hangs(boot) ? BOOT_NODE_HANGS : BOOT_NODE_STARTS;
+    if (boot->start_requested) {
+        boot->start_requested = false;
+        return is_hanging_image(boot) ? BOOT_STARTS_HANGING_IMAGE : BOOT_STARTS_IMAGE;
     }
-    return BOOT_NODE_STAYS;
+    return BOOT_STAYS_IN_BOOTLOADER;
 }
 
-vtime boot_node_deadline(const struct boot_node *boot)
+vtime boot_node_next_deadline(const struct boot_node *boot)
 {
     return boot->boot.stay == TAXEL_BOOT_STAY_LISTENING ? boot->reset_at + (TAXEL_BOOT_LISTEN_US + 1u) * VTIME_US : VTIME_NEVER;
 }
 
-enum boot_node_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t cause)
+enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t reset_cause)
 {
-    boot->cause = cause;
+    boot->reset_cause = reset_cause;
     boot->reset_at = boot->now = now + boot->init_time;
     boot->busy_until = 0;
-    boot->wants_start = boot->wants_restart = false;
+    boot->start_requested = boot->restart_requested = false;
     taxel_boot_init(&boot->boot, &boot->config);
     taxel_boot_i2c_init(&boot->i2c, &boot->boot);
     taxel_boot_uart_init(&boot->uart, &boot->boot);
@@ -214,28 +214,28 @@ enum boot_node_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_
 
 void boot_node_power_off(struct boot_node *boot, vtime now)
 {
-    flash_cut(&boot->flash, now);
-    boot->stay = false;
+    flash_cut_power(&boot->flash, now);
+    boot->stay_requested = false;
 }
 
-const uint8_t *boot_node_version(const struct boot_node *boot)
+const uint8_t *boot_node_get_version(const struct boot_node *boot)
 {
-    return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[boot->slot] * FLASH_ROW +
+    return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[boot->slot] * FLASH_ROW_SIZE +
            TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR;
 }
 
-uint8_t boot_node_address(const struct boot_node *boot)
+uint8_t boot_node_get_address(const struct boot_node *boot)
 {
     return taxel_boot_i2c_address(&boot->config.flash);
 }
 
-uint8_t boot_node_kind(const struct boot_node *boot)
+uint8_t boot_node_get_kind(const struct boot_node *boot)
 {
     const uint8_t *const configuration = taxel_boot_configuration(&boot->config.flash);
     return configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0;
 }
 
-vtime boot_node_confirm(struct boot_node *boot, vtime now)
+vtime boot_node_confirm_image(struct boot_node *boot, vtime now)
 {
     if (taxel_boot_is_confirmed(&boot->config.flash, boot->slot)) {
         return 0;

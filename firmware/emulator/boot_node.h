@@ -1,6 +1,8 @@
-/* The bootloader of an emulated board or hub, the real one, and the flash that it works on. An image's code is not executed
- * here: what runs is the firmware that this program is built with, under the version that the image's header gives. An image
- * whose code begins with the four characters HANG never answers; the watchdog ends it after a second. */
+/* The bootloader of an emulated board or hub (the real bootloader, compiled natively) and its flash.
+ *
+ * The code of an image is not executed here: the application is the firmware that this program is compiled with, under the version in
+ * the header of the image. An image whose code starts with the four characters HANG does not respond; the watchdog resets the processor
+ * after one second. */
 #ifndef EMULATOR_BOOT_NODE_H
 #define EMULATOR_BOOT_NODE_H
 
@@ -8,21 +10,20 @@
 #include "emulator/flash.h"
 #include "emulator/world_file.h"
 
-#define BOOT_NODE_INIT (2u * VTIME_MS) /* estimate: from the reset until the bootloader answers; of short boots, half */
-#define BOOT_NODE_WATCHDOG VTIME_SECOND
+#define BOOT_NODE_INIT_TIME (2u * VTIME_MS) /* estimate: reset to the bootloader's first response; at most half of boot_ms */
+#define BOOT_NODE_WATCHDOG_TIME VTIME_SECOND
 
-/* What runs on a board or the hub. */
-enum boot_node_runs {
-    RUNS_APPLICATION,
-    RUNS_BOOTLOADER,
-    RUNS_NOTHING, /* an image that does not answer, until its watchdog bites */
+enum running_program {
+    PROGRAM_APPLICATION,
+    PROGRAM_BOOTLOADER,
+    PROGRAM_HANGING, /* an image that does not respond, until the watchdog resets the processor */
 };
 
-enum boot_node_outcome {
-    BOOT_NODE_STAYS,
-    BOOT_NODE_STARTS,
-    BOOT_NODE_HANGS, /* an image was started that will not answer */
-    BOOT_NODE_RESTARTS,
+enum boot_outcome {
+    BOOT_STAYS_IN_BOOTLOADER,
+    BOOT_STARTS_IMAGE,
+    BOOT_STARTS_HANGING_IMAGE,
+    BOOT_RESTARTS,
 };
 
 struct boot_node {
@@ -34,37 +35,36 @@ struct boot_node {
     struct taxel_boot_uart uart; /* of the hub */
     bool is_hub;
     uint8_t unique_id[8];
-    bool listens;    /* 100 ms after power-up, as on silicon */
-    bool stay;       /* the application asked for the bootloader; a reset leaves it alone */
-    uint8_t cause;
-    uint8_t slot;    /* whose image runs */
+    bool listens;        /* waits 100 ms for a host after power-up, like the bootloader in silicon */
+    bool stay_requested; /* by the application; survives a reset */
+    uint8_t reset_cause;
+    uint8_t slot; /* of the running image */
     vtime init_time, reset_at, now, busy_until;
-    bool wants_start, wants_restart;
+    bool start_requested, restart_requested;
 };
 
-/* As it leaves the factory: the image of slot A confirmed, address, kind and serial number configured; or blank: nothing but
- * the bootloader. */
+/* The state after production: a confirmed image in slot A and a configuration with address, kind and serial number; or, for a blank
+ * board, nothing but the bootloader. */
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description);
-/* The hub's; NULL for its version is the world's own. */
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8]);
 
-/* Power-up or reset. Afterwards as below. */
-enum boot_node_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t cause);
+/* Power-up or reset. The outcome holds at boot->now. */
+enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t reset_cause);
 void boot_node_power_off(struct boot_node *boot, vtime now);
 
-/* When its main loop has something to do without a packet: the 100 ms are over. VTIME_NEVER: never. */
-vtime boot_node_deadline(const struct boot_node *boot);
+/* When boot_node_run() must be called without a packet: the end of the 100 ms. VTIME_NEVER: not at all. */
+vtime boot_node_next_deadline(const struct boot_node *boot);
 
-/* The main loop, up to `now`: what becomes of the board, at boot->now. */
-enum boot_node_outcome boot_node_run(struct boot_node *boot, vtime now);
+/* One pass of the bootloader's main loop. The outcome holds at boot->now. */
+enum boot_outcome boot_node_run(struct boot_node *boot, vtime now);
 
-/* Of the image that runs, or was started last. */
-const uint8_t *boot_node_version(const struct boot_node *boot);
-uint8_t boot_node_address(const struct boot_node *boot);
-uint8_t boot_node_kind(const struct boot_node *boot);
+/* Version (3 bytes) of the image that runs or was started last; configured address and kind. */
+const uint8_t *boot_node_get_version(const struct boot_node *boot);
+uint8_t boot_node_get_address(const struct boot_node *boot);
+uint8_t boot_node_get_kind(const struct boot_node *boot);
 
-/* The application has shown that it works. Returns until when a row is being written, or 0. */
-vtime boot_node_confirm(struct boot_node *boot, vtime now);
+/* Confirm the running image. Returns the end of the flash write, or 0 if the image was confirmed before. */
+vtime boot_node_confirm_image(struct boot_node *boot, vtime now);
 
 #endif

@@ -1,14 +1,16 @@
-/* The I2C bus in virtual time: 9 clocks a byte, start and stop, clock stretching; several slaves on one address pull the line
- * down together. Byte by byte; single bits only where a fault makes them matter.
+/* The I2C bus in virtual time: 9 clocks per byte, start and stop conditions, clock stretching. Several slaves with one address drive the
+ * lines together (wired AND). The bus works byte by byte; single bits matter only for faults.
  *
- * Two masters may stand on it: the hub, and an adapter on the bench. Either waits until the other has made its stop. The adapter and
- * a native hub give whole transfers, an executed hub (hub_cortex.h) commands a byte at a time, between which it holds SCL low. */
+ * There are two masters: the hub, and an I2C adapter of the test rig. Each waits until the other has sent its stop condition. The adapter
+ * and a native hub submit whole transfers; an executed hub (hub_cortex.h) commands single bytes, between which it holds SCL low. */
 #ifndef EMULATOR_BUS_H
 #define EMULATOR_BUS_H
 
 #include "emulator/board_node.h"
 #include "emulator/bus_faults.h"
 #include "hal/hub_hal.h"
+
+#define BUS_SLAVES_MAX 32u
 
 enum bus_phase {
     BUS_IDLE,
@@ -18,10 +20,10 @@ enum bus_phase {
     BUS_READ,
     BUS_STOP,
     BUS_DONE,
-    BUS_HELD, /* by a master that will give its next command */
+    BUS_HELD, /* by a bytewise master that has not given its next command */
 };
 
-/* What has become of a master's last command. */
+/* The result of a command of a bytewise master. */
 enum bus_event {
     BUS_ACKNOWLEDGED,
     BUS_NOT_ACKNOWLEDGED,
@@ -40,57 +42,59 @@ enum bus_master {
 struct bus {
     struct board_node *boards;
     size_t board_count;
-    vtime clock; /* one SCL period */
-    vtime hold;  /* how long a native hub's master keeps SCL low after each byte: its interrupt */
-    vtime next;  /* when the byte or condition under way ends */
+    vtime scl_period;
+    vtime byte_hold; /* how long a native hub holds SCL low after each byte, in its interrupt */
+    vtime next;      /* end of the present byte or condition */
     enum bus_phase phase;
     struct taxel_i2c_transfer transfer;
-    size_t index;
-    unsigned wire_byte; /* bytes of this transfer that have ended */
+    size_t index;         /* of the next byte to write or read */
+    unsigned byte_number; /* bytes of this transfer that have ended, address bytes included */
     int8_t result;
-    struct board_node *slaves[32]; /* that acknowledged the present address */
+    struct board_node *slaves[BUS_SLAVES_MAX]; /* that acknowledged the address */
     size_t slave_count;
-    bool slaves_send; /* they were called for reading: unless the address byte was damaged, so does the master */
-    bool let_go;      /* they have seen a byte that was not acknowledged, and send no more */
+    bool slaves_transmit; /* the slaves were addressed for reading; differs from the master only after a damaged address byte */
+    bool slaves_released; /* the slaves have seen a byte without acknowledge and send no more */
     enum bus_master master;
-    bool waits[BUS_MASTERS]; /* for the other master's stop */
-    struct taxel_i2c_transfer waiting[BUS_MASTERS];
-    bool by_steps;         /* the master gives commands */
-    bool waiting_by_steps; /* so will the hub, when its turn comes */
+    bool is_waiting[BUS_MASTERS]; /* for the stop condition of the other master */
+    struct taxel_i2c_transfer waiting_transfer[BUS_MASTERS];
+    bool is_bytewise;         /* the present master commands single bytes */
+    bool hub_waits_bytewise;  /* the waiting hub does */
     enum bus_event event;
-    uint8_t byte;          /* of the command, or what it has brought */
-    uint8_t byte_waiting;  /* the hub's address byte */
+    uint8_t byte;                 /* of the command, or the byte read */
+    uint8_t waiting_address_byte; /* of the waiting hub */
     bool master_reads;
     struct bus_faults faults;
     struct fault_log *log;
-    bool scl_high, sda_high; /* what the master drives by hand during recovery */
-    uint64_t bytes;
-    uint64_t transfers;
-    vtime started;
-    vtime busy;
-    bool may_be_held; /* some board has been told to hold a line low */
+    bool scl_high, sda_high; /* levels that the master drives during bus recovery */
+    uint64_t byte_count;
+    vtime transfer_begin;
+    vtime busy_time;
+    bool lines_may_be_held; /* by a board with an injected fault */
 };
 
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log);
 
-/* The transfer begins now, or when the other master has ended its own. */
-void bus_start(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now);
+/* The transfer begins at `now`, or when the other master has ended its own. */
+void bus_start_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now);
 void bus_abort(struct bus *bus, enum bus_master master, vtime now);
 
-/* Run everything that ends before or at `horizon`. Returns true when a transfer has ended: of bus->master, result in
- * bus->result, at bus->next. Then the bus is free from that time on: bus_hand_over() begins what the other master waits for. */
+/* Run everything that ends at `horizon` or before. Returns true when a transfer of bus->master (or one command of a bytewise master) has
+ * ended, at bus->next, with the result in bus->result (bus->event). */
 bool bus_run(struct bus *bus, vtime horizon);
-void bus_hand_over(struct bus *bus, vtime now);
 
-/* Commands of a hub's master; for each, bus_run() returns true once, at bus->next, with bus->event. Start (again) and address byte;
- * a byte, to be written or to be read; stop. */
-void bus_step_start(struct bus *bus, uint8_t address_byte, vtime now);
-void bus_step_write(struct bus *bus, uint8_t byte, vtime now);
-void bus_step_read(struct bus *bus, vtime now);
-void bus_step_stop(struct bus *bus, vtime now);
+/* After a whole transfer: begin the transfer that the other master is waiting for. */
+void bus_release(struct bus *bus, vtime now);
 
-void bus_drive(struct bus *bus, bool scl_high, bool sda_high);
-bool bus_scl(const struct bus *bus, vtime now);
-bool bus_sda(const struct bus *bus);
+/* Commands of a bytewise master; for each of them bus_run() returns true once. Start or repeated start with an address byte; a byte to
+ * write; a byte to read; stop. */
+void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now);
+void bus_bytewise_write(struct bus *bus, uint8_t byte, vtime now);
+void bus_bytewise_read(struct bus *bus, vtime now);
+void bus_bytewise_stop(struct bus *bus, vtime now);
+
+/* Bus recovery: the hub drives the lines and reads their levels. */
+void bus_drive_lines(struct bus *bus, bool scl_high, bool sda_high);
+bool bus_is_scl_high(const struct bus *bus, vtime now);
+bool bus_is_sda_high(const struct bus *bus);
 
 #endif

@@ -5,15 +5,15 @@ bool bus_faults_add(struct bus_faults *faults, const struct fault_description *f
     if (faults->count == BUS_FAULTS_MAX) {
         return false;
     }
-    faults->waiting[faults->count].kind = fault->kind;
-    faults->waiting[faults->count].address = fault->address;
-    faults->waiting[faults->count].position = (unsigned)fault->value;
-    faults->waiting[faults->count].value = fault->second;
+    faults->pending[faults->count].kind = fault->kind;
+    faults->pending[faults->count].address = fault->address;
+    faults->pending[faults->count].position = (unsigned)fault->value;
+    faults->pending[faults->count].value = fault->second_value;
     faults->count++;
     return true;
 }
 
-static void strike(struct byte_damage *damage, enum fault_kind kind, double value)
+static void add_damage(struct byte_damage *damage, enum fault_kind kind, double value)
 {
     switch (kind) {
     case FAULT_NACK_AT:
@@ -38,19 +38,19 @@ static void strike(struct byte_damage *damage, enum fault_kind kind, double valu
     }
 }
 
-struct byte_damage bus_faults_take(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
-                                   struct fault_log *log)
+struct byte_damage bus_faults_apply(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
+                                    struct fault_log *log)
 {
     struct byte_damage damage = {.nack = false};
     size_t kept = 0;
     for (size_t i = 0; i < faults->count; i++) {
-        const bool strikes = faults->waiting[i].position == position &&
-                             (faults->waiting[i].address == address || faults->waiting[i].address == 0);
-        if (strikes) {
-            strike(&damage, faults->waiting[i].kind, faults->waiting[i].value);
-            fault_log_add(log, now, faults->waiting[i].kind, address);
+        const bool applies = faults->pending[i].position == position &&
+                             (faults->pending[i].address == address || faults->pending[i].address == 0);
+        if (applies) {
+            add_damage(&damage, faults->pending[i].kind, faults->pending[i].value);
+            fault_log_add(log, now, faults->pending[i].kind, address);
         } else {
-            faults->waiting[kept++] = faults->waiting[i];
+            faults->pending[kept++] = faults->pending[i];
         }
     }
     faults->count = kept;

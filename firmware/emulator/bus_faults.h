@@ -1,5 +1,5 @@
-/* Faults that wait for a byte of a transfer: the address byte is number 0, then every byte on the wire, the second address
- * of a write that turns into a read among them. */
+/* I2C faults that take effect at one byte of a transfer. Byte 0 is the address byte; all further bytes on the wire count, including
+ * the second address byte of a write that continues as a read. */
 #ifndef EMULATOR_BUS_FAULTS_H
 #define EMULATOR_BUS_FAULTS_H
 
@@ -11,26 +11,26 @@ struct bus_faults {
     size_t count;
     struct {
         enum fault_kind kind;
-        uint8_t address; /* 0: any */
+        uint8_t address; /* 0: every address */
         unsigned position;
         double value;
-    } waiting[BUS_FAULTS_MAX];
+    } pending[BUS_FAULTS_MAX];
 };
 
-/* What strikes one byte. */
+/* The sum of the faults at one byte. */
 struct byte_damage {
     bool nack, arbitration, bus_error, brown_out;
-    uint8_t flip;   /* bits of the byte */
-    vtime stretch;
-    vtime off_time; /* of a brown-out */
+    uint8_t flip;   /* inverted bits of the byte */
+    vtime stretch;  /* additional time with SCL low */
+    vtime off_time; /* length of the brown-out */
 };
 
-/* The byte is the fault's `value`; `second` is a bit (0 to 7), microseconds of stretching or milliseconds without power.
- * Returns false when too many wait already. */
+/* The position of the byte is the fault's `value`; its `second_value` is a bit (0 to 7), microseconds of clock stretching or
+ * milliseconds without power. Returns false if BUS_FAULTS_MAX faults are pending. */
 bool bus_faults_add(struct bus_faults *faults, const struct fault_description *fault);
 
-/* What strikes byte `position` of a transfer with `address`; it is noted in the log and does not wait any longer. */
-struct byte_damage bus_faults_take(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
-                                   struct fault_log *log);
+/* Remove the pending faults of byte `position` of a transfer with `address`, log them and return their sum. */
+struct byte_damage bus_faults_apply(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
+                                    struct fault_log *log);
 
 #endif

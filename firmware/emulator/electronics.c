@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool has_dead(const struct dead_effect *dead, size_t board)
+static bool has_dead_taxel(const struct dead_effect *dead, size_t board)
 {
     for (size_t i = 0; i < dead->count; i++) {
         if (dead->taxels[i].board == board) {
@@ -24,24 +24,25 @@ static bool has_exchanged_lines(const struct exchange_effect *exchange, size_t b
     return false;
 }
 
-bool electronics_needed(const struct world_description *world, size_t board)
+bool electronics_are_needed(const struct world_description *world, size_t board)
 {
     const struct effects *effects = &world->effects;
     return coupling_is_on(&effects->coupling, board) || noise_is_on(&effects->noise, board) ||
            drift_is_on(&effects->drift, board) || line_is_on(&effects->line, board) ||
-           nonlinear_is_on(&effects->nonlinear, board) || has_dead(&effects->dead, board) ||
+           nonlinear_is_on(&effects->nonlinear, board) || has_dead_taxel(&effects->dead, board) ||
            has_exchanged_lines(&effects->exchange, board) || effects->saturation.board[board].strength > 0.0 ||
            effects->late.lag[board] > 0.0 || effects->stuck_bit.low[board] || effects->stuck_bit.high[board] ||
            droop_is_on(&effects->droop);
 }
 
-static void wire(struct electronics *electronics, const struct board_description *description)
+/* The wiring of lines and taxels, and the dead taxels. */
+static void init_wiring(struct electronics *electronics, const struct board_description *description)
 {
     const struct effects *effects = electronics->effects;
     uint8_t taxel = 0;
     for (int line = 0; line < (int)TAXEL_LINES_MAX; line++) {
-        electronics->tx_of[line] = exchange_line(&effects->exchange, electronics->board, 0, line);
-        electronics->rx_of[line] = exchange_line(&effects->exchange, electronics->board, 1, line);
+        electronics->tx_of[line] = exchange_source_line(&effects->exchange, electronics->board, 0, line);
+        electronics->rx_of[line] = exchange_source_line(&effects->exchange, electronics->board, 1, line);
     }
     memset(electronics->taxel_at, ELECTRONICS_NO_TAXEL, sizeof electronics->taxel_at);
     for (int crossing = 0; crossing < description->rows * description->columns; crossing++) {
@@ -53,21 +54,21 @@ static void wire(struct electronics *electronics, const struct board_description
         }
     }
     for (uint16_t i = 0; i < description->taxel_count; i++) {
-        const struct dead_taxel *rest = dead_find(&effects->dead, electronics->board, i, false);
-        const struct dead_taxel *stuck = dead_find(&effects->dead, electronics->board, i, true);
-        electronics->answer[i] = rest ? 1.0 - rest->strength : 1.0;
-        electronics->stuck_at[i] = stuck ? stuck->value : -1;
+        const struct dead_taxel *rest = dead_find_taxel(&effects->dead, electronics->board, i, false);
+        const struct dead_taxel *stuck = dead_find_taxel(&effects->dead, electronics->board, i, true);
+        electronics->sensitivity[i] = rest ? 1.0 - rest->strength : 1.0;
+        electronics->stuck_count[i] = stuck ? stuck->value : -1;
     }
 }
 
-static void set_rest(struct electronics *electronics)
+static void update_rest_capacitances(struct electronics *electronics)
 {
     for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
-        const struct front_end_taxel *cell = &electronics->front_end->taxels[taxel];
-        electronics->rest_f[taxel] = cell->fixed_f + cell->fringe_f;
-        electronics->swing_f[taxel] = cell->fringe_f * electronics->answer[taxel];
-        if (electronics->drifting) {
-            electronics->rest_f[taxel] += drift_counts(&electronics->drift, taxel) * electronics->farad_a_count;
+        const struct front_end_taxel *electrode = &electronics->front_end->taxels[taxel];
+        electronics->rest_f[taxel] = electrode->fixed_f + electrode->fringe_f;
+        electronics->swing_f[taxel] = electrode->fringe_f * electronics->sensitivity[taxel];
+        if (electronics->has_drift) {
+            electronics->rest_f[taxel] += drift_counts(&electronics->drift, taxel) * electronics->farad_per_count;
         }
     }
 }
@@ -85,20 +86,21 @@ struct electronics *electronics_open(const struct world_description *world, size
     electronics->front_end = front_end;
     electronics->tx_count = description->rows;
     electronics->rx_count = description->columns;
-    electronics->filled_tx = -1;
-    electronics->coupled = coupling_is_on(&effects->coupling, board);
-    electronics->drifting = drift_is_on(&effects->drift, board);
-    electronics->noisy = noise_is_on(&effects->noise, board);
-    electronics->drooping = droop_is_on(&effects->droop);
-    electronics->broken = line_is_on(&effects->line, board);
-    electronics->lines = electronics->broken || electronics->coupled;
-    electronics->capacitive = electronics->lines || electronics->drifting || has_exchanged_lines(&effects->exchange, board);
-    wire(electronics, description);
+    electronics->mutual_tx = -1;
+    electronics->has_coupling = coupling_is_on(&effects->coupling, board);
+    electronics->has_drift = drift_is_on(&effects->drift, board);
+    electronics->has_noise = noise_is_on(&effects->noise, board);
+    electronics->has_droop = droop_is_on(&effects->droop);
+    electronics->has_line_faults = line_is_on(&effects->line, board);
+    electronics->couples_crossings = electronics->has_line_faults || electronics->has_coupling;
+    electronics->uses_capacitances =
+        electronics->couples_crossings || electronics->has_drift || has_exchanged_lines(&effects->exchange, board);
+    init_wiring(electronics, description);
     noise_open(&electronics->noise, &effects->noise, board, world->seed, description->address);
     drift_open(&electronics->drift, &effects->drift, board, world->seed, description->address);
     front_end_configure(front_end, &world->scan, 1.0);
-    electronics->farad_a_count = 1.0 / front_end->counts_per_farad;
-    set_rest(electronics);
+    electronics->farad_per_count = 1.0 / front_end->counts_per_farad;
+    update_rest_capacitances(electronics);
     electronics_configure(electronics);
     return electronics;
 }
@@ -107,66 +109,67 @@ void electronics_configure(struct electronics *electronics)
 {
     coupling_configure(&electronics->coupling, &electronics->effects->coupling.board[electronics->board],
                        electronics->tx_count, electronics->rx_count, electronics->front_end->tx_hz);
-    if (electronics->coupled) {
+    if (electronics->has_coupling) {
         memset(electronics->mutual, 0, sizeof electronics->mutual);
         for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
             electronics->mutual[electronics->tx_at[taxel]][electronics->rx_at[taxel]] = electronics->rest_f[taxel];
         }
         coupling_calibrate(&electronics->coupling, electronics->mutual);
-        electronics->filled_tx = -1;
-        electronics->filled_still = false;
+        electronics->mutual_tx = -1;
+        electronics->mutual_is_constant = false;
     }
 }
 
-/* The board's crossings as they are when a TX line's step begins. */
-static void fill(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
+/* The capacitances of all crossings at this conversion; they are used for all conversions of the TX line in this scan. */
+static void compute_crossings(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
     double rise[TAXEL_TAXELS_MAX];
-    electronics->filled_tx = tx;
-    electronics->filled_still = conversion->still;
-    electronics->filled_fields = conversion->fields;
-    conversion->rises(conversion->source, conversion->time, rise);
-    if (electronics->broken) {
-        memset(electronics->mutual, 0, sizeof electronics->mutual); /* joined lines carry more than their taxels */
+    electronics->mutual_tx = tx;
+    electronics->mutual_is_constant = conversion->fields_are_constant;
+    electronics->mutual_change_count = conversion->change_count;
+    conversion->get_all_rises(conversion->rise_context, conversion->time, rise);
+    if (electronics->has_line_faults) {
+        memset(electronics->mutual, 0, sizeof electronics->mutual); /* joined lines set crossings without a taxel too */
     }
     for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
         electronics->mutual[electronics->tx_at[taxel]][electronics->rx_at[taxel]] =
             electronics->rest_f[taxel] + electronics->swing_f[taxel] * rise[taxel];
     }
-    if (electronics->broken) {
+    if (electronics->has_line_faults) {
         line_apply(&electronics->effects->line, electronics->board, electronics->tx_count, electronics->rx_count,
                    electronics->mutual);
     }
-    if (electronics->coupled) {
-        coupling_set(&electronics->coupling, electronics->mutual);
+    if (electronics->has_coupling) {
+        coupling_set_capacitances(&electronics->coupling, electronics->mutual);
     }
 }
 
-static bool is_filled(const struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
+static bool are_crossings_valid(const struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
-    if (conversion->begins_scan && electronics->drifting) {
+    if (conversion->is_first_of_scan && electronics->has_drift) {
         return false;
     }
-    if (conversion->still && electronics->filled_still && conversion->fields == electronics->filled_fields) {
+    if (conversion->fields_are_constant && electronics->mutual_is_constant && conversion->change_count == electronics->mutual_change_count) {
         return true;
     }
-    return electronics->filled_tx == tx && !conversion->begins_scan;
+    return electronics->mutual_tx == tx && !conversion->is_first_of_scan;
 }
 
-static double sensed_farad(struct electronics *electronics, const struct electronics_conversion *conversion, int tx, int rx)
+/* Capacitance (farad) that the converter measures at the electrode lines tx, rx. */
+static double sensed_capacitance(struct electronics *electronics, const struct electronics_conversion *conversion, int tx, int rx)
 {
-    if (!electronics->lines) {
+    if (!electronics->couples_crossings) {
         const uint8_t taxel = electronics->taxel_at[tx][rx];
         if (taxel == ELECTRONICS_NO_TAXEL) {
             return 0.0;
         }
-        const double rise = conversion->rise(conversion->source, taxel, conversion->time);
+        const double rise = conversion->get_rise(conversion->rise_context, taxel, conversion->time);
         return electronics->rest_f[taxel] + electronics->swing_f[taxel] * rise;
     }
-    if (!is_filled(electronics, conversion, tx)) {
-        fill(electronics, conversion, tx);
+    if (!are_crossings_valid(electronics, conversion, tx)) {
+        compute_crossings(electronics, conversion, tx);
     }
-    return electronics->coupled ? coupling_effective(&electronics->coupling, tx, rx) : electronics->mutual[tx][rx];
+    return electronics->has_coupling ? coupling_effective_capacitance(&electronics->coupling, tx, rx) : electronics->mutual[tx][rx];
 }
 
 static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion, double seconds)
@@ -175,14 +178,14 @@ static double hardware_count(struct electronics *electronics, const struct elect
     const int tx = electronics->tx_of[conversion->tx], rx = electronics->rx_of[conversion->rx];
     const uint8_t taxel = electronics->taxel_at[tx][rx];
     double count;
-    if (electronics->capacitive) {
-        count = sensed_farad(electronics, conversion, tx, rx) * electronics->front_end->counts_per_farad;
+    if (electronics->uses_capacitances) {
+        count = sensed_capacitance(electronics, conversion, tx, rx) * electronics->front_end->counts_per_farad;
     } else {
-        const double rise = electronics->answer[taxel] * conversion->rise(conversion->source, taxel, conversion->time);
+        const double rise = electronics->sensitivity[taxel] * conversion->get_rise(conversion->rise_context, taxel, conversion->time);
         count = front_end_hardware_count(electronics->front_end, taxel, rise);
     }
-    if (electronics->drooping) {
-        if (conversion->begins_scan || electronics->droop_tx != tx) {
+    if (electronics->has_droop) {
+        if (conversion->is_first_of_scan || electronics->droop_tx != tx) {
             electronics->droop_tx = tx;
             electronics->droop = droop_factor(&effects->droop, electronics->board, conversion->loads, conversion->fraction,
                                               electronics->front_end->tx_hz, seconds, &electronics->reference);
@@ -201,25 +204,25 @@ uint16_t electronics_convert(struct electronics *electronics, const struct elect
     struct front_end *front_end = electronics->front_end;
     const size_t board = electronics->board;
     const double seconds = (double)conversion->time / (double)VTIME_SECOND;
-    if (conversion->begins_scan) {
+    if (conversion->is_first_of_scan) {
         noise_begin_scan(&electronics->noise, seconds, front_end->taxel_count);
-        if (electronics->drifting) {
-            drift_begin_scan(&electronics->drift, seconds, (double)conversion->powered / (double)VTIME_SECOND);
-            set_rest(electronics);
+        if (electronics->has_drift) {
+            drift_begin_scan(&electronics->drift, seconds, (double)conversion->power_on_time / (double)VTIME_SECOND);
+            update_rest_capacitances(electronics);
         }
     }
-    const uint8_t asked = electronics->taxel_at[conversion->tx][conversion->rx];
-    const uint8_t taxel = electronics->taxel_at[electronics->tx_of[conversion->tx]][electronics->rx_of[conversion->rx]];
-    double count = hardware_count(electronics, conversion, seconds) + front_end_noise(front_end);
-    if (electronics->noisy) {
-        count += noise_counts(&electronics->noise, seconds, conversion->tx, conversion->rx, asked);
+    const uint8_t requested_taxel = electronics->taxel_at[conversion->tx][conversion->rx];
+    const uint8_t measured_taxel = electronics->taxel_at[electronics->tx_of[conversion->tx]][electronics->rx_of[conversion->rx]];
+    double count = hardware_count(electronics, conversion, seconds) + front_end_sample_noise(front_end);
+    if (electronics->has_noise) {
+        count += noise_counts(&electronics->noise, seconds, conversion->tx, conversion->rx, requested_taxel);
     }
-    const double rest = taxel == ELECTRONICS_NO_TAXEL ? 0.0 : front_end->taxels[taxel].rest_hardware_count;
+    const double rest = measured_taxel == ELECTRONICS_NO_TAXEL ? 0.0 : front_end->taxels[measured_taxel].rest_hardware_count;
     count = saturation_limit(&effects->saturation.board[board], rest, count);
     if (nonlinear_is_on(&effects->nonlinear, board)) {
-        count = nonlinear_count(&effects->nonlinear, board, front_end->largest_count, count);
+        count = nonlinear_count(&effects->nonlinear, board, front_end->max_count, count);
     }
     const uint16_t raw =
-        electronics->stuck_at[asked] >= 0 ? (uint16_t)electronics->stuck_at[asked] : front_end_quantise(front_end, count);
+        electronics->stuck_count[requested_taxel] >= 0 ? (uint16_t)electronics->stuck_count[requested_taxel] : front_end_quantise(front_end, count);
     return stuck_bit_apply(&effects->stuck_bit, board, raw);
 }

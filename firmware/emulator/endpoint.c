@@ -10,13 +10,11 @@
 #include <termios.h>
 #include <unistd.h>
 
-#define NS_PER_VTIME 1000ull /* picoseconds in a nanosecond */
-
 volatile sig_atomic_t endpoint_stop_waiting;
 
-static int complain(const char *what, const char *why)
+static int report_error(const char *target, const char *message)
 {
-    fprintf(stderr, "endpoint %s: %s\n", what, why);
+    fprintf(stderr, "endpoint %s: %s\n", target, message);
     return -1;
 }
 
@@ -26,17 +24,17 @@ static int set_nonblocking(int fd)
     return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
 }
 
-/* The slave side is set raw before anybody opens it, or the first bytes would be echoed back; then it is closed here, so that
- * a client's leaving is seen as POLLHUP. */
+/* The slave side is set to raw mode before a client opens it, because otherwise the terminal would echo the first bytes. It is then closed
+ * here, so that POLLHUP reports that the client has closed its end. */
 static int open_pty(struct endpoint *endpoint)
 {
     struct termios settings;
     int slave;
     if (openpty(&endpoint->fd, &slave, endpoint->pty_name, NULL, NULL)) {
-        return complain("pty", strerror(errno));
+        return report_error("pty", strerror(errno));
     }
     if (tcgetattr(slave, &settings)) {
-        return complain("pty", strerror(errno));
+        return report_error("pty", strerror(errno));
     }
     cfmakeraw(&settings);
     tcsetattr(slave, TCSANOW, &settings);
@@ -59,7 +57,7 @@ static int open_capture(struct endpoint *endpoint, const char *path, double baud
     uint8_t start[16] = "TAXELCAP";
     endpoint->capture = fopen(path, "wb");
     if (!endpoint->capture) {
-        return complain(path, strerror(errno));
+        return report_error(path, strerror(errno));
     }
     put_le(start + 8, 1, 2);
     put_le(start + 12, (uint64_t)size, 4);
@@ -68,32 +66,32 @@ static int open_capture(struct endpoint *endpoint, const char *path, double baud
     return 0;
 }
 
-int endpoint_open(struct endpoint *endpoint, const char *what, double baud)
+int endpoint_open(struct endpoint *endpoint, const char *target, double baud)
 {
     memset(endpoint, 0, sizeof *endpoint);
     endpoint->fd = -1;
-    if (strcmp(what, "none") == 0) {
+    if (strcmp(target, "none") == 0) {
         return 0;
     }
-    if (strcmp(what, "pty") == 0) {
+    if (strcmp(target, "pty") == 0) {
         endpoint->kind = ENDPOINT_PTY;
         return open_pty(endpoint);
     }
-    if (strncmp(what, "fd:", 3) == 0) {
+    if (strncmp(target, "fd:", 3) == 0) {
         endpoint->kind = ENDPOINT_FD;
-        endpoint->fd = atoi(what + 3);
-        return set_nonblocking(endpoint->fd) ? complain(what, strerror(errno)) : 0;
+        endpoint->fd = atoi(target + 3);
+        return set_nonblocking(endpoint->fd) ? report_error(target, strerror(errno)) : 0;
     }
-    if (strncmp(what, "capture:", 8) == 0) {
+    if (strncmp(target, "capture:", 8) == 0) {
         endpoint->kind = ENDPOINT_CAPTURE;
-        return open_capture(endpoint, what + 8, baud);
+        return open_capture(endpoint, target + 8, baud);
     }
-    if (strcmp(what, "memory") == 0) {
+    if (strcmp(target, "memory") == 0) {
         endpoint->kind = ENDPOINT_MEMORY;
         endpoint->memory = malloc(ENDPOINT_MEMORY_SIZE);
-        return endpoint->memory ? 0 : complain(what, "out of memory");
+        return endpoint->memory ? 0 : report_error(target, "out of memory");
     }
-    return complain(what, "expected none, pty, fd:N, capture:FILE or memory");
+    return report_error(target, "expected none, pty, fd:N, capture:FILE or memory");
 }
 
 void endpoint_close(struct endpoint *endpoint)
@@ -107,31 +105,31 @@ void endpoint_close(struct endpoint *endpoint)
     free(endpoint->memory);
 }
 
-static size_t keep(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
+static size_t store_in_memory(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
 {
-    const size_t room = ENDPOINT_MEMORY_SIZE - endpoint->memory_fill;
-    const size_t kept = size < room ? size : room;
-    memcpy(endpoint->memory + endpoint->memory_fill, bytes, kept);
-    endpoint->memory_fill += kept;
-    return kept;
+    const size_t space = ENDPOINT_MEMORY_SIZE - endpoint->memory_fill;
+    const size_t stored = size < space ? size : space;
+    memcpy(endpoint->memory + endpoint->memory_fill, bytes, stored);
+    endpoint->memory_fill += stored;
+    return stored;
 }
 
-size_t endpoint_take(struct endpoint *endpoint, uint8_t *bytes, size_t size)
+size_t endpoint_read_memory(struct endpoint *endpoint, uint8_t *bytes, size_t size)
 {
-    const size_t taken = size < endpoint->memory_fill ? size : endpoint->memory_fill;
-    if (!taken) {
+    const size_t count = size < endpoint->memory_fill ? size : endpoint->memory_fill;
+    if (!count) {
         return 0;
     }
-    memcpy(bytes, endpoint->memory, taken);
-    endpoint->memory_fill -= taken;
-    memmove(endpoint->memory, endpoint->memory + taken, endpoint->memory_fill);
-    return taken;
+    memcpy(bytes, endpoint->memory, count);
+    endpoint->memory_fill -= count;
+    memmove(endpoint->memory, endpoint->memory + count, endpoint->memory_fill);
+    return count;
 }
 
-static void capture(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
+static void write_capture_record(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
 {
     uint8_t head[12];
-    put_le(head, now / NS_PER_VTIME, 8);
+    put_le(head, now / VTIME_NS, 8);
     put_le(head + 8, size, 4);
     fwrite(head, sizeof head, 1, endpoint->capture);
     fwrite(bytes, size, 1, endpoint->capture);
@@ -156,7 +154,7 @@ static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t
             struct pollfd writable = {.fd = endpoint->fd, .events = POLLOUT};
             (void)poll(&writable, 1, 1000);
         } else {
-            endpoint->client_gone = endpoint->kind == ENDPOINT_FD && n < 0 && errno != EAGAIN;
+            endpoint->has_client_left = endpoint->kind == ENDPOINT_FD && n < 0 && errno != EAGAIN;
             break;
         }
     }
@@ -166,13 +164,13 @@ static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t
 size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
 {
     size_t sent = size;
-    if (endpoint->muted || (endpoint->kind == ENDPOINT_PTY && !has_client(endpoint))) {
+    if (endpoint->is_muted || (endpoint->kind == ENDPOINT_PTY && !has_client(endpoint))) {
         return 0;
     }
     if (endpoint->kind == ENDPOINT_CAPTURE) {
-        capture(endpoint, bytes, size, now);
+        write_capture_record(endpoint, bytes, size, now);
     } else if (endpoint->kind == ENDPOINT_MEMORY) {
-        sent = keep(endpoint, bytes, size);
+        sent = store_in_memory(endpoint, bytes, size);
     } else if (endpoint->kind != ENDPOINT_NONE) {
         sent = send_to_fd(endpoint, bytes, size);
     }
@@ -187,7 +185,7 @@ size_t endpoint_receive(struct endpoint *endpoint, uint8_t *bytes, size_t size)
     }
     const ssize_t n = read(endpoint->fd, bytes, size);
     if (n == 0 && endpoint->kind == ENDPOINT_FD) {
-        endpoint->client_gone = true;
+        endpoint->has_client_left = true;
     }
     return n > 0 ? (size_t)n : 0;
 }

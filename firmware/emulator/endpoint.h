@@ -1,12 +1,11 @@
-/* Where the UART's bytes leave the emulator: a pseudo-terminal, a file descriptor that was handed over, a capture
- * file, or memory. */
+/* The host's end of the UART: a pseudo-terminal, a file descriptor, a capture file or a memory buffer. */
 #ifndef EMULATOR_ENDPOINT_H
 #define EMULATOR_ENDPOINT_H
 
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <signal.h>
 #include <stdio.h>
 
 #include "emulator/vtime.h"
@@ -19,35 +18,36 @@ enum endpoint_kind {
     ENDPOINT_MEMORY,
 };
 
-#define ENDPOINT_MEMORY_SIZE (1u << 20) /* bytes that nobody has taken yet: then the hub is held back */
+#define ENDPOINT_MEMORY_SIZE (1u << 20) /* when this many bytes are unread, the hub is blocked */
 
 struct endpoint {
     enum endpoint_kind kind;
     int fd;
     FILE *capture;
-    bool wait_for_reader; /* virtual time stands still rather than hold the hub back */
-    bool client_gone;     /* a handed-over descriptor was closed at the other end */
-    bool muted;           /* a fault: the host does not read */
+    bool wait_for_reader; /* stop virtual time while the reader is slower; otherwise block the hub */
+    bool has_client_left; /* the other end of the file descriptor was closed */
+    bool is_muted;        /* fault: the host does not read */
     char pty_name[128];
     uint8_t *memory; /* [ENDPOINT_MEMORY_SIZE] */
     size_t memory_fill;
     uint64_t bytes_delivered;
 };
 
-/* Set in a signal handler: do not wait for a reader any longer. */
+/* Set by a signal handler: stop waiting for a reader. */
 extern volatile sig_atomic_t endpoint_stop_waiting;
 
-/* `what`: none, pty, fd:N, capture:FILE or memory; `baud` is noted in a capture. Returns 0, or -1 after one line on stderr. */
-int endpoint_open(struct endpoint *endpoint, const char *what, double baud);
+/* `target`: none, pty, fd:N, capture:FILE or memory. `baud` is stored in the header of a capture. Returns 0, or -1 after one error line
+ * on stderr. */
+int endpoint_open(struct endpoint *endpoint, const char *target, double baud);
 void endpoint_close(struct endpoint *endpoint);
 
-/* Bytes taken: fewer than `size` when nobody reads. */
+/* Send bytes to the host. Returns the number of bytes accepted, which is less than `size` while the host does not read. */
 size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now);
 
-/* Bytes that the host has sent, without waiting. */
+/* Read bytes that the host has sent, without waiting. */
 size_t endpoint_receive(struct endpoint *endpoint, uint8_t *bytes, size_t size);
 
-/* Memory only: take what has arrived. */
-size_t endpoint_take(struct endpoint *endpoint, uint8_t *bytes, size_t size);
+/* Memory only: remove and return the oldest bytes that were sent. */
+size_t endpoint_read_memory(struct endpoint *endpoint, uint8_t *bytes, size_t size);
 
 #endif

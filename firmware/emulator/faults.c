@@ -5,7 +5,7 @@
 static const struct {
     const char *name;
     enum fault_target target;
-} faults[FAULT_KINDS] = {
+} fault_table[FAULT_KINDS] = {
     [FAULT_UNPLUG] = {"unplug", FAULT_TARGET_BOARD},
     [FAULT_PLUG] = {"plug", FAULT_TARGET_BOARD},
     [FAULT_RESTART] = {"restart", FAULT_TARGET_BOARD},
@@ -35,21 +35,16 @@ static const struct {
     [FAULT_MUTE] = {"mute_host", FAULT_TARGET_NONE},
 };
 
-enum fault_kind fault_named(const char *name)
+enum fault_kind fault_find_kind(const char *name)
 {
     enum fault_kind kind = FAULT_UNPLUG;
-    while (kind < FAULT_KINDS && strcmp(faults[kind].name, name) != 0) {
+    while (kind < FAULT_KINDS && strcmp(fault_table[kind].name, name) != 0) {
         kind++;
     }
     return kind;
 }
 
-const char *fault_name(enum fault_kind kind)
+enum fault_target fault_get_target(enum fault_kind kind)
 {
-    return faults[kind].name;
-}
-
-enum fault_target fault_target_of(enum fault_kind kind)
-{
-    return faults[kind].target;
+    return fault_table[kind].target;
 }

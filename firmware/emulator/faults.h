@@ -1,4 +1,5 @@
-/* What goes wrong, by name: the same names in a world file, in a rig and in a log of what struck. */
+/* The faults that the emulator can inject, by name. World files, the virtual test rig and the fault log use the same names.
+ * README.md describes each fault and its values. */
 #ifndef EMULATOR_FAULTS_H
 #define EMULATOR_FAULTS_H
 
@@ -7,7 +8,7 @@
 #include <stdint.h>
 
 enum fault_kind {
-    /* a board, at once */
+    /* faults of a board, effective at once */
     FAULT_UNPLUG,
     FAULT_PLUG,
     FAULT_RESTART,
@@ -16,19 +17,19 @@ enum fault_kind {
     FAULT_STRETCH,
     FAULT_CORRUPT,
     FAULT_NACK,
-    /* a byte of the next transfer with a board that has that many bytes */
+    /* faults at one byte of the next transfer that is long enough */
     FAULT_NACK_AT,
     FAULT_FLIP_AT,
     FAULT_STRETCH_AT,
     FAULT_BROWN_OUT_AT,
     FAULT_ARBITRATION_AT,
     FAULT_BUS_ERROR_AT,
-    /* the hub */
+    /* faults of the hub */
     FAULT_HUB_UNPLUG,
     FAULT_HUB_PLUG,
     FAULT_HUB_RESTART,
     FAULT_HUB_STALL,
-    /* the UART, up to the host and down to the hub */
+    /* faults of the UART: up is towards the host, down is towards the hub */
     FAULT_UP_FLIP,
     FAULT_UP_DROP,
     FAULT_UP_DOUBLE,
@@ -37,28 +38,27 @@ enum fault_kind {
     FAULT_DOWN_DROP,
     FAULT_DOWN_DOUBLE,
     FAULT_DOWN_DELAY,
-    /* the host */
+    /* fault of the host */
     FAULT_MUTE,
     FAULT_KINDS,
 };
 
-/* Whom a fault strikes: it says what its address means. */
+/* The meaning of the address of a fault. */
 enum fault_target {
     FAULT_TARGET_BOARD,    /* a board of the world */
-    FAULT_TARGET_TRANSFER, /* whoever is addressed: a board or not; 0 stands for every address */
-    FAULT_TARGET_NONE,     /* the address is 0 */
+    FAULT_TARGET_TRANSFER, /* any I2C address, with or without a board; 0 is every address */
+    FAULT_TARGET_NONE,     /* no address; it is 0 */
 };
 
 struct fault_description {
     double time_s;
     enum fault_kind kind;
     uint8_t address;
-    double value, second; /* what they mean is the kind's: README.md */
+    double value, second_value; /* meaning and units depend on the kind (README.md) */
 };
 
-/* FAULT_KINDS for an unknown name. */
-enum fault_kind fault_named(const char *name);
-const char *fault_name(enum fault_kind kind);
-enum fault_target fault_target_of(enum fault_kind kind);
+/* Returns FAULT_KINDS for an unknown name. */
+enum fault_kind fault_find_kind(const char *name);
+enum fault_target fault_get_target(enum fault_kind kind);
 
 #endif

@@ -1,5 +1,7 @@
-/* The flash of an emulated processor: 256 rows of 128 bytes, 20 ms a write. A row is erased and then programmed word after
- * word; when the power fails meanwhile, the row is left torn. Contents stay, wear is counted. */
+/* The flash memory of an emulated processor: 256 rows of 128 bytes; a write of a row takes 20 ms.
+ *
+ * A write erases the row and then programs it word by word. If the power fails during the write, the row is torn: a mixture of old,
+ * erased, new and undefined words. Contents survive a power loss; writes of each row are counted. */
 #ifndef EMULATOR_FLASH_H
 #define EMULATOR_FLASH_H
 
@@ -10,57 +12,58 @@
 #include "emulator/vtime.h"
 
 #define FLASH_ROWS 256u
-#define FLASH_ROW 128u
-#define FLASH_WRITE (20u * VTIME_MS)
-#define FLASH_WRITES_UNDER_WAY 8u /* one pass of a main loop asks for fewer */
+#define FLASH_ROW_SIZE 128u
+#define FLASH_WRITE_TIME (20u * VTIME_MS)
+#define FLASH_PENDING_WRITES_MAX 8u /* one pass of a firmware's main loop writes fewer rows */
 #define FLASH_CUTS_MAX 8u
 
-/* A power cut that waits for a write: the first has number 1, counted from the cut before this one. */
+/* A planned power cut during a write. */
 struct flash_cut_plan {
-    uint64_t operation;
-    vtime after; /* of its beginning; 0: it never happens */
-    vtime off;   /* how long there is no power */
+    uint64_t write_number; /* 1 is the first write after the previous cut */
+    vtime delay;           /* from the start of the write; 0: the write has no effect */
+    vtime off_time;        /* duration of the power loss */
 };
 
-/* What a planned cut has struck. */
-struct flash_cut_made {
+/* A power cut that took place. */
+struct flash_cut_record {
     uint16_t row;
-    vtime after;
-    uint8_t wanted[FLASH_ROW]; /* what was to be written */
+    vtime delay;                       /* from the start of the write */
+    uint8_t new_bytes[FLASH_ROW_SIZE]; /* what the interrupted write was to store */
 };
 
-struct flash_write {
+struct flash_pending_write {
     vtime begin, end;
     uint16_t row;
-    uint8_t before[FLASH_ROW];
+    uint8_t before[FLASH_ROW_SIZE];
 };
 
 struct flash {
-    _Alignas(4) uint8_t bytes[FLASH_ROWS * FLASH_ROW];
-    uint32_t wear[FLASH_ROWS];
-    struct flash_write writes[FLASH_WRITES_UNDER_WAY];
-    unsigned count; /* writes that may still be cut */
-    uint64_t operations;
-    uint64_t torn;
+    _Alignas(4) uint8_t bytes[FLASH_ROWS * FLASH_ROW_SIZE];
+    uint32_t wear[FLASH_ROWS]; /* writes of each row */
+    struct flash_pending_write pending[FLASH_PENDING_WRITES_MAX];
+    unsigned pending_count; /* writes that a power cut can still tear */
+    uint64_t write_count;
+    uint64_t torn_count;
     struct random_source random;
 
     struct flash_cut_plan plans[FLASH_CUTS_MAX];
     unsigned plan_count;
-    uint64_t counted_from; /* operations before the last cut */
-    vtime cut_at, off;     /* of the plan whose write has begun; VTIME_NEVER: none */
-    struct flash_cut_made made[FLASH_CUTS_MAX]; /* the latest, in turn */
-    uint64_t made_count;
+    uint64_t writes_before_cut; /* value of write_count at the last cut */
+    vtime cut_time, off_time;   /* of the plan whose write has started; VTIME_NEVER: none */
+    struct flash_cut_record cut_records[FLASH_CUTS_MAX]; /* ring buffer of the latest cuts */
+    uint64_t cut_count;
 };
 
 void flash_init(struct flash *flash, uint64_t seed, uint8_t address);
 
-/* One write after the other, each begun when the one before has ended. Returns when it will have ended. */
-vtime flash_write(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime now);
+/* Writes run one after another: each starts when the previous one has ended. Returns the end of this write. */
+vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime now);
 
-/* Cut the power in a write to come. Returns false if too many cuts wait already. Whoever has the power looks at cut_at. */
+/* Plan a power cut during a later write. Returns false if FLASH_CUTS_MAX cuts are planned. The owner of the flash must switch off the
+ * power at `cut_time`. */
 bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan);
 
-/* The power fails: what has not begun never happens, what is under way is torn. */
-void flash_cut(struct flash *flash, vtime now);
+/* The power fails at `now`: writes that have not started have no effect, and the running write tears its row. */
+void flash_cut_power(struct flash *flash, vtime now);
 
 #endif

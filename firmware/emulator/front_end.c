@@ -8,40 +8,41 @@
 #define IDAC_AMPERE_PER_CODE 1.2e-6 /* PSoC 4200 IDAC, 8-bit range (not verified on hardware) */
 #define FIXED_CAPACITANCE_F 0.80e-12
 #define FRINGE_CAPACITANCE_F 0.70e-12
-#define CAPACITANCE_SPREAD 0.05 /* taxels differ at rest (thesis, section 2.5); relative standard deviation */
+#define CAPACITANCE_STD 0.05 /* relative standard deviation of the fixed capacitance (thesis, section 2.5) */
 
-void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normals *normals)
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normal_source *normals)
 {
     front_end->taxel_count = taxel_count;
     front_end->noise_counts = noise_counts;
     front_end->normals = normals;
     front_end->idac_gain = 1.0;
     for (uint16_t i = 0; i < taxel_count; i++) {
-        front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_SPREAD * normals_next(normals));
+        front_end->taxels[i].fixed_f = FIXED_CAPACITANCE_F * (1.0 + CAPACITANCE_STD * normal_source_sample(normals));
         front_end->taxels[i].fringe_f = FRINGE_CAPACITANCE_F;
     }
 }
 
-static bool is_same(const struct front_end_setting *a, const struct front_end_setting *b)
+static bool are_settings_equal(const struct front_end_settings *a, const struct front_end_settings *b)
 {
-    return a->period == b->period && a->sense == b->sense && a->sample == b->sample && a->idac_code == b->idac_code;
+    return a->conversion_clocks == b->conversion_clocks && a->sense_clocks == b->sense_clocks &&
+           a->modulator_divider == b->modulator_divider && a->idac_code == b->idac_code;
 }
 
-/* The modulator balances the charge 2 C V of each TX period with the IDAC's current: hardware count = largest count
- * * 2 C V F_tx / I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
-bool front_end_set(struct front_end *front_end, const struct front_end_setting *setting, double clock_rate)
+/* The modulator balances the charge 2 C V of each TX period with the current of the IDAC: hardware count = max_count * 2 C V F_tx /
+ * I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
+bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings, double clock_rate)
 {
-    if (is_same(&front_end->setting, setting)) {
+    if (are_settings_equal(&front_end->settings, settings)) {
         return false;
     }
-    const double modulator_hz = CPU_HZ / setting->sample;
-    const double tx_hz = modulator_hz / setting->sense;
-    const double idac_ampere = IDAC_AMPERE_PER_CODE * setting->idac_code;
-    front_end->setting = *setting;
-    front_end->largest_count = setting->period;
+    const double modulator_hz = CPU_HZ / settings->modulator_divider;
+    const double tx_hz = modulator_hz / settings->sense_clocks;
+    const double idac_ampere = IDAC_AMPERE_PER_CODE * settings->idac_code;
+    front_end->settings = *settings;
+    front_end->max_count = settings->conversion_clocks;
     front_end->tx_hz = tx_hz;
-    front_end->counts_per_farad = front_end->largest_count * 2.0 * TX_VOLT * tx_hz / idac_ampere * front_end->idac_gain;
-    front_end->conversion_time = (vtime)(front_end->largest_count / modulator_hz / clock_rate * (double)VTIME_SECOND);
+    front_end->counts_per_farad = front_end->max_count * 2.0 * TX_VOLT * tx_hz / idac_ampere * front_end->idac_gain;
+    front_end->conversion_time = (vtime)(front_end->max_count / modulator_hz / clock_rate * (double)VTIME_SECOND);
     for (uint16_t i = 0; i < front_end->taxel_count; i++) {
         struct front_end_taxel *taxel = &front_end->taxels[i];
         taxel->rest_hardware_count = (taxel->fixed_f + taxel->fringe_f) * front_end->counts_per_farad;
@@ -49,43 +50,43 @@ bool front_end_set(struct front_end *front_end, const struct front_end_setting *
     return true;
 }
 
-void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *settings, double clock_rate)
+void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *scan, double clock_rate)
 {
-    const struct front_end_setting setting = {
-        .period = (uint32_t)settings->sub_conversions * settings->sense_clock_divider,
-        .sense = settings->sense_clock_divider,
-        .sample = settings->modulator_clock_divider,
-        .idac_code = settings->idac_code,
+    const struct front_end_settings settings = {
+        .conversion_clocks = (uint32_t)scan->sub_conversions * scan->sense_clock_divider,
+        .sense_clocks = scan->sense_clock_divider,
+        .modulator_divider = scan->modulator_clock_divider,
+        .idac_code = scan->idac_code,
     };
-    front_end->setting.period = 0; /* what it was made from may have changed too: the gain of its current source */
-    (void)front_end_set(front_end, &setting, clock_rate);
-    front_end->settle_time = (vtime)(settings->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
+    front_end->settings.conversion_clocks = 0; /* forces the update: idac_gain may have changed since the last one */
+    (void)front_end_apply_settings(front_end, &settings, clock_rate);
+    front_end->settle_time = (vtime)(scan->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
 }
 
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise)
 {
-    const struct front_end_taxel *cell = &front_end->taxels[taxel];
-    double hardware_count = cell->rest_hardware_count;
+    const struct front_end_taxel *electrode = &front_end->taxels[taxel];
+    double hardware_count = electrode->rest_hardware_count;
     if (rise != 0.0) {
-        hardware_count += cell->fringe_f * rise * front_end->counts_per_farad;
+        hardware_count += electrode->fringe_f * rise * front_end->counts_per_farad;
     }
     return hardware_count;
 }
 
-double front_end_noise(struct front_end *front_end)
+double front_end_sample_noise(struct front_end *front_end)
 {
-    return front_end->noise_counts > 0.0 ? front_end->noise_counts * normals_next(front_end->normals) : 0.0;
+    return front_end->noise_counts > 0.0 ? front_end->noise_counts * normal_source_sample(front_end->normals) : 0.0;
 }
 
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count)
 {
-    /* raw = largest - hardware count: contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
-    const double raw = front_end->largest_count - floor(hardware_count);
-    return raw <= 0.0 ? 0 : raw >= front_end->largest_count ? (uint16_t)front_end->largest_count : (uint16_t)raw;
+    /* Contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
+    const double raw = front_end->max_count - floor(hardware_count);
+    return raw <= 0.0 ? 0 : raw >= front_end->max_count ? (uint16_t)front_end->max_count : (uint16_t)raw;
 }
 
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise)
 {
     const double hardware_count = front_end_hardware_count(front_end, taxel, rise);
-    return front_end_quantise(front_end, hardware_count + front_end_noise(front_end));
+    return front_end_quantise(front_end, hardware_count + front_end_sample_noise(front_end));
 }

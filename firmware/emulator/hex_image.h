@@ -1,12 +1,12 @@
-/* Images in Intel HEX: 32 KiB of flash. */
+/* Reads a firmware image in Intel HEX format into a buffer. */
 #ifndef EMULATOR_HEX_IMAGE_H
 #define EMULATOR_HEX_IMAGE_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* What the file says nothing about is 0, as erased flash is. Returns NULL, or what is wrong with the file; *line: where, 0 if it
- * could not be read at all. */
+/* Bytes that the file does not define are 0, like erased flash of a PSoC 4200. Returns NULL on success, otherwise the error message;
+ * *line is the line of the error, or 0 if the file cannot be read. */
 const char *hex_image_read(const char *path, uint8_t *bytes, size_t size, int *line);
 
 #endif

@@ -3,9 +3,9 @@
 #include <errno.h>
 #include <string.h>
 
-static int complain(const struct host_script *script, const char *what)
+static int report_error(const struct host_script *script, const char *message)
 {
-    fprintf(stderr, "host input %s: %s\n", script->path, what);
+    fprintf(stderr, "host input %s: %s\n", script->path, message);
     return -1;
 }
 
@@ -29,13 +29,13 @@ int host_script_open(struct host_script *script, const char *path)
     }
     script->file = fopen(path, "rb");
     if (!script->file) {
-        return complain(script, strerror(errno));
+        return report_error(script, strerror(errno));
     }
     if (fread(start, sizeof start, 1, script->file) != 1 || memcmp(start, "TAXELCAP", 8) != 0) {
-        return complain(script, "this is not a capture (it does not begin with TAXELCAP)");
+        return report_error(script, "expected a capture file that starts with TAXELCAP");
     }
     if (get_le(start + 8, 2) != 1u || fseek(script->file, (long)get_le(start + 12, 4), SEEK_CUR)) {
-        return complain(script, "its version is unknown or its header is damaged");
+        return report_error(script, "the capture's version is unknown or its header is damaged; expected version 1");
     }
     return host_script_advance(script);
 }
@@ -45,17 +45,17 @@ int host_script_advance(struct host_script *script)
     uint8_t head[12];
     script->next = VTIME_NEVER;
     if (fread(head, sizeof head, 1, script->file) != 1) {
-        return feof(script->file) ? 0 : complain(script, "cannot be read");
+        return feof(script->file) ? 0 : report_error(script, "the file cannot be read");
     }
     const uint64_t size = get_le(head + 8, 4);
     if (size > sizeof script->bytes) {
-        return complain(script, "a record is longer than 4096 bytes");
+        return report_error(script, "a record is longer than 4096 bytes, which is the maximum");
     }
     if (fread(script->bytes, 1, (size_t)size, script->file) != size) {
-        return complain(script, "ends inside a record");
+        return report_error(script, "the file is truncated: it ends inside a record");
     }
     script->size = (size_t)size;
-    script->next = get_le(head, 8) * 1000u;
+    script->next = get_le(head, 8) * VTIME_NS;
     return 0;
 }
 

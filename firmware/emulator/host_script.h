@@ -1,4 +1,4 @@
-/* What a host sends, with the virtual times at which it sends it: a capture file with the host's bytes in it. */
+/* Bytes that a scripted host sends at given virtual times, read from a capture file (format: protocol/SPEC.md). */
 #ifndef EMULATOR_HOST_SCRIPT_H
 #define EMULATOR_HOST_SCRIPT_H
 
@@ -12,13 +12,15 @@
 struct host_script {
     FILE *file; /* NULL: no script */
     const char *path;
-    vtime next; /* when the pending record is sent; VTIME_NEVER: none is left */
+    vtime next; /* when the current record is sent; VTIME_NEVER: no record is left */
     uint8_t bytes[HOST_SCRIPT_RECORD_MAX];
     size_t size;
 };
 
+/* `path` NULL: no script. Returns 0, or -1 after one error line on stderr. */
 int host_script_open(struct host_script *script, const char *path);
-/* Read the next record. Returns 0, or -1 after one line on stderr. */
+
+/* Read the next record. Returns 0, or -1 after one error line on stderr. */
 int host_script_advance(struct host_script *script);
 void host_script_close(struct host_script *script);
 

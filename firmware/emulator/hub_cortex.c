@@ -9,23 +9,23 @@
 static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
 {
     struct hub_node *node = context;
-    node->bus->clock = clock;
-    bus_step_start(node->bus, address_byte, now);
+    node->bus->scl_period = clock;
+    bus_bytewise_start(node->bus, address_byte, now);
 }
 
 static void on_i2c_write(void *context, uint8_t byte, vtime now)
 {
-    bus_step_write(((struct hub_node *)context)->bus, byte, now);
+    bus_bytewise_write(((struct hub_node *)context)->bus, byte, now);
 }
 
 static void on_i2c_read(void *context, vtime now)
 {
-    bus_step_read(((struct hub_node *)context)->bus, now);
+    bus_bytewise_read(((struct hub_node *)context)->bus, now);
 }
 
 static void on_i2c_stop(void *context, vtime now)
 {
-    bus_step_stop(((struct hub_node *)context)->bus, now);
+    bus_bytewise_stop(((struct hub_node *)context)->bus, now);
 }
 
 static void on_i2c_abort(void *context, vtime now)
@@ -35,42 +35,42 @@ static void on_i2c_abort(void *context, vtime now)
 
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
-    bus_drive(((struct hub_node *)context)->bus, scl_high, sda_high);
+    bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
 static bool on_i2c_scl(void *context, vtime now)
 {
-    return bus_scl(((struct hub_node *)context)->bus, now);
+    return bus_is_scl_high(((struct hub_node *)context)->bus, now);
 }
 
 static bool on_i2c_sda(void *context, vtime now)
 {
     (void)now;
-    return bus_sda(((struct hub_node *)context)->bus);
+    return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
 static void on_uart_kick(void *context, vtime now)
 {
-    uart_kick(((struct hub_node *)context)->uart, now);
+    uart_start_transmit(((struct hub_node *)context)->uart, now);
 }
 
 static void on_uart_hold(void *context, bool hold, vtime now)
 {
     struct hub_node *node = context;
     if (node->rts_is_wired) {
-        uart_hold(node->uart, hold, now);
+        uart_set_hold(node->uart, hold, now);
     }
 }
 
-static void to_uart(void *context, uint8_t byte)
+static void on_uart_byte(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
     hub_cortex_run(node, node->uart->receive_next);
     psoc_uart_receive(node->psoc, byte);
 }
 
-/* One byte at a time, as the shift register takes them. */
-static size_t from_uart(void *context, uint8_t *bytes, size_t size)
+/* Returns at most one byte, because the shift register reads the FIFO byte by byte. */
+static size_t pull_uart_byte(void *context, uint8_t *bytes, size_t size)
 {
     struct hub_node *node = context;
     hub_cortex_run(node, node->uart->transmit_next);
@@ -84,7 +84,7 @@ int hub_cortex_open(struct hub_node *node, const struct world_description *world
         .flash = &node->boot.flash,
         .clock_rate = node->clock_rate,
         .seed = world->seed,
-        .reset_time = BOOT_NODE_INIT,
+        .reset_time = BOOT_NODE_INIT_TIME,
         .wires =
             {
                 .context = node,
@@ -104,7 +104,7 @@ int hub_cortex_open(struct hub_node *node, const struct world_description *world
     node->rts_is_wired = world->flow_control;
     node->psoc = malloc(sizeof *node->psoc);
     if (!node->psoc || psoc_init(node->psoc, &config)) {
-        fprintf(stderr, "hub: out of memory\n");
+        fprintf(stderr, "hub: out of memory for its processor\n");
         return -1;
     }
     return 0;
@@ -119,24 +119,23 @@ void hub_cortex_close(struct hub_node *node)
     }
 }
 
-void hub_cortex_power(struct hub_node *node, bool on, vtime now, uint8_t reset_cause)
+void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(node->psoc);
     boot_node_power_off(&node->boot, now);
-    node->uart->user = (struct uart_user){.context = node, .on_byte = to_uart, .pull = from_uart};
+    node->uart->user = (struct uart_user){.context = node, .on_byte = on_uart_byte, .pull = pull_uart_byte};
     if (on) {
         psoc_power_on(node->psoc, now, reset_bits(reset_cause));
     }
 }
 
-/* Until that time, also if it acts on its wires before. */
 void hub_cortex_run(struct hub_node *node, vtime until)
 {
-    while (node->powered && psoc_run(node->psoc, until)) {
+    while (node->is_powered && psoc_run(node->psoc, until)) {
     }
 }
 
-void hub_cortex_bus_event(struct hub_node *node, vtime now)
+void hub_cortex_on_bus_event(struct hub_node *node, vtime now)
 {
     static const enum psoc_i2c_event events[] = {
         [BUS_ACKNOWLEDGED] = PSOC_I2C_ACK,
@@ -147,7 +146,7 @@ void hub_cortex_bus_event(struct hub_node *node, vtime now)
         [BUS_ERROR] = PSOC_I2C_BUS_ERROR,
     };
     hub_cortex_run(node, now);
-    psoc_i2c_event(node->psoc, now, events[node->bus->event], node->bus->byte);
+    psoc_i2c_on_event(node->psoc, now, events[node->bus->event], node->bus->byte);
 }
 
 void hub_cortex_stall(struct hub_node *node, vtime until)

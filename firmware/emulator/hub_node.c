@@ -8,7 +8,7 @@
 
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
-static vtime cycles(const struct hub_node *node, double count)
+static vtime cycles_to_time(const struct hub_node *node, double count)
 {
     return (vtime)(count / CPU_HZ / node->clock_rate * (double)VTIME_SECOND);
 }
@@ -21,7 +21,7 @@ static void wake_not_after(struct hub_node *node, vtime time)
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct hub_node *node = context;
-    bus_start(node->bus, BUS_HUB, transfer, node->now);
+    bus_start_transfer(node->bus, BUS_HUB, transfer, node->now);
 }
 
 static void on_i2c_abort(void *context)
@@ -32,30 +32,30 @@ static void on_i2c_abort(void *context)
 
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
-    bus_drive(((struct hub_node *)context)->bus, scl_high, sda_high);
+    bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
 static bool on_i2c_scl(void *context)
 {
     const struct hub_node *node = context;
-    return bus_scl(node->bus, node->now);
+    return bus_is_scl_high(node->bus, node->now);
 }
 
 static bool on_i2c_sda(void *context)
 {
-    return bus_sda(((struct hub_node *)context)->bus);
+    return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
 static void on_uart_kick(void *context)
 {
     struct hub_node *node = context;
-    uart_kick(node->uart, node->now);
+    uart_start_transmit(node->uart, node->now);
 }
 
 static void on_uart_hold(void *context, bool hold)
 {
     struct hub_node *node = context;
-    uart_hold(node->uart, hold, node->now);
+    uart_set_hold(node->uart, hold, node->now);
 }
 
 static uint64_t on_clock_us(void *context)
@@ -79,34 +79,34 @@ static void on_wake_at(void *context, uint64_t clock_us)
 
 static void on_restart(void *context)
 {
-    ((struct hub_node *)context)->restart_wanted = true;
+    ((struct hub_node *)context)->restart_requested = true;
 }
 
 static void on_enter_bootloader(void *context)
 {
     struct hub_node *node = context;
-    node->boot.stay = true;
-    node->restart_wanted = true;
+    node->boot.stay_requested = true;
+    node->restart_requested = true;
 }
 
-static void to_hub(void *context, uint8_t byte)
+static void on_byte_for_hub(void *context, uint8_t byte)
 {
     taxel_hub_on_uart_byte(context, byte);
 }
 
-static size_t from_hub(void *context, uint8_t *bytes, size_t size)
+static size_t pull_from_hub(void *context, uint8_t *bytes, size_t size)
 {
     return taxel_hub_uart_pull(context, bytes, size);
 }
 
-static void to_bootloader(void *context, uint8_t byte)
+static void on_byte_for_bootloader(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
-    node->boot.now = vtime_max(node->uart->receive_next, node->boot.reset_at); /* its clock: gaps between bytes count */
+    node->boot.now = vtime_max(node->uart->receive_next, node->boot.reset_at); /* the bootloader measures gaps between bytes */
     taxel_boot_uart_on_byte(&node->boot.uart, byte);
 }
 
-static size_t from_bootloader(void *context, uint8_t *bytes, size_t size)
+static size_t pull_from_bootloader(void *context, uint8_t *bytes, size_t size)
 {
     return taxel_boot_uart_pull(&((struct hub_node *)context)->boot.uart, bytes, size);
 }
@@ -116,7 +116,7 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
     memset(node, 0, sizeof *node);
     node->bus = bus;
     node->uart = uart;
-    node->power_back_at = VTIME_NEVER;
+    node->power_return_time = VTIME_NEVER;
     node->clock_rate = 1.0 + world->hub_clock_ppm * 1e-6;
     node->clock_start_us = world->hub_clock_start_us;
     node->hal = (struct taxel_hub_hal){
@@ -157,32 +157,32 @@ void hub_node_free(struct hub_node *node)
 
 static void start_application(struct hub_node *node)
 {
-    node->runs = RUNS_APPLICATION;
+    node->program = PROGRAM_APPLICATION;
     node->has_confirmed = false;
     node->booted = node->now = node->cpu_free = node->wake = node->boot.now;
-    memcpy(node->firmware_version, boot_node_version(&node->boot), sizeof node->firmware_version);
-    node->uart->user = (struct uart_user){.context = &node->hub, .on_byte = to_hub, .pull = from_hub};
-    taxel_hub_init(&node->hub, &node->config, node->boot.cause);
+    memcpy(node->firmware_version, boot_node_get_version(&node->boot), sizeof node->firmware_version);
+    node->uart->user = (struct uart_user){.context = &node->hub, .on_byte = on_byte_for_hub, .pull = pull_from_hub};
+    taxel_hub_init(&node->hub, &node->config, node->boot.reset_cause);
 }
 
-static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)
+static void handle_boot_outcome(struct hub_node *node, enum boot_outcome outcome)
 {
-    const vtime deadline = boot_node_deadline(&node->boot);
+    const vtime deadline = boot_node_next_deadline(&node->boot);
     switch (outcome) {
-    case BOOT_NODE_STARTS:
+    case BOOT_STARTS_IMAGE:
         start_application(node);
         break;
-    case BOOT_NODE_HANGS:
-        node->runs = RUNS_NOTHING;
-        node->wake = node->boot.now + BOOT_NODE_WATCHDOG;
+    case BOOT_STARTS_HANGING_IMAGE:
+        node->program = PROGRAM_HANGING;
+        node->wake = node->boot.now + BOOT_NODE_WATCHDOG_TIME;
         break;
-    case BOOT_NODE_RESTARTS:
+    case BOOT_RESTARTS:
         hub_node_boot(node, node->boot.now, TAXEL_RESET_CAUSE_COMMAND);
         break;
     default:
-        node->runs = RUNS_BOOTLOADER;
+        node->program = PROGRAM_BOOTLOADER;
         node->wake = deadline;
-        node->uart->user = (struct uart_user){.context = node, .on_byte = to_bootloader, .pull = from_bootloader};
+        node->uart->user = (struct uart_user){.context = node, .on_byte = on_byte_for_bootloader, .pull = pull_from_bootloader};
         break;
     }
 }
@@ -190,35 +190,35 @@ static void after_boot(struct hub_node *node, enum boot_node_outcome outcome)
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
     bus_abort(node->bus, BUS_HUB, now);
-    uart_hold(node->uart, false, now);
+    uart_set_hold(node->uart, false, now);
     if (node->psoc) {
-        node->powered = true;
-        hub_cortex_power(node, true, now, reset_cause);
+        node->is_powered = true;
+        hub_cortex_set_power(node, true, now, reset_cause);
         return;
     }
-    if (node->powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
-        boot_node_power_off(&node->boot, now); /* a brown-out */
+    if (node->is_powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
+        boot_node_power_off(&node->boot, now); /* brown-out reset */
     }
-    node->powered = true;
-    node->restart_wanted = false;
+    node->is_powered = true;
+    node->restart_requested = false;
     node->booted = node->now = node->cpu_free = now;
     node->wake = VTIME_NEVER;
-    after_boot(node, boot_node_reset(&node->boot, now, reset_cause));
+    handle_boot_outcome(node, boot_node_reset(&node->boot, now, reset_cause));
 }
 
-/* The bootloader's main loop, and what it has to say. */
+/* One pass of the bootloader's main loop; then transmit its response. Or reset a hanging image. */
 static void run_bootloader(struct hub_node *node, vtime now)
 {
     node->now = now;
     node->wake = VTIME_NEVER;
-    if (node->runs == RUNS_NOTHING) {
+    if (node->program == PROGRAM_HANGING) {
         hub_node_boot(node, now, TAXEL_RESET_CAUSE_WATCHDOG);
         return;
     }
-    after_boot(node, boot_node_run(&node->boot, now));
+    handle_boot_outcome(node, boot_node_run(&node->boot, now));
     node->cpu_free = vtime_max(node->cpu_free, node->boot.busy_until);
-    if (node->runs == RUNS_BOOTLOADER) {
-        uart_kick(node->uart, vtime_max(now, node->boot.busy_until));
+    if (node->program == PROGRAM_BOOTLOADER) {
+        uart_start_transmit(node->uart, vtime_max(now, node->boot.busy_until));
     }
 }
 
@@ -226,13 +226,13 @@ void hub_node_unplug(struct hub_node *node, vtime now)
 {
     bus_abort(node->bus, BUS_HUB, now);
     if (node->psoc) {
-        hub_cortex_power(node, false, now, TAXEL_RESET_CAUSE_POWER_ON);
+        hub_cortex_set_power(node, false, now, TAXEL_RESET_CAUSE_POWER_ON);
     }
     boot_node_power_off(&node->boot, now);
-    node->powered = false;
+    node->is_powered = false;
     node->wake = VTIME_NEVER;
-    uart_hold(node->uart, false, now);
-    uart_hub_is_gone(node->uart);
+    uart_set_hold(node->uart, false, now);
+    uart_stop_transmit(node->uart);
 }
 
 void hub_node_stall(struct hub_node *node, vtime until)
@@ -244,48 +244,48 @@ void hub_node_stall(struct hub_node *node, vtime until)
     node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
-void hub_node_i2c_done(struct hub_node *node, vtime now)
+void hub_node_on_i2c_done(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
-        hub_cortex_bus_event(node, now);
+        hub_cortex_on_bus_event(node, now);
         return;
     }
-    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_MASTER_DONE);
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_MASTER_DONE);
     taxel_hub_on_i2c_done(&node->hub, node->bus->result);
-    wake_not_after(node, now + cycles(node, COST_MASTER_DONE));
+    wake_not_after(node, now + cycles_to_time(node, COST_MASTER_DONE));
 }
 
-void hub_node_uart_received(struct hub_node *node, vtime now)
+void hub_node_on_uart_received(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
-        return; /* it has taken its time */
+        return; /* the executed image has run its own interrupt */
     }
-    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT);
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT);
     wake_not_after(node, node->cpu_free);
 }
 
-void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes)
+void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
     if (node->psoc) {
         return;
     }
-    node->cpu_free = vtime_max(node->cpu_free, now) + cycles(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
+    node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
-/* An image on trial that has has agreed on a version with a host and taken a command works. The row is written between two passes. */
-static void confirm(struct hub_node *node)
+/* Confirm an image on trial once a host has completed the handshake and sent a command. The flash row is written between two passes. */
+static void confirm_image(struct hub_node *node)
 {
     if (node->has_confirmed || !node->hub.version || !node->hub.inbox.commands) {
         return;
     }
     node->has_confirmed = true;
-    node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm(&node->boot, node->now));
+    node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm_image(&node->boot, node->now));
 }
 
-vtime hub_node_next(const struct hub_node *node)
+vtime hub_node_next_time(const struct hub_node *node)
 {
     if (node->psoc) {
-        return psoc_next(node->psoc);
+        return psoc_next_event(node->psoc);
     }
     return node->wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(node->wake, node->cpu_free);
 }
@@ -293,24 +293,24 @@ vtime hub_node_next(const struct hub_node *node)
 void hub_node_run(struct hub_node *node, vtime horizon)
 {
     if (node->psoc) {
-        (void)psoc_run(node->psoc, vtime_max(horizon, hub_node_next(node) + 1u)); /* an instruction at least */
+        (void)psoc_run(node->psoc, vtime_max(horizon, hub_node_next_time(node) + 1u)); /* at least one instruction */
         return;
     }
     const uint32_t sent = node->hub.outbox.bytes_sent;
     const vtime start = vtime_max(node->wake, node->cpu_free);
-    if (node->runs != RUNS_APPLICATION) {
+    if (node->program != PROGRAM_APPLICATION) {
         run_bootloader(node, start);
         return;
     }
     node->wake = VTIME_NEVER;
-    node->now = start + cycles(node, COST_HUB_PASS);
+    node->now = start + cycles_to_time(node, COST_HUB_PASS);
     taxel_hub_run(&node->hub);
-    /* Checking and framing come after the next transfer has been started, so they cost the CPU but not the bus. */
-    const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent)); /* less: frames were dropped after all */
-    node->cpu_free = node->now + cycles(node, framed * COST_HUB_FRAME_BYTE);
-    if (node->restart_wanted) {
+    /* The hub checks and frames a snapshot after it has started the next transfer: this occupies the CPU, but not the bus. */
+    const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent)); /* negative if frames were dropped */
+    node->cpu_free = node->now + cycles_to_time(node, framed * COST_HUB_FRAME_BYTE);
+    if (node->restart_requested) {
         hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);
         return;
     }
-    confirm(node);
+    confirm_image(node);
 }

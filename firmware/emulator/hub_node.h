@@ -1,4 +1,5 @@
-/* The emulated hub: the real hub firmware, its bus and UART, and a CPU that takes time. */
+/* The emulated hub: the hub firmware, compiled natively, with its bus, its UART and a CPU whose work takes time. A hub with an image
+ * executes the image instead (hub_cortex.h). */
 #ifndef EMULATOR_HUB_NODE_H
 #define EMULATOR_HUB_NODE_H
 
@@ -15,10 +16,10 @@
 
 struct hub_node {
     struct boot_node boot;
-    struct psoc *psoc; /* NULL: this program's own firmware runs, else an image is executed (hub_cortex.h) */
+    struct psoc *psoc; /* NULL: natively compiled firmware; otherwise an image is executed (hub_cortex.h) */
     bool rts_is_wired;
-    enum boot_node_runs runs;
-    bool has_confirmed;
+    enum running_program program;
+    bool has_confirmed; /* the running image has been confirmed */
     struct taxel_hub hub;
     struct taxel_hub_config config;
     uint8_t firmware_version[3];
@@ -31,30 +32,34 @@ struct hub_node {
     double clock_rate;
     double clock_start_us;
     vtime booted;
-    vtime now; /* while firmware runs: the time it sees */
-    vtime cpu_free;
-    vtime wake; /* when the main loop next has something to do */
-    vtime power_back_at; /* after a planned cut */
-    bool restart_wanted;
-    bool powered;
+    vtime now;               /* the time that the firmware sees while it runs */
+    vtime cpu_free;          /* end of the work that occupies the CPU */
+    vtime wake;              /* when the main loop next has work */
+    vtime power_return_time; /* after a planned power cut */
+    bool restart_requested;
+    bool is_powered;
 };
 
-/* Returns 0, or -1 without memory. */
+/* Returns 0, or -1 after an error line on stderr (out of memory). */
 int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world);
 void hub_node_free(struct hub_node *node);
+
+/* Power-up or reset. */
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
+
+/* Power loss. */
 void hub_node_unplug(struct hub_node *node, vtime now);
 
-/* The CPU is busy with something else until then. */
+/* Fault: other work occupies the CPU until then. */
 void hub_node_stall(struct hub_node *node, vtime until);
 
-/* Interrupts, at the time they are raised. */
-void hub_node_i2c_done(struct hub_node *node, vtime now);
-void hub_node_uart_received(struct hub_node *node, vtime now);
-void hub_node_uart_sent(struct hub_node *node, vtime now, size_t bytes);
+/* Interrupts, at the time at which they are raised. */
+void hub_node_on_i2c_done(struct hub_node *node, vtime now);
+void hub_node_on_uart_received(struct hub_node *node, vtime now);
+void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes);
 
-/* When its main loop next has something to do, and one pass of it; an executed hub runs on to `horizon`, or until it acts. */
-vtime hub_node_next(const struct hub_node *node);
+/* When the main loop next has work; and one pass of it at that time. An executed hub runs up to `horizon`, or until it drives a wire. */
+vtime hub_node_next_time(const struct hub_node *node);
 void hub_node_run(struct hub_node *node, vtime horizon);
 
 #endif

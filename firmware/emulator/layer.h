@@ -1,41 +1,43 @@
-/* The dielectric: how a normal force on one taxel changes what its fringe field passes through.
+/* The dielectric layer above the electrodes: compression and relative rise of the permittivity under a normal force or pressure.
  *
- * Silicone pillars stand in air. Pressure shortens them (neo-Hookean in compression), the air between them goes, and the
- * layer's permittivity rises from that of the mixture to that of solid silicone: steep at first, then saturating. */
+ * Silicone pillars stand in air on a solid silicone sheet. Pressure compresses the pillars (neo-Hookean) and displaces the air, so that
+ * the permittivity of the layer rises from that of the mixture to that of solid silicone: steeply at first, then it saturates. The
+ * sheet bears load, but the field of the electrodes does not pass through it. Equations: docs/effects-physics.md. */
 #ifndef EMULATOR_LAYER_H
 #define EMULATOR_LAYER_H
 
 #define LAYER_PILLAR_HEIGHT_M 0.0008 /* thesis, section 3.2 */
-#define LAYER_SHEET_HEIGHT_M 0.0012  /* the silicone that they stand on; with it the layer is near 1 mm under 50 N (4.2.1) */
+#define LAYER_SHEET_HEIGHT_M 0.0012  /* sheet below the pillars; the whole layer is near 1 mm under 50 N (thesis, 4.2.1) */
 
-/* Prepare the curve; must be called once before what follows. */
+/* Compute the tables. Must be called once before any other function of this header. */
 void layer_init(void);
 
-/* Relative rise of the layer's permittivity, 0 at no force, for a force in newtons on one taxel's 5 mm x 5 mm cell. */
-double layer_permittivity_rise(double force_n);
+/* Relative rise of the permittivity (0 without force) under a force in newtons on the 5 mm x 5 mm area of one taxel. */
+double layer_rise_at_force(double force_n);
 
-/* Pressure (pascal) that compresses the pillars by so many metres, and its rise with compression (pascal a metre). Beyond
- * the last of the air the curve goes on as a steep line, so that a solver always gets an answer. */
+/* Pressure (Pa) at a compression of the pillars (m), and its derivative (Pa/m). Beyond the compression that leaves almost no air, the
+ * curve continues as a steep line, so that a solver always gets a finite value. */
 double layer_pressure(double compression_m);
 double layer_stiffness(double compression_m);
 
-/* The way back, up to 16 MPa: compression (metres) under a pressure (pascal). */
+/* Inverse of layer_pressure(), for up to 16 MPa: compression of the pillars (m) under a pressure (Pa). */
 double layer_compression(double pressure_pa);
 
-/* Work that it took to compress an area so far: the integral of layer_pressure(), joule a square metre. */
+/* Work per area (J/m^2) of a compression: the integral of layer_pressure(). */
 double layer_work(double compression_m);
 
-/* Relative rise of the permittivity at a compression or under a pressure: layer_permittivity_rise() of the force that makes
- * them, to 3e-5 of it and 1e-7. */
-double layer_compression_rise(double compression_m);
-double layer_pressure_rise(double pressure_pa);
+/* Relative rise of the permittivity at a compression or under a pressure. Agrees with layer_rise_at_force() within a relative error of
+ * 3e-5 plus 1e-7. */
+double layer_rise_at_compression(double compression_m);
+double layer_rise_at_pressure(double pressure_pa);
 
-/* Share of the layer's volume that is air at such a rise, and the layer's relative permittivity at rest. */
-double layer_pores(double rise);
-double layer_permittivity(void);
+/* Volume fraction of air in the layer at a relative rise of the permittivity. */
+double layer_air_fraction(double rise);
 
-/* What the whole layer, pillars and the sheet under them, presses back with when an object sinks in by so many metres
- * (pascal), and its rise (pascal a metre). The sheet is solid: it bears, but the electrodes' field does not notice it. */
+/* Relative permittivity of the uncompressed layer. */
+double layer_rest_permittivity(void);
+
+/* Pressure (Pa) of the whole layer, pillars and sheet, at an indentation (m), and its derivative (Pa/m). */
 double layer_contact_pressure(double compression_m);
 double layer_contact_stiffness(double compression_m);
 

@@ -13,8 +13,8 @@
 #include "emulator/world.h"
 
 #define REAL_TIME_STEP_MS 1
-#define DURATION_MAX_S 1e7 /* virtual time holds 213 days of picoseconds */
-#define FAST_STEP (2u * VTIME_MS) /* how often a fast world looks for bytes from the host */
+#define DURATION_MAX_S 1e7 /* below the 213 days that a vtime can represent */
+#define FAST_STEP (2u * VTIME_MS) /* in fast mode, virtual time between two checks for bytes from the host */
 
 struct options {
     const char *world;
@@ -37,18 +37,18 @@ static void on_signal(int number)
     endpoint_stop_waiting = 1;
 }
 
-static int usage(const char *what)
+static int report_usage(const char *message)
 {
     fprintf(stderr,
             "usage: taxel-emulator --world FILE [--stimulus FILE|fd:N] [--live] [--uart pty|fd:N|capture:FILE|none]\n"
             "                      [--host-input CAPTURE] [--fast] [--duration SECONDS] [--threads N]\n"
             "                      [--stats FILE]\n"
-            "taxel-emulator: %s\n", /* last: callers show the last line */
-            what);
+            "taxel-emulator: %s\n", /* in the last line, because callers show the last line */
+            message);
     return -1;
 }
 
-static int parse(struct options *options, int argc, char **argv)
+static int parse_options(struct options *options, int argc, char **argv)
 {
     *options = (struct options){.uart = "pty", .duration = DURATION_MAX_S, .threads = 1};
     for (int i = 1; i < argc; i++) {
@@ -62,7 +62,7 @@ static int parse(struct options *options, int argc, char **argv)
             continue;
         }
         if (i + 1 == argc) {
-            return usage("an option is unknown or lacks its value");
+            return report_usage("an option is unknown or lacks its value");
         }
         const char *value = argv[++i];
         if (strcmp(name, "--world") == 0) {
@@ -80,16 +80,16 @@ static int parse(struct options *options, int argc, char **argv)
         } else if (strcmp(name, "--threads") == 0) {
             options->threads = strtoul(value, NULL, 10);
         } else {
-            return usage("an option is unknown or lacks its value");
+            return report_usage("an option is unknown or lacks its value");
         }
     }
     if (!(options->duration > 0.0 && options->duration <= DURATION_MAX_S)) {
-        return usage("--duration must be a number of seconds up to 1e7");
+        return report_usage("--duration: expected a number of seconds from 0 to 1e7");
     }
     if (options->threads < 1 || options->threads > THREAD_POOL_THREADS_MAX) {
-        return usage("--threads must be a number from 1 to 16"); /* THREAD_POOL_THREADS_MAX */
+        return report_usage("--threads: expected a number from 1 to 16"); /* THREAD_POOL_THREADS_MAX */
     }
-    return options->world ? 0 : usage("--world is needed");
+    return options->world ? 0 : report_usage("--world: expected the path of a world file");
 }
 
 static int open_stimulus(struct stimulus *stimulus, const struct options *options, size_t taxels)
@@ -107,7 +107,7 @@ static int open_stimulus(struct stimulus *stimulus, const struct options *option
     return stimulus_open(stimulus, fd, options->stimulus ? options->stimulus : "none", taxels, options->live);
 }
 
-static double seconds_now(void)
+static double read_clock_s(void)
 {
     struct timespec time;
     clock_gettime(CLOCK_MONOTONIC, &time);
@@ -119,8 +119,9 @@ static void sleep_ms(int milliseconds)
     (void)poll(NULL, 0, milliseconds);
 }
 
-/* Fast only while the hub streams to somebody: with nothing to wait for, virtual time would run away from the host. */
-static bool may_hurry(const struct options *options, const struct world *world)
+/* Whether virtual time may run faster than real time. With an interactive host it may only while the hub streams: otherwise virtual time
+ * would advance without limit while the host prepares its next command. */
+static bool can_run_fast(const struct options *options, const struct world *world)
 {
     const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;
     return options->fast && (!interactive || world->hub.hub.streaming);
@@ -129,17 +130,17 @@ static bool may_hurry(const struct options *options, const struct world *world)
 static int run(struct world *world, const struct options *options)
 {
     const vtime end = (vtime)(options->duration * (double)VTIME_SECOND);
-    double last = seconds_now();
-    while (world->now < end && !stop_requested && !world->endpoint->client_gone) {
+    double last_s = read_clock_s();
+    while (world->now < end && !stop_requested && !world->endpoint->has_client_left) {
         vtime step = FAST_STEP;
-        if (world_poll(world)) {
+        if (world_poll_inputs(world)) {
             return -1;
         }
-        if (!may_hurry(options, world)) {
+        if (!can_run_fast(options, world)) {
             sleep_ms(REAL_TIME_STEP_MS);
-            step = (vtime)((seconds_now() - last) * (double)VTIME_SECOND);
+            step = (vtime)((read_clock_s() - last_s) * (double)VTIME_SECOND);
         }
-        last = seconds_now();
+        last_s = read_clock_s();
         if (world_run(world, vtime_min(end, world->now + step))) {
             return -1;
         }
@@ -157,7 +158,7 @@ int main(int argc, char **argv)
     static struct host_script script;
     static struct thread_pool thread_pool;
     struct options options;
-    if (parse(&options, argc, argv)) {
+    if (parse_options(&options, argc, argv)) {
         return 2;
     }
     signal(SIGPIPE, SIG_IGN);
@@ -165,7 +166,7 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     layer_init();
     if (world_file_read(&description, options.world) ||
-        open_stimulus(&stimulus, &options, world_taxels(&description)) || endpoint_open(&endpoint, options.uart, description.baud) ||
+        open_stimulus(&stimulus, &options, world_taxel_count(&description)) || endpoint_open(&endpoint, options.uart, description.baud) ||
         host_script_open(&script, options.host_input)) {
         return 1;
     }
@@ -178,9 +179,9 @@ int main(int argc, char **argv)
         printf("%s\n", endpoint.pty_name);
         fflush(stdout);
     }
-    const double started = seconds_now();
+    const double start_s = read_clock_s();
     int result = run(&world, &options);
-    if (options.statistics && world_write_statistics(&world, options.statistics, seconds_now() - started)) {
+    if (options.statistics && world_write_statistics(&world, options.statistics, read_clock_s() - start_s)) {
         result = -1;
     }
     endpoint_close(&endpoint);

@@ -1,5 +1,7 @@
-/* The factor of Marsaglia's polar method (1964), sqrt(-2 log(s) / s) of an s in (0, 1). The logarithm is worked out here, so that
- * numbers repeat to the bit whatever the C library, and so that a compiler can do several at a time. */
+/* The factor of Marsaglia's polar method (1964): sqrt(-2 log(s) / s) for s in (0, 1).
+ *
+ * The logarithm is computed here and not by the C library: the results are then identical to the bit with every C library, and the
+ * compiler can vectorise the computation. */
 #ifndef EMULATOR_POLAR_H
 #define EMULATOR_POLAR_H
 
@@ -11,22 +13,22 @@
 #define POLAR_SQRT_2 1.41421356237309504880
 #define POLAR_MANTISSA 0x000FFFFFFFFFFFFFull
 #define POLAR_ONE 0x3FF0000000000000ull
-#define POLAR_2_52 0x4330000000000000ull /* of 2^52: an integer below that, in its mantissa, is a double less 2^52 */
+#define POLAR_2_52 0x4330000000000000ull /* bits of 2^52; with an integer n < 2^52 in the mantissa they are the double 2^52 + n */
 
-static inline double polar_double(uint64_t bits)
+static inline double polar_bits_to_double(uint64_t bits)
 {
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
 }
 
-/* log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)), m within sqrt(2) of 1; the series ends below 1e-17. */
+/* log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)) with m between sqrt(1/2) and sqrt(2); the truncated terms are below 1e-17. */
 static inline double polar_log(double s)
 {
     uint64_t bits;
     memcpy(&bits, &s, sizeof bits);
-    const double mantissa = polar_double((bits & POLAR_MANTISSA) | POLAR_ONE);
-    const double exponent = polar_double((bits >> 52) | POLAR_2_52) - (0x1.0p52 + 1023.0);
+    const double mantissa = polar_bits_to_double((bits & POLAR_MANTISSA) | POLAR_ONE);
+    const double exponent = polar_bits_to_double((bits >> 52) | POLAR_2_52) - (0x1.0p52 + 1023.0);
     const double halved = mantissa > POLAR_SQRT_2 ? 1.0 : 0.0;
     const double m = mantissa - halved * 0.5 * mantissa;
     const double x = (m - 1.0) / (m + 1.0), square = x * x;

@@ -1,40 +1,40 @@
 #include "emulator/power_cuts.h"
 
-static vtime hub_event(const struct hub_node *hub)
+static vtime next_hub_power_event(const struct hub_node *hub)
 {
-    return vtime_min(hub->boot.flash.cut_at, hub->power_back_at);
+    return vtime_min(hub->boot.flash.cut_time, hub->power_return_time);
 }
 
-vtime power_cuts_next(const struct world *world)
+vtime power_cuts_next_time(const struct world *world)
 {
-    vtime next = hub_event(&world->hub);
+    vtime next = next_hub_power_event(&world->hub);
     for (size_t i = 0; i < world->board_count; i++) {
-        next = vtime_min(next, board_power_event(&world->boards[i]));
+        next = vtime_min(next, board_next_power_event(&world->boards[i]));
     }
     return next;
 }
 
-static void cut_hub(struct hub_node *hub, vtime now)
+static void run_hub_power_event(struct hub_node *hub, vtime now)
 {
-    if (now == hub->power_back_at) {
-        hub->power_back_at = VTIME_NEVER;
+    if (now == hub->power_return_time) {
+        hub->power_return_time = VTIME_NEVER;
         hub_node_boot(hub, now, TAXEL_RESET_CAUSE_POWER_ON);
     } else {
-        hub->power_back_at = now + hub->boot.flash.off;
+        hub->power_return_time = now + hub->boot.flash.off_time;
         hub_node_unplug(hub, now);
     }
 }
 
-void power_cuts_make(struct world *world, vtime now)
+void power_cuts_run(struct world *world, vtime now)
 {
     for (size_t i = 0; i < world->board_count; i++) {
-        if (board_power_event(&world->boards[i]) <= now) {
+        if (board_next_power_event(&world->boards[i]) <= now) {
             board_advance(&world->boards[i], now);
-            board_power_events(&world->boards[i], now);
+            board_run_power_events(&world->boards[i], now);
         }
     }
-    while (hub_event(&world->hub) <= now) {
-        cut_hub(&world->hub, hub_event(&world->hub));
+    while (next_hub_power_event(&world->hub) <= now) {
+        run_hub_power_event(&world->hub, next_hub_power_event(&world->hub));
     }
 }
 

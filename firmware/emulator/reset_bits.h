@@ -1,4 +1,4 @@
-/* Causes of a reset (protocol) as RES_CAUSE of a PSoC 4200 shows them (boards/psoc4200/regs/srss.h). */
+/* Reset causes of the protocol as bits of the register RES_CAUSE of a PSoC 4200 (boards/psoc4200/regs/srss.h). */
 #ifndef EMULATOR_RESET_BITS_H
 #define EMULATOR_RESET_BITS_H
 
@@ -14,7 +14,7 @@ static inline uint32_t reset_bits(uint8_t cause)
     case TAXEL_RESET_CAUSE_BROWN_OUT:
         return 1u << 5;
     default:
-        return 0; /* power-on leaves no bit */
+        return 0; /* a power-on reset sets no bit */
     }
 }
 

@@ -1,6 +1,8 @@
-/* The hub's UART and the USB adapter behind it, in virtual time: 10 bits a byte; the adapter sends a packet when 62 bytes are
- * together or its latency timer has run out, and takes no more (CTS) while its buffer is full. Asked to hold back (RTS), it
- * still sends what its transmitter has begun; then its buffer fills, and the host waits. */
+/* The hub's UART and the USB adapter behind it, in virtual time.
+ *
+ * A byte takes 10 bit times. The adapter sends a USB packet to the host when 62 bytes are complete or its latency timer has expired, and
+ * deasserts CTS while its buffer is full. When the hub deasserts RTS, the adapter still sends the characters that its transmitter has
+ * already taken; then its buffer fills, and the host has to wait. */
 #ifndef EMULATOR_UART_H
 #define EMULATOR_UART_H
 
@@ -9,22 +11,22 @@
 #include <stdint.h>
 
 #include "emulator/endpoint.h"
-#include "emulator/line_faults.h"
+#include "emulator/uart_faults.h"
 #include "emulator/vtime.h"
 #include "emulator/world_file.h"
 #include "hub/hub.h"
 
-#define UART_FIFO 8u
-#define USB_PACKET 62u /* payload of a 64-byte full-speed packet of the common adapters */
-#define USB_BUFFER 4096u
-#define UART_RECEIVE_BUFFER 8192u
-#define UART_SENT_AFTER_HOLD 3u /* estimate: the character in the shift register and those ready before it */
+#define UART_FIFO_SIZE 8u
+#define USB_PACKET_SIZE 62u /* payload of a 64-byte full-speed packet of the usual adapters */
+#define USB_BUFFER_SIZE 4096u
+#define UART_RECEIVE_BUFFER_SIZE 8192u
+#define UART_BYTES_AFTER_HOLD 3u /* estimate: the character in the shift register and the next ones in the transmitter's FIFO */
 
-/* Whoever has the UART on the hub's side: its firmware, or its bootloader. */
+/* The program on the hub's side of the UART: firmware or bootloader. */
 struct uart_user {
     void *context;
     void (*on_byte)(void *context, uint8_t byte);
-    size_t (*pull)(void *context, uint8_t *bytes, size_t size);
+    size_t (*pull)(void *context, uint8_t *bytes, size_t size); /* copies up to `size` bytes to transmit; returns their number */
 };
 
 struct uart {
@@ -33,43 +35,49 @@ struct uart {
     vtime byte_time;
     vtime usb_latency;
 
-    vtime transmit_next; /* when the transmitter has room again; VTIME_NEVER: idle or held back */
-    bool held_back;      /* CTS */
-    uint8_t packet[USB_BUFFER];
+    /* hub to host */
+    vtime transmit_next; /* when the transmit FIFO is refilled; VTIME_NEVER: idle or blocked */
+    bool is_blocked;     /* by CTS */
+    uint8_t packet[USB_BUFFER_SIZE];
     size_t packet_fill;
     vtime packet_deadline;
+    uint64_t bytes_sent; /* put onto the wire by the hub */
 
-    uint8_t receive[UART_RECEIVE_BUFFER];
-    vtime receive_ready[UART_RECEIVE_BUFFER]; /* when each byte is in the adapter; 0: as soon as it was sent */
+    /* host to hub */
+    uint8_t receive[UART_RECEIVE_BUFFER_SIZE];
+    vtime receive_ready[UART_RECEIVE_BUFFER_SIZE]; /* when each byte is in the adapter; 0: as soon as the host has sent it */
     size_t receive_head, receive_tail;
-    vtime receive_next; /* VTIME_NEVER: nothing to send, or held */
-    vtime usb_latency_down;
-    bool holds; /* RTS */
+    vtime receive_next; /* when the next byte reaches the hub; VTIME_NEVER: nothing to send, or held */
+    vtime usb_latency_to_hub;
+    bool is_held; /* by RTS */
     unsigned sent_while_held;
 
-    uint64_t bytes_sent; /* put onto the wire by the hub */
-    struct line_faults up, down; /* to the host, to the hub */
+    struct uart_faults to_host_faults, to_hub_faults;
     struct fault_log *log;
 };
 
 void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world, struct fault_log *log);
 
-/* The hub has lost its power: nothing more comes from it. */
-void uart_hub_is_gone(struct uart *uart);
-void uart_kick(struct uart *uart, vtime now);
+/* The hub has bytes to transmit: start the transmitter unless it runs or is blocked. */
+void uart_start_transmit(struct uart *uart, vtime now);
 
-/* One refill of the transmit FIFO; returns the bytes it took. */
-size_t uart_transmit(struct uart *uart);
+/* The hub has lost its power. */
+void uart_stop_transmit(struct uart *uart);
+
+/* At `transmit_next`: refill the transmit FIFO from the hub. Returns the number of bytes taken. */
+size_t uart_refill_transmitter(struct uart *uart);
+
+/* Send the bytes in the adapter's buffer to the host. */
 void uart_flush_packet(struct uart *uart, vtime now);
 
-/* Bytes from the host, on their way since `now`. Returns how many were taken. */
-size_t uart_host_sends(struct uart *uart, const uint8_t *bytes, size_t size, vtime now);
-size_t uart_host_room(const struct uart *uart);
+/* Bytes that the host sends at `now`. Returns how many fit into the buffer. */
+size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now);
+size_t uart_host_free_space(const struct uart *uart);
 
-/* The hub asks the adapter to send no more, or to go on. */
-void uart_hold(struct uart *uart, bool hold, vtime now);
+/* The hub deasserts (true) or asserts (false) RTS. */
+void uart_set_hold(struct uart *uart, bool hold, vtime now);
 
-/* One byte reaches the hub's receiver, if there is power in it. */
-void uart_receive(struct uart *uart, bool hub_is_powered);
+/* At `receive_next`: one byte reaches the hub's receiver; the byte is lost if the hub has no power. */
+void uart_deliver_to_hub(struct uart *uart, bool hub_is_powered);
 
 #endif

@@ -1,4 +1,6 @@
-/* Virtual time: picoseconds since the world began, so that a 48 MHz cycle, an SCL clock and a day all fit without drift. */
+/* Virtual time: picoseconds since the world started, as an unsigned 64-bit integer.
+ *
+ * One picosecond resolves a 48 MHz CPU cycle and an I2C clock without drift; the range is 213 days. */
 #ifndef EMULATOR_VTIME_H
 #define EMULATOR_VTIME_H
 
@@ -7,6 +9,7 @@
 typedef uint64_t vtime;
 
 #define VTIME_NEVER UINT64_MAX
+#define VTIME_NS 1000ull
 #define VTIME_US 1000000ull
 #define VTIME_MS 1000000000ull
 #define VTIME_SECOND 1000000000000ull

@@ -6,9 +6,9 @@
 #include "emulator/power_cuts.h"
 #include "emulator/world_fields.h"
 
-#define SHARED_STEP (4u * VTIME_MS) /* what one thread would do at a board's read is shared before, now and then */
+#define ADVANCE_STEP (4u * VTIME_MS) /* with threads, all boards are advanced in parallel this often, ahead of reads that need it */
 
-size_t world_taxels(const struct world_description *description)
+size_t world_taxel_count(const struct world_description *description)
 {
     size_t taxels = 0;
     for (size_t i = 0; i < description->board_count; i++) {
@@ -17,8 +17,8 @@ size_t world_taxels(const struct world_description *description)
     return taxels;
 }
 
-/* Where a board's taxels begin in the stimulus. */
-static size_t first_taxel_of(const struct world_description *description, size_t board)
+/* The index of a board's first taxel in the stimulus. */
+static size_t find_first_taxel(const struct world_description *description, size_t board)
 {
     size_t first = 0;
     for (size_t i = 0; i < board; i++) {
@@ -40,16 +40,16 @@ int world_init(struct world *world, const struct world_description *description,
         return -1;
     }
     for (size_t i = 0; i < world->board_count; i++) {
-        const size_t source = exchange_board(&description->effects.exchange, i);
+        const size_t source = exchange_source_board(&description->effects.exchange, i);
         if (board_node_init(&world->boards[i], &description->boards[i], description, stimulus, &world->skin, i,
-                            first_taxel_of(description, source), &world->loads)) {
+                            find_first_taxel(description, source), &world->loads)) {
             return -1;
         }
         world->boards[i].log = &world->log;
     }
-    world_fields_enter(world, 0);
+    world_fields_start(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
-    world->bus.hold = (vtime)(description->hub_byte_us * (double)VTIME_US);
+    world->bus.byte_hold = (vtime)(description->hub_byte_us * (double)VTIME_US);
     uart_init(&world->uart, endpoint, description, &world->log);
     if (hub_node_init(&world->hub, &world->bus, &world->uart, description)) {
         return -1;
@@ -80,7 +80,7 @@ static vtime next_fault_time(const struct world *world)
     return (vtime)(world->description->faults[world->next_fault].time_s * (double)VTIME_SECOND);
 }
 
-/* The kinds of event, in the order in which those of one instant happen. */
+/* The kinds of event. Simultaneous events are processed in this order. */
 enum event {
     EVENT_STIMULUS,
     EVENT_FAULT,
@@ -95,24 +95,24 @@ enum event {
     EVENT_COUNT,
 };
 
-static void list_times(const struct world *world, vtime times[EVENT_COUNT])
+static void list_event_times(const struct world *world, vtime times[EVENT_COUNT])
 {
     times[EVENT_STIMULUS] = world->stimulus->until;
     times[EVENT_FAULT] = next_fault_time(world);
-    times[EVENT_POWER] = world->has_power_cuts ? power_cuts_next(world) : VTIME_NEVER;
+    times[EVENT_POWER] = world->has_power_cuts ? power_cuts_next_time(world) : VTIME_NEVER;
     times[EVENT_SKIN] = world->skin.next;
     times[EVENT_SCRIPT] = world->script->next;
     times[EVENT_RECEIVE] = world->uart.receive_next;
     times[EVENT_BUS] = world->bus.next;
     times[EVENT_TRANSMIT] = world->uart.transmit_next;
     times[EVENT_PACKET] = world->uart.packet_deadline;
-    times[EVENT_HUB] = hub_node_next(&world->hub);
+    times[EVENT_HUB] = hub_node_next_time(&world->hub);
 }
 
-static enum event earliest(const struct world *world, vtime *time)
+static enum event find_earliest_event(const struct world *world, vtime *time)
 {
     vtime times[EVENT_COUNT];
-    list_times(world, times);
+    list_event_times(world, times);
     enum event first = EVENT_STIMULUS;
     for (enum event event = EVENT_FAULT; event < EVENT_COUNT; event++) {
         if (times[event] < times[first]) {
@@ -123,12 +123,12 @@ static enum event earliest(const struct world *world, vtime *time)
     return first;
 }
 
-/* How far bus or hub may run on at once: up to the next event of another kind. Not further: the end of a transfer and a UART
- * interrupt share the hub's CPU, so their order decides when the hub is free. */
-static vtime horizon(const struct world *world, enum event running, vtime now, vtime until)
+/* How far bus or hub may run in one call: up to the next event of another kind. The order of events matters, because the end of a transfer
+ * and a UART interrupt occupy the same CPU of the hub. */
+static vtime run_limit(const struct world *world, enum event running, vtime now, vtime until)
 {
     vtime times[EVENT_COUNT];
-    list_times(world, times);
+    list_event_times(world, times);
     for (enum event event = EVENT_STIMULUS; event < EVENT_COUNT; event++) {
         if (event != running && times[event] <= until) {
             until = times[event] > now ? times[event] - 1u : now;
@@ -137,58 +137,59 @@ static vtime horizon(const struct world *world, enum event running, vtime now, v
     return vtime_max(now, until);
 }
 
-/* A transfer, or a step of one. The result is handed over before the bus is: the next transfer writes its own over it. */
+/* End of a transfer, or of one command of a bytewise master. The result is passed on before the bus is released, because the next transfer
+ * overwrites the result. */
 static void end_transfer(struct world *world)
 {
     const vtime end = world->bus.next;
     if (world->bus.phase == BUS_HELD) {
         world->bus.next = VTIME_NEVER;
-        hub_node_i2c_done(&world->hub, end);
+        hub_node_on_i2c_done(&world->hub, end);
         return;
     }
     if (world->bus.master == BUS_HUB) {
-        hub_node_i2c_done(&world->hub, end);
+        hub_node_on_i2c_done(&world->hub, end);
     } else {
         world->adapter.result = world->bus.result;
-        world->adapter.done = true;
+        world->adapter.is_done = true;
     }
-    bus_hand_over(&world->bus, end);
+    bus_release(&world->bus, end);
 }
 
-static int handle(struct world *world, enum event event, vtime now, vtime until)
+static int handle_event(struct world *world, enum event event, vtime now, vtime until)
 {
     switch (event) {
     case EVENT_STIMULUS:
-        return world_fields_next(world, now);
+        return world_fields_next_record(world, now);
     case EVENT_FAULT:
-        return world_inject(world, &world->description->faults[world->next_fault++]);
+        return world_inject_fault(world, &world->description->faults[world->next_fault++]);
     case EVENT_POWER:
-        power_cuts_make(world, now);
+        power_cuts_run(world, now);
         return 0;
     case EVENT_SKIN:
         return world_fields_step(world, now);
     case EVENT_SCRIPT:
-        (void)uart_host_sends(&world->uart, world->script->bytes, world->script->size, now);
+        (void)uart_send_from_host(&world->uart, world->script->bytes, world->script->size, now);
         return host_script_advance(world->script);
     case EVENT_RECEIVE:
-        uart_receive(&world->uart, world->hub.powered);
-        if (world->hub.powered) {
-            hub_node_uart_received(&world->hub, now);
+        uart_deliver_to_hub(&world->uart, world->hub.is_powered);
+        if (world->hub.is_powered) {
+            hub_node_on_uart_received(&world->hub, now);
         }
         return 0;
     case EVENT_BUS:
-        if (bus_run(&world->bus, horizon(world, EVENT_BUS, now, until))) {
+        if (bus_run(&world->bus, run_limit(world, EVENT_BUS, now, until))) {
             end_transfer(world);
         }
         return 0;
     case EVENT_TRANSMIT:
-        hub_node_uart_sent(&world->hub, now, uart_transmit(&world->uart));
+        hub_node_on_uart_sent(&world->hub, now, uart_refill_transmitter(&world->uart));
         return 0;
     case EVENT_PACKET:
         uart_flush_packet(&world->uart, now);
         return 0;
     default:
-        hub_node_run(&world->hub, world->hub.psoc ? horizon(world, EVENT_HUB, now, until) : now);
+        hub_node_run(&world->hub, world->hub.psoc ? run_limit(world, EVENT_HUB, now, until) : now);
         return 0;
     }
 }
@@ -197,16 +198,16 @@ int world_run(struct world *world, vtime until)
 {
     for (;;) {
         vtime time;
-        const enum event event = earliest(world, &time);
+        const enum event event = find_earliest_event(world, &time);
         if (time > until) {
             break;
         }
         world->now = vtime_max(world->now, time);
         world->events++;
-        if (world->thread_pool && time >= world->shared + SHARED_STEP) {
-            world_boards_advance(world, time);
+        if (world->thread_pool && time >= world->boards_advanced_until + ADVANCE_STEP) {
+            world_advance_boards(world, time);
         }
-        if (handle(world, event, time, until)) {
+        if (handle_event(world, event, time, until)) {
             return -1;
         }
     }
@@ -214,19 +215,19 @@ int world_run(struct world *world, vtime until)
     return 0;
 }
 
-int world_press(struct world *world, const float *values)
+int world_set_stimulus(struct world *world, const float *values)
 {
-    return world_fields_live(world, values);
+    return world_fields_set_live(world, values);
 }
 
-int world_poll(struct world *world)
+int world_poll_inputs(struct world *world)
 {
     uint8_t bytes[512];
-    const size_t room = uart_host_room(&world->uart);
-    const size_t got = endpoint_receive(world->endpoint, bytes, room < sizeof bytes ? room : sizeof bytes);
-    (void)uart_host_sends(&world->uart, bytes, got, world->now);
-    while (stimulus_poll(world->stimulus)) {
-        if (world_fields_live(world, NULL)) {
+    const size_t space = uart_host_free_space(&world->uart);
+    const size_t size = endpoint_receive(world->endpoint, bytes, space < sizeof bytes ? space : sizeof bytes);
+    (void)uart_send_from_host(&world->uart, bytes, size, world->now);
+    while (stimulus_receive_live(world->stimulus)) {
+        if (world_fields_set_live(world, NULL)) {
             return -1;
         }
     }
@@ -249,8 +250,8 @@ int world_write_statistics(const struct world *world, const char *path, double w
     fprintf(file, "  \"frames_sent\": %u,\n  \"frames_dropped\": %u,\n", outbox->frames_sent, outbox->frames_dropped);
     fprintf(file, "  \"cycles\": %u,\n  \"cycle_time_us\": %u,\n", world->hub.hub.cycle.count,
             world->hub.hub.cycle.last_length_us);
-    fprintf(file, "  \"bus_bytes\": %llu,\n  \"bus_busy\": %.6f,\n", (unsigned long long)world->bus.bytes,
-            seconds > 0.0 ? (double)world->bus.busy / (double)world->now : 0.0);
+    fprintf(file, "  \"bus_bytes\": %llu,\n  \"bus_busy\": %.6f,\n", (unsigned long long)world->bus.byte_count,
+            seconds > 0.0 ? (double)world->bus.busy_time / (double)world->now : 0.0);
     fprintf(file, "  \"bus_recoveries\": %u,\n  \"boards\": [", world->hub.hub.bus_recoveries);
     for (size_t i = 0; i < world->board_count; i++) {
         const struct board_node *board = &world->boards[i];

@@ -1,42 +1,42 @@
-/* What a fault does at the moment it strikes; those that wait for a byte or a frame are handed to bus and UART. */
+/* Injects faults: faults of boards, hub and host take effect at once, faults at a byte are passed to bus and UART. */
 #include "emulator/world.h"
 
-static void strike_board(struct world *world, struct board_node *board, const struct fault_description *fault)
+static void apply_to_board(struct world *world, struct board_node *board, const struct fault_description *fault)
 {
     const vtime now = world->now;
     board_advance(board, now);
     switch (fault->kind) {
     case FAULT_UNPLUG:
-        board_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
+        board_set_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
         break;
     case FAULT_PLUG:
-        board_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
+        board_set_power(board, true, now, TAXEL_RESET_CAUSE_POWER_ON);
         break;
     case FAULT_RESTART:
-        board_power(board, false, now, TAXEL_RESET_CAUSE_BROWN_OUT);
-        board_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+        board_set_power(board, false, now, TAXEL_RESET_CAUSE_BROWN_OUT);
+        board_set_power(board, true, now, TAXEL_RESET_CAUSE_BROWN_OUT);
         break;
     case FAULT_HOLD_SDA:
-        board->hold_clocks = (unsigned)fault->value;
-        world->bus.may_be_held = true;
+        board->sda_hold_clocks = (unsigned)fault->value;
+        world->bus.lines_may_be_held = true;
         break;
     case FAULT_HOLD_SCL:
         board->scl_held_until = now + (vtime)(fault->value * (double)VTIME_US);
-        world->bus.may_be_held = true;
+        world->bus.lines_may_be_held = true;
         break;
     case FAULT_STRETCH:
-        board->stretch = (vtime)(fault->value * (double)VTIME_US);
+        board->address_stretch = (vtime)(fault->value * (double)VTIME_US);
         break;
     case FAULT_CORRUPT:
-        board->corrupt_bytes = (unsigned)fault->value;
+        board->corrupt_bytes_left = (unsigned)fault->value;
         break;
     default:
-        board->nacks = (unsigned)fault->value;
+        board->nacks_left = (unsigned)fault->value;
         break;
     }
 }
 
-static int strike(struct world *world, const struct fault_description *fault)
+static int apply_fault(struct world *world, const struct fault_description *fault)
 {
     const vtime now = world->now;
     switch (fault->kind) {
@@ -56,29 +56,29 @@ static int strike(struct world *world, const struct fault_description *fault)
     case FAULT_UP_DROP:
     case FAULT_UP_DOUBLE:
     case FAULT_UP_DELAY:
-        return line_faults_add(&world->uart.up, fault, now) ? 0 : -1;
+        return uart_faults_add(&world->uart.to_host_faults, fault, now) ? 0 : -1;
     case FAULT_DOWN_FLIP:
     case FAULT_DOWN_DROP:
     case FAULT_DOWN_DOUBLE:
     case FAULT_DOWN_DELAY:
-        return line_faults_add(&world->uart.down, fault, now) ? 0 : -1;
+        return uart_faults_add(&world->uart.to_hub_faults, fault, now) ? 0 : -1;
     case FAULT_MUTE:
-        world->endpoint->muted = fault->value != 0.0;
+        world->endpoint->is_muted = fault->value != 0.0;
         return 0;
     default:
         return bus_faults_add(&world->bus.faults, fault) ? 0 : -1;
     }
 }
 
-int world_inject(struct world *world, const struct fault_description *fault)
+int world_inject_fault(struct world *world, const struct fault_description *fault)
 {
     fault_log_add(&world->log, world->now, fault->kind, fault->address);
-    if (fault_target_of(fault->kind) != FAULT_TARGET_BOARD) {
-        return strike(world, fault);
+    if (fault_get_target(fault->kind) != FAULT_TARGET_BOARD) {
+        return apply_fault(world, fault);
     }
     for (size_t i = 0; i < world->board_count; i++) {
         if (world->boards[i].description->address == fault->address) {
-            strike_board(world, &world->boards[i], fault);
+            apply_to_board(world, &world->boards[i], fault);
         }
     }
     return 0;

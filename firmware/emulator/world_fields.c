@@ -1,107 +1,107 @@
 #include "emulator/world_fields.h"
 
-struct moment {
+/* Context of a task that runs for every board. */
+struct board_task {
     struct world *world;
     vtime time;
-    bool drooping;
-    bool failed[WORLD_BOARDS_MAX];
+    bool has_droop;
+    bool has_failed[WORLD_BOARDS_MAX];
 };
 
-static void share(struct moment *moment, thread_pool_task work)
+static void run_for_all_boards(struct board_task *task, thread_pool_task function)
 {
-    thread_pool_run(moment->world->thread_pool, moment->world->board_count, work, moment);
+    thread_pool_run(task->world->thread_pool, task->world->board_count, function, task);
 }
 
-static void advance_board(void *context, size_t item)
+static void advance_board(void *context, size_t board)
 {
-    const struct moment *moment = context;
-    board_advance(&moment->world->boards[item], moment->time);
+    const struct board_task *task = context;
+    board_advance(&task->world->boards[board], task->time);
 }
 
-void world_boards_advance(struct world *world, vtime until)
+void world_advance_boards(struct world *world, vtime until)
 {
-    struct moment moment = {.world = world, .time = until};
-    share(&moment, advance_board);
-    world->shared = until;
+    struct board_task task = {.world = world, .time = until};
+    run_for_all_boards(&task, advance_board);
+    world->boards_advanced_until = until;
 }
 
-static void leave_field(void *context, size_t item)
+static void finish_board_field(void *context, size_t index)
 {
-    struct moment *moment = context;
-    struct board_node *board = &moment->world->boards[item];
-    board_advance(board, moment->time);
-    moment->failed[item] = board_fields_leave(&board->fields, moment->time) != 0;
+    struct board_task *task = context;
+    struct board_node *board = &task->world->boards[index];
+    board_advance(board, task->time);
+    task->has_failed[index] = board_fields_remember(&board->fields, task->time) != 0;
 }
 
-/* The boards measure up to now with what was, and remember it where they must. */
-static int leave_fields(struct world *world, vtime now)
+/* Advance the boards to `now` under the present fields, and store these fields where a late board needs them. */
+static int finish_fields(struct world *world, vtime now)
 {
-    struct moment moment = {.world = world, .time = now};
-    share(&moment, leave_field);
-    world->shared = now;
+    struct board_task task = {.world = world, .time = now};
+    run_for_all_boards(&task, finish_board_field);
+    world->boards_advanced_until = now;
     for (size_t i = 0; i < world->board_count; i++) {
-        if (moment.failed[i]) {
-            fprintf(stderr, "board 0x%02X: out of memory\n", world->description->boards[i].address);
+        if (task.has_failed[i]) {
+            fprintf(stderr, "board 0x%02X: out of memory for the history of the effect 'late'\n", world->description->boards[i].address);
             return -1;
         }
     }
     return 0;
 }
 
-static void enter_field(void *context, size_t item)
+static void start_board_field(void *context, size_t index)
 {
-    const struct moment *moment = context;
-    struct board_node *board = &moment->world->boards[item];
-    struct droop_loads *loads = &moment->world->loads;
+    const struct board_task *task = context;
+    struct board_node *board = &task->world->boards[index];
+    struct droop_loads *loads = &task->world->loads;
     const struct front_end_taxel *taxels = board->front_end.taxels;
-    board_fields_enter(&board->fields, moment->time);
-    if (moment->drooping) {
-        loads->before[item] = board_fields_load(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
-        loads->after[item] = board_fields_load(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
+    board_fields_update(&board->fields, task->time);
+    if (task->has_droop) {
+        loads->before[index] = board_fields_added_capacitance_f(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
+        loads->after[index] = board_fields_added_capacitance_f(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
     }
 }
 
-void world_fields_enter(struct world *world, vtime now)
+void world_fields_start(struct world *world, vtime now)
 {
-    struct moment moment = {.world = world, .time = now, .drooping = droop_is_on(&world->description->effects.droop)};
+    struct board_task task = {.world = world, .time = now, .has_droop = droop_is_on(&world->description->effects.droop)};
     struct droop_loads *loads = &world->loads;
-    share(&moment, enter_field);
+    run_for_all_boards(&task, start_board_field);
     loads->all_before = loads->all_after = 0.0;
-    for (size_t i = 0; moment.drooping && i < world->board_count; i++) {
+    for (size_t i = 0; task.has_droop && i < world->board_count; i++) {
         loads->all_before += loads->before[i];
         loads->all_after += loads->after[i];
     }
 }
 
-int world_fields_next(struct world *world, vtime now)
+int world_fields_next_record(struct world *world, vtime now)
 {
-    if (leave_fields(world, now) || stimulus_advance(world->stimulus, now)) {
+    if (finish_fields(world, now) || stimulus_advance(world->stimulus, now)) {
         return -1;
     }
     skin_advance(&world->skin, world->stimulus);
-    world_fields_enter(world, now);
+    world_fields_start(world, now);
     return 0;
 }
 
 int world_fields_step(struct world *world, vtime now)
 {
-    if (leave_fields(world, now)) {
+    if (finish_fields(world, now)) {
         return -1;
     }
     skin_step(&world->skin, world->stimulus);
-    world_fields_enter(world, now);
+    world_fields_start(world, now);
     return 0;
 }
 
-/* Between two records the fields stand still; then the boards measure with the new ones. */
-int world_fields_live(struct world *world, const float *values)
+int world_fields_set_live(struct world *world, const float *values)
 {
     struct stimulus *stimulus = world->stimulus;
-    if (leave_fields(world, world->now) ||
-        (values ? stimulus_set(stimulus, values, world->now) : stimulus_take_live(stimulus, world->now))) {
+    if (finish_fields(world, world->now) ||
+        (values ? stimulus_set_values(stimulus, values, world->now) : stimulus_apply_live(stimulus, world->now))) {
         return -1;
     }
-    skin_take_live(&world->skin, stimulus, world->now);
-    world_fields_enter(world, world->now);
+    skin_apply_live_record(&world->skin, stimulus, world->now);
+    world_fields_start(world, world->now);
     return 0;
 }

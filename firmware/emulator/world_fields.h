@@ -1,20 +1,26 @@
-/* What acts on the skin, from one moment to the next, and the boards' own work between them: both shared among the world's thread_pool. */
+/* Replaces the fields above the taxels of all boards over time, and advances the boards in between; both run in the threads of the
+ * world's thread pool. */
 #ifndef EMULATOR_WORLD_FIELDS_H
 #define EMULATOR_WORLD_FIELDS_H
 
 #include "emulator/world.h"
 
-void world_boards_advance(struct world *world, vtime until);
+/* Advance every board to `until`. */
+void world_advance_boards(struct world *world, vtime until);
 
-/* The fields as they are have just been made. */
-void world_fields_enter(struct world *world, vtime now);
+/* Call after the skin has computed its first fields. */
+void world_fields_start(struct world *world, vtime now);
 
-/* The boards measure up to now with what was, then with what is new. Each returns 0, or -1 after a line on stderr: no memory, or a
- * bad stimulus. */
-int world_fields_next(struct world *world, vtime now); /* the stimulus's next record */
-int world_fields_step(struct world *world, vtime now); /* a step of the skin between records */
+/* Each function advances the boards to `now` under the present fields and then replaces the fields. Returns 0, or -1 after an error line
+ * on stderr: out of memory, or an invalid stimulus. */
 
-/* `values` from now on, or the live stimulus's next record if NULL. */
-int world_fields_live(struct world *world, const float *values);
+/* The fields after the next record of the stimulus. */
+int world_fields_next_record(struct world *world, vtime now);
+
+/* The fields after a step of the skin between two records. */
+int world_fields_step(struct world *world, vtime now);
+
+/* The fields under `values`, or, if NULL, under the next record of a live stimulus. */
+int world_fields_set_live(struct world *world, const float *values);
 
 #endif

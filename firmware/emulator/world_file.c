@@ -10,9 +10,9 @@
 #include "emulator/world_reader.h"
 #include "emulator/world_scene.h"
 
-#define LINE_MAX_BYTES 512
+#define LINE_SIZE_MAX 512 /* with line end and terminator */
 
-static struct board_description *board_with(struct world_description *world, uint8_t address)
+static struct board_description *find_board(struct world_description *world, uint8_t address)
 {
     for (size_t i = 0; i < world->board_count; i++) {
         if (world->boards[i].address == address) {
@@ -28,14 +28,14 @@ static int read_board(const struct world_reader *reader)
     struct world_description *world = reader->world;
     long address, kind, rows, columns, taxels, version = 0;
     if (world->board_count == WORLD_BOARDS_MAX) {
-        return world_reader_complain(reader, "too many boards");
+        return world_reader_report_error(reader, "more boards than the maximum of 64");
     }
     struct board_description *board = &world->boards[world->board_count];
-    if (world_reader_whole(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address) || world_reader_whole(reader, 2, 0, 255, &kind) ||
-        world_reader_whole(reader, 3, 1, TAXEL_LINES_MAX, &rows) || world_reader_whole(reader, 4, 1, TAXEL_LINES_MAX, &columns) ||
-        world_reader_whole(reader, 5, 1, TAXEL_TAXELS_MAX, &taxels) || world_reader_hex(reader, 6, board->crossing_map, sizeof board->crossing_map) ||
-        world_reader_hex(reader, 7, board->unique_id, sizeof board->unique_id) || world_reader_number(reader, 8, -1e5, 1e5, &board->clock_ppm) ||
-        world_reader_number(reader, 9, 0.1, 1e5, &board->boot_ms) || (reader->count > 10 && world_reader_whole(reader, 10, 0, 255, &version))) {
+    if (world_reader_read_integer(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address) || world_reader_read_integer(reader, 2, 0, 255, &kind) ||
+        world_reader_read_integer(reader, 3, 1, TAXEL_LINES_MAX, &rows) || world_reader_read_integer(reader, 4, 1, TAXEL_LINES_MAX, &columns) ||
+        world_reader_read_integer(reader, 5, 1, TAXEL_TAXELS_MAX, &taxels) || world_reader_read_hex(reader, 6, board->crossing_map, sizeof board->crossing_map) ||
+        world_reader_read_hex(reader, 7, board->unique_id, sizeof board->unique_id) || world_reader_read_number(reader, 8, -1e5, 1e5, &board->clock_ppm) ||
+        world_reader_read_number(reader, 9, 0.1, 1e5, &board->boot_ms) || (reader->count > 10 && world_reader_read_integer(reader, 10, 0, 255, &version))) {
         return -1;
     }
     board->address = (uint8_t)address;
@@ -54,12 +54,12 @@ static int read_scan(const struct world_reader *reader)
 {
     struct taxel_scan_settings *scan = &reader->world->scan;
     long sub, sense, modulator, idac, settle;
-    if (world_reader_whole(reader, 1, 1, 65535, &sub) || world_reader_whole(reader, 2, 1, 65535, &sense) || world_reader_whole(reader, 3, 1, 255, &modulator) ||
-        world_reader_whole(reader, 4, 1, 255, &idac) || world_reader_whole(reader, 5, 0, 65535, &settle)) {
+    if (world_reader_read_integer(reader, 1, 1, 65535, &sub) || world_reader_read_integer(reader, 2, 1, 65535, &sense) || world_reader_read_integer(reader, 3, 1, 255, &modulator) ||
+        world_reader_read_integer(reader, 4, 1, 255, &idac) || world_reader_read_integer(reader, 5, 0, 65535, &settle)) {
         return -1;
     }
     if (sub * sense > 65535) {
-        return world_reader_complain(reader, "sub-conversions times sense clock divider must fit 16 bits");
+        return world_reader_report_error(reader, "sub-conversions times sense clock divider must not exceed 65535");
     }
     scan->sub_conversions = (uint16_t)sub;
     scan->sense_clock_divider = (uint16_t)sense;
@@ -69,45 +69,46 @@ static int read_scan(const struct world_reader *reader)
     return 0;
 }
 
-/* fault TIME_S NAME ADDRESS [VALUE [SECOND]] */
+/* fault TIME_S NAME ADDRESS [VALUE [SECOND_VALUE]] */
 static int read_fault(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
     long address;
     if (world->fault_count == WORLD_FAULTS_MAX) {
-        return world_reader_complain(reader, "too many faults");
+        return world_reader_report_error(reader, "more faults than the maximum of 4096");
     }
     struct fault_description *fault = &world->faults[world->fault_count];
-    fault->value = fault->second = 0.0;
-    if (world_reader_number(reader, 1, 0.0, 1e7, &fault->time_s) || world_reader_whole(reader, 3, 0, 127, &address) ||
-        (reader->count > 4 && world_reader_number(reader, 4, 0.0, 1e9, &fault->value)) ||
-        (reader->count > 5 && world_reader_number(reader, 5, 0.0, 1e9, &fault->second))) {
+    fault->value = fault->second_value = 0.0;
+    if (world_reader_read_number(reader, 1, 0.0, 1e7, &fault->time_s) || world_reader_read_integer(reader, 3, 0, 127, &address) ||
+        (reader->count > 4 && world_reader_read_number(reader, 4, 0.0, 1e9, &fault->value)) ||
+        (reader->count > 5 && world_reader_read_number(reader, 5, 0.0, 1e9, &fault->second_value))) {
         return -1;
     }
     fault->address = (uint8_t)address;
     if (world->fault_count && fault->time_s < world->faults[world->fault_count - 1].time_s) {
-        return world_reader_complain(reader, "faults must be in order of time");
+        return world_reader_report_error(reader, "faults must be sorted by time");
     }
-    fault->kind = fault_named(reader->words[2]);
+    fault->kind = fault_find_kind(reader->words[2]);
     if (fault->kind == FAULT_KINDS) {
-        return world_reader_complain(reader, "unknown fault");
+        return world_reader_report_error(reader, "unknown fault; firmware/emulator/README.md lists the names");
     }
     world->fault_count++;
-    if (fault_target_of(fault->kind) == FAULT_TARGET_BOARD && !board_with(world, fault->address)) {
-        return world_reader_complain(reader, "no board has that address");
+    if (fault_get_target(fault->kind) == FAULT_TARGET_BOARD && !find_board(world, fault->address)) {
+        return world_reader_report_error(reader, "no board has that address");
     }
     return 0;
 }
 
-static struct board_description *board_of(const struct world_reader *reader)
+/* The board whose address is the first word after the keyword, or NULL after an error line. */
+static struct board_description *find_addressed_board(const struct world_reader *reader)
 {
     long address;
-    if (world_reader_whole(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
+    if (world_reader_read_integer(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
         return NULL;
     }
-    struct board_description *board = board_with(reader->world, (uint8_t)address);
+    struct board_description *board = find_board(reader->world, (uint8_t)address);
     if (!board) {
-        (void)world_reader_complain(reader, "no board has that address");
+        (void)world_reader_report_error(reader, "no board has that address");
     }
     return board;
 }
@@ -115,10 +116,10 @@ static struct board_description *board_of(const struct world_reader *reader)
 /* firmware ADDRESS MAJOR MINOR PATCH */
 static int read_firmware(const struct world_reader *reader)
 {
-    struct board_description *board = board_of(reader);
+    struct board_description *board = find_addressed_board(reader);
     for (int i = 0; board && i < 3; i++) {
         long number;
-        if (world_reader_whole(reader, 2 + i, 0, 255, &number)) {
+        if (world_reader_read_integer(reader, 2 + i, 0, 255, &number)) {
             return -1;
         }
         board->firmware_version[i] = (uint8_t)number;
@@ -130,21 +131,21 @@ static int read_firmware(const struct world_reader *reader)
 static int read_clock_start(const struct world_reader *reader)
 {
     double seconds;
-    struct board_description *board = board_of(reader);
-    if (!board || world_reader_number(reader, 2, 0.0, 1e6, &seconds)) {
+    struct board_description *board = find_addressed_board(reader);
+    if (!board || world_reader_read_number(reader, 2, 0.0, 1e6, &seconds)) {
         return -1;
     }
     board->clock_start_us = seconds * 1e6;
     return 0;
 }
 
-/* A path that is not absolute begins where the world file lies. */
+/* A relative path starts at the folder of the world file. */
 static int read_image(const struct world_reader *reader, int index, uint8_t **image)
 {
     char path[4096];
     int line;
     if (index >= reader->count) {
-        return world_reader_complain(reader, "the image's file is missing");
+        return world_reader_report_error(reader, "the file name of the image is missing");
     }
     const char *name = reader->words[index], *folder_end = strrchr(reader->path, '/');
     const int folder = *name == '/' || !folder_end ? 0 : (int)(folder_end - reader->path) + 1;
@@ -152,11 +153,11 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
     free(*image);
     *image = malloc(WORLD_IMAGE_SIZE);
     if (!*image) {
-        return world_reader_complain(reader, "out of memory");
+        return world_reader_report_error(reader, "out of memory");
     }
-    const char *complaint = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &line);
-    if (complaint) {
-        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", reader->path, reader->line, path, line, complaint);
+    const char *error = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &line);
+    if (error) {
+        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", reader->path, reader->line, path, line, error);
         return -1;
     }
     return 0;
@@ -164,19 +165,32 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
 
 static int read_flag(const struct world_reader *reader, bool *flag)
 {
-    long wanted;
-    return world_reader_whole(reader, 1, 0, 1, &wanted) ? -1 : (*flag = wanted != 0, 0);
+    long value;
+    if (world_reader_read_integer(reader, 1, 0, 1, &value)) {
+        return -1;
+    }
+    *flag = value != 0;
+    return 0;
 }
 
-static int read_seed(const struct world_reader *reader, const char *complaint, uint64_t *seed)
+static int read_blank(const struct world_reader *reader)
+{
+    struct board_description *board = find_addressed_board(reader);
+    if (board) {
+        board->is_blank = true;
+    }
+    return board ? 0 : -1;
+}
+
+static int read_seed(const struct world_reader *reader, const char *error, uint64_t *seed)
 {
     char *end;
     if (reader->count < 2) {
-        return world_reader_complain(reader, "a number is missing");
+        return world_reader_report_error(reader, "a number is missing");
     }
     errno = 0;
     *seed = strtoull(reader->words[1], &end, 10);
-    return *end || errno || !isdigit((unsigned char)reader->words[1][0]) ? world_reader_complain(reader, complaint) : 0;
+    return *end || errno || !isdigit((unsigned char)reader->words[1][0]) ? world_reader_report_error(reader, error) : 0;
 }
 
 static int read_line(const struct world_reader *reader)
@@ -186,52 +200,51 @@ static int read_line(const struct world_reader *reader)
     if (scene <= 0) {
         return scene;
     }
-    const char *word = reader->words[0];
+    const char *keyword = reader->words[0];
     double value;
-    if (strcmp(word, "board") == 0) {
+    if (strcmp(keyword, "board") == 0) {
         return read_board(reader);
     }
-    if (strcmp(word, "scan") == 0) {
+    if (strcmp(keyword, "scan") == 0) {
         return read_scan(reader);
     }
-    if (strcmp(word, "fault") == 0) {
+    if (strcmp(keyword, "fault") == 0) {
         return read_fault(reader);
     }
-    if (strcmp(word, "firmware") == 0) {
+    if (strcmp(keyword, "firmware") == 0) {
         return read_firmware(reader);
     }
-    if (strcmp(word, "blank") == 0) {
-        struct board_description *board = board_of(reader);
-        return board ? (board->is_blank = true, 0) : -1;
+    if (strcmp(keyword, "blank") == 0) {
+        return read_blank(reader);
     }
-    if (strcmp(word, "image") == 0) {
-        struct board_description *board = board_of(reader);
+    if (strcmp(keyword, "image") == 0) {
+        struct board_description *board = find_addressed_board(reader);
         return board ? read_image(reader, 2, &board->image) : -1;
     }
-    if (strcmp(word, "hub_image") == 0) {
+    if (strcmp(keyword, "hub_image") == 0) {
         return read_image(reader, 1, &world->hub_image);
     }
-    if (strcmp(word, "boot_listens") == 0) {
+    if (strcmp(keyword, "boot_listens") == 0) {
         return read_flag(reader, &world->boot_listens);
     }
-    if (strcmp(word, "flow_control") == 0) {
+    if (strcmp(keyword, "flow_control") == 0) {
         return read_flag(reader, &world->flow_control);
     }
-    if (strcmp(word, "clock_start") == 0) {
+    if (strcmp(keyword, "clock_start") == 0) {
         return read_clock_start(reader);
     }
-    if (strcmp(word, "effect") == 0) {
+    if (strcmp(keyword, "effect") == 0) {
         return effects_read_line(reader);
     }
-    if (strcmp(word, "seed") == 0) {
+    if (strcmp(keyword, "seed") == 0) {
         return read_seed(reader, "seed: expected a whole number from 0 to 2^64 - 1", &world->seed);
     }
-    if (strcmp(word, "parts_seed") == 0) {
-        world->parts_seed_is_given = true;
+    if (strcmp(keyword, "parts_seed") == 0) {
+        world->has_parts_seed = true;
         return read_seed(reader, "parts_seed: expected a whole number from 0 to 2^64 - 1", &world->parts_seed);
     }
     const struct {
-        const char *word;
+        const char *keyword;
         double low, high;
         double *target;
     } settings[] = {
@@ -245,19 +258,19 @@ static int read_line(const struct world_reader *reader)
         {"noise_counts", 0.0, 1e4, &world->noise_counts},
     };
     for (size_t i = 0; i < sizeof settings / sizeof settings[0]; i++) {
-        if (strcmp(word, settings[i].word) == 0) {
-            if (world_reader_number(reader, 1, settings[i].low, settings[i].high, &value)) {
+        if (strcmp(keyword, settings[i].keyword) == 0) {
+            if (world_reader_read_number(reader, 1, settings[i].low, settings[i].high, &value)) {
                 return -1;
             }
             *settings[i].target = value;
             return 0;
         }
     }
-    fprintf(stderr, "world %s, line %d: unknown word '%s'\n", reader->path, reader->line, word);
+    fprintf(stderr, "world %s, line %d: unknown keyword '%s'\n", reader->path, reader->line, keyword);
     return -1;
 }
 
-static void split(struct world_reader *reader, char *line)
+static void split_line(struct world_reader *reader, char *line)
 {
     char *saved;
     char *comment = strchr(line, '#');
@@ -273,16 +286,16 @@ static void split(struct world_reader *reader, char *line)
 
 static int read_lines(struct world_reader *reader, FILE *file)
 {
-    char line[LINE_MAX_BYTES];
+    char line[LINE_SIZE_MAX];
     while (fgets(line, sizeof line, file)) {
         reader->line++;
         if (!strchr(line, '\n') && !feof(file)) {
-            return world_reader_complain(reader, "the line is too long");
+            return world_reader_report_error(reader, "the line is longer than 510 characters");
         }
-        split(reader, line);
+        split_line(reader, line);
         if (reader->line == 1) {
             if (reader->count != 2 || strcmp(reader->words[0], "taxel-world") != 0 || strcmp(reader->words[1], "1") != 0) {
-                return world_reader_complain(reader, "a world begins with 'taxel-world 1'");
+                return world_reader_report_error(reader, "expected 'taxel-world 1' as the first line");
             }
             continue;
         }
@@ -290,7 +303,7 @@ static int read_lines(struct world_reader *reader, FILE *file)
             return -1;
         }
     }
-    return reader->world->board_count ? world_scene_check(reader) : world_reader_complain(reader, "no board is described");
+    return reader->world->board_count ? world_scene_check(reader) : world_reader_report_error(reader, "no board is described");
 }
 
 int world_file_read(struct world_description *world, const char *path)
@@ -312,7 +325,7 @@ int world_file_read(struct world_description *world, const char *path)
     }
     const int result = read_lines(&reader, file);
     fclose(file);
-    if (!world->parts_seed_is_given) {
+    if (!world->has_parts_seed) {
         world->parts_seed = world->seed;
     }
     return result;
@@ -321,8 +334,8 @@ int world_file_read(struct world_description *world, const char *path)
 void world_file_free(struct world_description *world)
 {
     for (size_t i = 0; i < world->board_count; i++) {
-        free(world->boards[i].places);
-        free(world->boards[i].margins);
+        free(world->boards[i].taxel_poses);
+        free(world->boards[i].margin_poses);
         free(world->boards[i].image);
     }
     free(world->hub_image);

@@ -1,4 +1,5 @@
-/* The description of the world that is emulated: one `word value...` a line, `#` begins a comment. README.md lists the words. */
+/* The description of an emulated world, and its reader. A world file has one `keyword value...` per line; `#` starts a comment.
+ * README.md lists the keywords. */
 #ifndef EMULATOR_WORLD_FILE_H
 #define EMULATOR_WORLD_FILE_H
 
@@ -14,7 +15,7 @@
 #include "generated/taxel_protocol.h"
 
 #define WORLD_BOARDS_MAX 64
-#define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of boards about which the file says nothing else, and of the hub */
+#define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of the hub, and of boards without a `firmware` line */
 #define WORLD_FAULTS_MAX 4096
 #define WORLD_IMAGE_SIZE 32768u
 #define WORLD_OBJECTS_MAX 16
@@ -28,44 +29,44 @@ struct board_description {
     uint16_t taxel_count;
     uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
     uint8_t unique_id[8];
-    uint8_t map_version_override; /* 0: the firmware's own; else what the identity claims */
+    uint8_t map_version_override; /* reported in the identity instead of the firmware's own; 0: not overridden */
     uint8_t firmware_version[3];
     double clock_ppm;
-    double clock_start_us; /* what the board's clock says when it has booted */
+    double clock_start_us; /* the board's clock after boot */
     double boot_ms;
-    uint8_t *image; /* [WORLD_IMAGE_SIZE] flash of a board whose program is executed; NULL: this program's own firmware runs */
-    bool is_blank; /* nothing but the bootloader, as boards come from assembly */
-    size_t placed;                   /* taxels whose place is known; all or none */
-    struct taxel_place *places;      /* [placed] */
+    uint8_t *image; /* [WORLD_IMAGE_SIZE] flash of a board that executes an image; NULL: natively compiled firmware */
+    bool is_blank; /* without application and configuration, as after assembly */
+    size_t taxel_pose_count;           /* 0 or taxel_count */
+    struct taxel_pose *taxel_poses;   /* [taxel_pose_count] */
     size_t margin_count;
-    struct taxel_place *margins;     /* [margin_count] squares of bare sheet beside the taxels: they bear, unmeasured */
-    struct frame bracket_offset;     /* where the bracket truly is, in the frame in which it is believed to be */
+    struct taxel_pose *margin_poses;  /* [margin_count] squares of sheet beside the taxels: they bear load, but are not measured */
+    struct frame bracket_offset;       /* true pose of the bracket in its nominal frame */
 };
 
 struct object_description {
     struct shape shape;
-    struct frame offset; /* where the object truly is, in the frame in which it is believed to be */
+    struct frame offset; /* true pose of the object in its nominal frame */
 };
 
 struct world_description {
     uint64_t seed;
-    uint64_t parts_seed; /* of what differs from part to part, power-up after power-up */
-    bool parts_seed_is_given;
+    uint64_t parts_seed; /* of differences between parts that persist over power-ups */
+    bool has_parts_seed;     /* otherwise parts_seed equals seed */
     double scl_hz;
     double baud;
     double usb_latency_ms;
     double usb_latency_down_ms;
-    bool flow_control; /* the hub's RTS is wired to the adapter */
+    bool flow_control; /* the hub's RTS is wired to the USB adapter */
     double hub_clock_ppm;
     double hub_clock_start_us;
-    double hub_byte_us; /* how long a native hub holds SCL after each byte; 0 unless told */
-    uint8_t *hub_image; /* as of a board */
+    double hub_byte_us; /* how long a native hub holds SCL low after each byte */
+    uint8_t *hub_image; /* like board_description.image */
     double noise_counts;
-    bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, as on silicon */
+    bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, like those in silicon */
     struct taxel_scan_settings scan;
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;
-    double layer_thickness; /* over the electrodes, metres */
+    double layer_thickness; /* above the electrodes, metres */
     struct object_description *objects; /* [object_count] */
     size_t object_count;
     struct effects effects;
@@ -73,7 +74,7 @@ struct world_description {
     size_t fault_count;
 };
 
-/* Returns 0, or -1 after one line on stderr that names the file, the line and what is wrong with it. */
+/* Returns 0, or -1 after one line on stderr that names the file, the line and the error. Call world_file_free() in both cases. */
 int world_file_read(struct world_description *world, const char *path);
 void world_file_free(struct world_description *world);
 

@@ -1,5 +1,5 @@
-/* One line of a world file as words, and the checks that turn words into values. Each refuses with one line on stderr that
- * names the file, the line and what is wrong. */
+/* One line of a world file as words, and functions that convert words to values. Each function reports an error as one line on stderr
+ * that names the file, the line and the error. */
 #ifndef EMULATOR_WORLD_READER_H
 #define EMULATOR_WORLD_READER_H
 
@@ -15,16 +15,16 @@ struct world_reader {
     struct world_description *world;
 };
 
-/* All return 0, or -1 after that line; world_reader_complain() always -1. `index` is a word's place in the line. */
-int world_reader_complain(const struct world_reader *reader, const char *what);
-int world_reader_number(const struct world_reader *reader, int index, double low, double high, double *value);
-int world_reader_whole(const struct world_reader *reader, int index, double low, double high, long *value);
-int world_reader_hex(const struct world_reader *reader, int index, uint8_t *bytes, size_t size);
+/* All return 0, or -1 after an error line; world_reader_report_error() always returns -1. `index`: of the word in the line. */
+int world_reader_report_error(const struct world_reader *reader, const char *message);
+int world_reader_read_number(const struct world_reader *reader, int index, double low, double high, double *value);
+int world_reader_read_integer(const struct world_reader *reader, int index, double low, double high, long *value);
+int world_reader_read_hex(const struct world_reader *reader, int index, uint8_t *bytes, size_t size);
 
-/* Numbers `first` to `first + count - 1` of the line. */
-int world_reader_numbers(const struct world_reader *reader, int first, int count, double low, double high, double *values);
+/* Words `first` to `first + count - 1`. */
+int world_reader_read_numbers(const struct world_reader *reader, int first, int count, double low, double high, double *values);
 
-/* Which board has the address in word `index`: its place in the description, or -1. */
-int world_reader_board(const struct world_reader *reader, int index);
+/* The index of the board whose address is in word `index`, or -1 after an error line. */
+int world_reader_find_board(const struct world_reader *reader, int index);
 
 #endif

@@ -1,13 +1,13 @@
-/* The words of a world file that say where taxels are and which objects there are. */
+/* The keywords of a world file that describe the poses of taxels, and the objects. */
 #ifndef EMULATOR_WORLD_SCENE_H
 #define EMULATOR_WORLD_SCENE_H
 
 #include "emulator/world_reader.h"
 
-/* Returns 0 for a line of this kind, 1 for another one, -1 after a complaint. */
+/* Returns 0 after a line with one of these keywords, 1 for another keyword, -1 after an error line on stderr. */
 int world_scene_read_line(const struct world_reader *reader);
 
-/* After the last line: is everything described that belongs together? Returns 0 or -1. */
+/* Call after the last line: checks that descriptions are complete. Returns 0, or -1 after an error line on stderr. */
 int world_scene_check(const struct world_reader *reader);
 
 #endif

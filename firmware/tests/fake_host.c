@@ -139,7 +139,7 @@ bool fake_hub_accounts_hold(const struct fake_hub *fake)
                                slot->bus_errors + slot->dropped;
         const struct taxel_unframed *unframed = &fake->hub.unframed;
         const bool in_flight =
-            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+            slot->retry_pending || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
             (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
         if (slot->polls != (uint8_t)(ended + in_flight)) {
             return false;

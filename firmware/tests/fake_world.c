@@ -79,7 +79,7 @@ void fake_world_fault_at(struct fake_world *fake, double time_s, enum fault_kind
                          double second)
 {
     fake->description.faults[fake->description.fault_count++] = (struct fault_description){
-        .time_s = time_s, .kind = kind, .address = address, .value = position, .second = second};
+        .time_s = time_s, .kind = kind, .address = address, .value = position, .second_value = second};
 }
 
 int fake_world_open(struct fake_world *fake, int stimulus_fd)
@@ -99,7 +99,7 @@ int fake_world_open(struct fake_world *fake, int stimulus_fd)
     fake->endpoint.fd = -1;
     fake->endpoint.capture = open_memstream(&fake->captured, &fake->captured_size);
     fake->script.next = VTIME_NEVER;
-    if (stimulus_open(&fake->stimulus, stimulus_fd, "test", world_taxels(&fake->description), false)) {
+    if (stimulus_open(&fake->stimulus, stimulus_fd, "test", world_taxel_count(&fake->description), false)) {
         return -1;
     }
     return world_init(&fake->world, &fake->description, &fake->stimulus, &fake->endpoint, &fake->script);
@@ -149,7 +149,7 @@ static void host_sends(struct fake_world *fake, uint8_t type, const uint8_t *pay
     taxel_encoder_begin(&encoder, bytes, sizeof bytes, 0, type, 0, (uint16_t)size);
     taxel_encoder_put(&encoder, payload, size);
     const size_t encoded = taxel_encoder_end(&encoder);
-    (void)uart_host_sends(&fake->world.uart, bytes, encoded, fake->world.now);
+    (void)uart_send_from_host(&fake->world.uart, bytes, encoded, fake->world.now);
 }
 
 void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t *arguments, size_t size)
@@ -194,7 +194,7 @@ bool fake_world_adds_up(const struct fake_world *fake)
         const struct taxel_job *job = &node->hub.job;
         const struct taxel_unframed *unframed = &node->hub.unframed;
         const bool in_flight =
-            slot->retry || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+            slot->retry_pending || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
             (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
         forwarded += slot->forwarded;
         if (slot->polls != (uint8_t)(ended + in_flight)) {

@@ -1,17 +1,20 @@
-/* Random faults, commands and line noise on an emulated world. Usage: stress_world [SEED [ROUNDS]] */
+/* Random faults, commands and bytes of noise in random emulated worlds. Usage: stress_world [SEED [ROUNDS]]
+ *
+ * A failure prints the command that replays its world. */
 #include <stdlib.h>
 
 #include "check.h"
 #include "emulator/random.h"
 #include "fake_world.h"
 
-#define SECONDS 1.5
+#define FAULTS_S 1.5 /* duration of the random faults */
+#define REPAIR_S (FAULTS_S + 0.5)
 
 static struct fake_world fake;
 static struct random_source source;
 static unsigned boards;
 
-static unsigned below(unsigned limit)
+static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
 }
@@ -21,21 +24,21 @@ static void add_faults(void)
     double time = 0.3;
     for (unsigned i = 0; i < 40; i++) {
         static const double values[] = {0, 1, 2, 5, 9, 20, 300, 6000, 20000};
-        const enum fault_kind kind = below(16) ? (enum fault_kind)below(FAULT_HUB_UNPLUG) : FAULT_MUTE;
+        const enum fault_kind kind = random_below(16) ? (enum fault_kind)random_below(FAULT_HUB_UNPLUG) : FAULT_MUTE;
         time += 0.04 * random_uniform(&source);
-        fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + below(boards)), values[below(9)], below(30));
+        fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + random_below(boards)), values[random_below(9)], random_below(30));
     }
-    for (unsigned i = 0; i < boards; i++) { /* and then all is well */
-        fake_world_fault(&fake, SECONDS + 0.5, FAULT_PLUG, (uint8_t)(0x20 + i), 0);
-        fake_world_fault(&fake, SECONDS + 0.5, FAULT_CORRUPT, (uint8_t)(0x20 + i), 0);
-        fake_world_fault(&fake, SECONDS + 0.5, FAULT_NACK, (uint8_t)(0x20 + i), 0);
-        fake_world_fault(&fake, SECONDS + 0.5, FAULT_HOLD_SDA, (uint8_t)(0x20 + i), 0);
-        fake_world_fault(&fake, SECONDS + 0.5, FAULT_HOLD_SCL, (uint8_t)(0x20 + i), 0);
+    for (unsigned i = 0; i < boards; i++) { /* end all faults */
+        fake_world_fault(&fake, REPAIR_S, FAULT_PLUG, (uint8_t)(0x20 + i), 0);
+        fake_world_fault(&fake, REPAIR_S, FAULT_CORRUPT, (uint8_t)(0x20 + i), 0);
+        fake_world_fault(&fake, REPAIR_S, FAULT_NACK, (uint8_t)(0x20 + i), 0);
+        fake_world_fault(&fake, REPAIR_S, FAULT_HOLD_SDA, (uint8_t)(0x20 + i), 0);
+        fake_world_fault(&fake, REPAIR_S, FAULT_HOLD_SCL, (uint8_t)(0x20 + i), 0);
     }
-    fake_world_fault(&fake, SECONDS + 0.5, FAULT_MUTE, 0, 0);
+    fake_world_fault(&fake, REPAIR_S, FAULT_MUTE, 0, 0);
 }
 
-static void send_something(void)
+static void send_random_command(void)
 {
     static const uint8_t codes[] = {TAXEL_COMMAND_START,           TAXEL_COMMAND_SCAN_BUS,   TAXEL_COMMAND_I2C_TRANSFER,
                                     TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_COMMAND_GET_STATUS, TAXEL_COMMAND_GET_BOARD_INFO,
@@ -44,34 +47,34 @@ static void send_something(void)
     for (size_t i = 0; i < sizeof bytes; i++) {
         bytes[i] = (uint8_t)random_u64(&source);
     }
-    const uint8_t code = below(8) ? codes[below(sizeof codes)] : (uint8_t)below(256);
+    const uint8_t code = random_below(8) ? codes[random_below(sizeof codes)] : (uint8_t)random_below(256);
     size_t size = 0;
     if (code == TAXEL_COMMAND_I2C_TRANSFER) {
-        size = 2u + below(65);
-        bytes[0] = (uint8_t)(0x20 + below(boards + 1));
-        bytes[1] = (uint8_t)below(66);
+        size = 2u + random_below(65);
+        bytes[0] = (uint8_t)(0x20 + random_below(boards + 1));
+        bytes[1] = (uint8_t)random_below(66);
     } else if (code == TAXEL_COMMAND_SET_SCAN_SETTINGS) {
-        const struct taxel_scan_settings settings = {(uint16_t)(80u + below(80)), 40, (uint8_t)below(2), 16, 96};
-        bytes[0] = below(2) ? (uint8_t)(0x20 + below(boards)) : 0;
+        const struct taxel_scan_settings settings = {(uint16_t)(80u + random_below(80)), 40, (uint8_t)random_below(2), 16, 96};
+        bytes[0] = random_below(2) ? (uint8_t)(0x20 + random_below(boards)) : 0;
         taxel_scan_settings_pack(&settings, bytes + 1);
         size = TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE;
     } else if (code == TAXEL_COMMAND_GET_BOARD_INFO) {
-        bytes[0] = below(2) ? (uint8_t)(0x20 + below(boards)) : 0;
+        bytes[0] = random_below(2) ? (uint8_t)(0x20 + random_below(boards)) : 0;
         size = 1;
     } else if (code == TAXEL_COMMAND_SET_RATE) {
-        taxel_put_u32(bytes, below(20000));
+        taxel_put_u32(bytes, random_below(20000));
         size = 4;
     } else if (code == TAXEL_COMMAND_REBOOT) {
-        return; /* the counters would begin anew */
+        return; /* a reboot resets the counters that are checked */
     }
-    if (below(6) == 0) {
-        (void)uart_host_sends(&fake.world.uart, bytes, below(66), fake.world.now); /* noise */
+    if (random_below(6) == 0) {
+        (void)uart_send_from_host(&fake.world.uart, bytes, random_below(66), fake.world.now); /* noise */
     }
     fake_world_command(&fake, code, bytes, size);
 }
 
-/* Damage may have made a board look like no board at all: it is looked at again within 64 cycles. */
-static void check_all_stream(void)
+/* After damaged identities the hub may treat an address as empty; it probes the address again within 64 cycles. */
+static void check_all_boards_stream(void)
 {
     uint32_t before[6];
     const uint32_t cycles = fake.world.hub.hub.cycle.count;
@@ -87,33 +90,33 @@ static void check_all_stream(void)
     }
 }
 
-static void random_world(void)
+static void random_world_recovers_from_random_faults(void)
 {
-    boards = 1u + below(6);
-    fake_world_describe(&fake, boards, (uint16_t)(1u + below(100)));
+    boards = 1u + random_below(6);
+    fake_world_describe(&fake, boards, (uint16_t)(1u + random_below(100)));
     fake.description.seed = random_u64(&source);
-    fake.description.scl_hz = below(2) ? 400e3 : 100e3;
-    fake.description.baud = below(3) ? 1e6 : 115200.0;
+    fake.description.scl_hz = random_below(2) ? 400e3 : 100e3;
+    fake.description.baud = random_below(3) ? 1e6 : 115200.0;
     fake.description.hub_clock_ppm = 100.0 * random_uniform(&source);
     add_faults();
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
     (void)fake_world_start(&fake);
-    while (fake.world.now < (vtime)((SECONDS + 0.5) * (double)VTIME_SECOND)) {
-        send_something();
+    while (fake.world.now < (vtime)((REPAIR_S) * (double)VTIME_SECOND)) {
+        send_random_command();
         CHECK_EQUAL(fake_world_run(&fake, 0.05 * random_uniform(&source)), 0);
         CHECK(fake_world_adds_up(&fake));
     }
-    /* The faults are over: the hub answers, and every board streams. */
+    /* After the end of the faults the hub responds, and every board streams. */
     uint8_t period[4] = {0};
     CHECK_EQUAL(fake_world_run(&fake, 1.5), 0);
-    const uint8_t handshake[] = {0};
-    (void)uart_host_sends(&fake.world.uart, handshake, sizeof handshake, fake.world.now); /* ends what noise has left */
+    const uint8_t delimiter[] = {0};
+    (void)uart_send_from_host(&fake.world.uart, delimiter, sizeof delimiter, fake.world.now); /* terminates an incomplete frame of noise */
     fake_world_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period);
     fake_world_command(&fake, TAXEL_COMMAND_START, NULL, 0);
     CHECK_EQUAL(fake_world_run(&fake, 1.0), 0);
     CHECK_EQUAL(fake.reply_tag, fake.tag);
     CHECK_EQUAL(fake.reply_status, 0);
-    check_all_stream();
+    check_all_boards_stream();
     CHECK(fake_world_adds_up(&fake));
     fake_world_close(&fake);
 }
@@ -124,11 +127,11 @@ int main(int argc, char **argv)
     const unsigned rounds = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 0) : 40;
     for (unsigned round = 0; round < rounds; round++) {
         random_init(&source, seed + round, 0);
-        RUN(random_world);
+        RUN(random_world_recovers_from_random_faults);
         if (check_state.failures) {
             printf("replay: stress_world %llu 1\n", (unsigned long long)(seed + round));
         }
     }
-    printf("seeds %llu and the %u after it\n", (unsigned long long)seed, rounds - 1u);
+    printf("seeds %llu to %llu\n", (unsigned long long)seed, (unsigned long long)(seed + rounds - 1u));
     return check_summary();
 }

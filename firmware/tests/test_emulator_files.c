@@ -1,4 +1,4 @@
-/* Files that are wrong: a world, a stimulus or a host script is refused with one line on stderr that names it. */
+/* Input files of the emulator: an invalid world or stimulus is rejected with one line on stderr that names the file. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdlib.h>
@@ -29,7 +29,7 @@ static void write_file(const void *bytes, size_t size)
 
 static int saved_stderr, error_fd;
 
-static void catch_stderr(void)
+static void redirect_stderr(void)
 {
     fflush(stderr);
     saved_stderr = dup(2);
@@ -37,8 +37,8 @@ static void catch_stderr(void)
     dup2(error_fd, 2);
 }
 
-/* Lines on stderr since catch_stderr(); `names_path`: whether the file was named. */
-static unsigned lines_on_stderr(bool *names_path)
+/* The number of lines on stderr since redirect_stderr(); *names_path: whether they contain `path`. */
+static unsigned count_stderr_lines(bool *names_path)
 {
     char text[4096] = {0};
     unsigned lines = 0;
@@ -57,23 +57,23 @@ static unsigned lines_on_stderr(bool *names_path)
 static int read_world(const void *text, size_t size, unsigned *lines, bool *names_path)
 {
     write_file(text, size);
-    catch_stderr();
+    redirect_stderr();
     const int result = world_file_read(&description, path);
-    *lines = lines_on_stderr(names_path);
+    *lines = count_stderr_lines(names_path);
     unlink(path);
     return result;
 }
 
-static void a_good_world_is_read(void)
+static void valid_world_is_read(void)
 {
     static const char text[] = "taxel-world 1\n# a comment\n\nseed 42\nscl_hz 1e6\nbaud 2000000\nusb_latency_ms 2\n"
                                "usb_latency_down_ms 3\nflow_control 1\n"
                                "hub_clock_ppm -20\nnoise_counts 0.5\nscan 100 50 2 9 10\n" BOARD
-                               "board 0x21 2 16 16 1 " MAP_3 " " ID " 1.5 10 9 # and its map version\n"
+                               "board 0x21 2 16 16 1 " MAP_3 " " ID " 1.5 10 9 # with a map version\n"
                                "fault 1.5 unplug 32\nfault 1.5 plug 32\nfault 2 mute_host 0 1";
     unsigned lines;
-    bool named;
-    CHECK_EQUAL(read_world(text, sizeof text - 1u, &lines, &named), 0);
+    bool names_path;
+    CHECK_EQUAL(read_world(text, sizeof text - 1u, &lines, &names_path), 0);
     CHECK_EQUAL(lines, 0);
     CHECK_EQUAL(description.seed, 42);
     CHECK(description.scl_hz == 1e6 && description.noise_counts == 0.5 && description.hub_clock_ppm == -20.0);
@@ -86,7 +86,7 @@ static void a_good_world_is_read(void)
     CHECK_EQUAL(description.faults[2].kind, FAULT_MUTE);
 }
 
-static const char *const bad_worlds[] = {
+static const char *const invalid_worlds[] = {
     "",
     "\n",
     "taxel-world\n",
@@ -134,68 +134,68 @@ static const char *const bad_worlds[] = {
     "taxel-world 1\nboard 32 1 1 3 3 " MAP_3 " " ID " 0 5 256\n",
 };
 
-static void bad_worlds_are_refused_in_one_line(void)
+static void invalid_world_is_rejected_with_one_line(void)
 {
-    for (size_t i = 0; i < sizeof bad_worlds / sizeof bad_worlds[0]; i++) {
+    for (size_t i = 0; i < sizeof invalid_worlds / sizeof invalid_worlds[0]; i++) {
         unsigned lines;
-        bool named;
-        const int result = read_world(bad_worlds[i], strlen(bad_worlds[i]), &lines, &named);
-        if (!CHECK_EQUAL(result, -1) || !CHECK_EQUAL(lines, 1) || !CHECK(named)) {
-            printf("  (world %zu: %s)\n", i, bad_worlds[i]);
+        bool names_path;
+        const int result = read_world(invalid_worlds[i], strlen(invalid_worlds[i]), &lines, &names_path);
+        if (!CHECK_EQUAL(result, -1) || !CHECK_EQUAL(lines, 1) || !CHECK(names_path)) {
+            printf("  (world %zu: %s)\n", i, invalid_worlds[i]);
         }
     }
 }
 
-static void long_lines_and_many_boards_are_refused(void)
+static void long_line_and_too_many_boards_or_faults_are_rejected(void)
 {
     static char text[400000] = "taxel-world 1\n";
     unsigned lines;
-    bool named;
+    bool names_path;
     memset(text + 14, 'x', 2000);
-    CHECK_EQUAL(read_world(text, 2014, &lines, &named), -1);
+    CHECK_EQUAL(read_world(text, 2014, &lines, &names_path), -1);
     CHECK_EQUAL(lines, 1);
-    CHECK_EQUAL(read_world("taxel-world 1\n\0\n\0", 17, &lines, &named), -1);
+    CHECK_EQUAL(read_world("taxel-world 1\n\0\n\0", 17, &lines, &names_path), -1);
     CHECK_EQUAL(lines, 1);
     size_t size = 14;
     for (unsigned i = 0; i <= WORLD_BOARDS_MAX; i++) {
         size += (size_t)snprintf(text + size, sizeof text - size, "%s", BOARD);
     }
-    CHECK_EQUAL(read_world(text, size, &lines, &named), -1);
+    CHECK_EQUAL(read_world(text, size, &lines, &names_path), -1);
     CHECK_EQUAL(lines, 1);
     size = (size_t)snprintf(text, sizeof text, "%s", WORLD);
     for (unsigned i = 0; i <= WORLD_FAULTS_MAX; i++) {
         size += (size_t)snprintf(text + size, sizeof text - size, "fault 1 plug 32\n");
     }
-    CHECK_EQUAL(read_world(text, size, &lines, &named), -1);
+    CHECK_EQUAL(read_world(text, size, &lines, &names_path), -1);
     CHECK_EQUAL(lines, 1);
     strcpy(path, "/tmp");
-    catch_stderr();
+    redirect_stderr();
     CHECK_EQUAL(world_file_read(&description, "/tmp"), -1);
     CHECK_EQUAL(world_file_read(&description, "/tmp/no/such/file"), -1);
-    CHECK_EQUAL(lines_on_stderr(&named), 2);
+    CHECK_EQUAL(count_stderr_lines(&names_path), 2);
 }
 
-/* Any text at all: no crash, and what is accepted can be run. */
-static void a_randomly_damaged_world_is_read_or_refused(void)
+/* No damage causes a crash, and a rejected world always produces one line. */
+static void randomly_damaged_world_is_read_or_rejected(void)
 {
-    static const char good[] = WORLD "seed 42\nscl_hz 1e6\nscan 100 50 2 9 10\nfault 1.5 stretch 32 100\n";
+    static const char valid[] = WORLD "seed 42\nscl_hz 1e6\nscan 100 50 2 9 10\nfault 1.5 stretch 32 100\n";
     struct random_source random;
-    char text[sizeof good];
+    char text[sizeof valid];
     random_init(&random, 11, 0);
     for (unsigned round = 0; round < 2000; round++) {
-        memcpy(text, good, sizeof good);
+        memcpy(text, valid, sizeof valid);
         for (unsigned n = 0; n < 1 + round % 4; n++) {
-            text[random_u64(&random) % (sizeof good - 1u)] = (char)random_u64(&random);
+            text[random_u64(&random) % (sizeof valid - 1u)] = (char)random_u64(&random);
         }
         unsigned lines;
-        bool named;
-        const int result = read_world(text, sizeof good - 1u, &lines, &named);
+        bool names_path;
+        const int result = read_world(text, sizeof valid - 1u, &lines, &names_path);
         CHECK_EQUAL(lines, result ? 1 : 0);
     }
 }
 
-/* The map has the right number of bits, but one of them lies outside rows x columns. */
-static void a_map_that_does_not_fit_its_board_is_refused(void)
+/* The map has the right number of set bits, but one of them lies outside rows x columns. */
+static void crossing_map_outside_the_lines_of_its_board_is_rejected(void)
 {
     for (unsigned bit = 3; bit < 256; bit += 11) {
         fake_world_describe(&fake, 1, 3);
@@ -204,10 +204,10 @@ static void a_map_that_does_not_fit_its_board_is_refused(void)
         board->columns = 3;
         board->crossing_map[0] = 3;
         board->crossing_map[bit >> 3] |= (uint8_t)(1u << (bit & 7u));
-        bool named;
-        catch_stderr();
+        bool names_path;
+        redirect_stderr();
         const int result = fake_world_open(&fake, -1);
-        CHECK_EQUAL(lines_on_stderr(&named), 1);
+        CHECK_EQUAL(count_stderr_lines(&names_path), 1);
         CHECK(result != 0);
         fake_world_close(&fake);
     }
@@ -215,19 +215,19 @@ static void a_map_that_does_not_fit_its_board_is_refused(void)
 
 static int run_stimulus(const uint8_t *bytes, size_t size, unsigned *lines)
 {
-    bool named;
+    bool names_path;
     const int fd = memfd_create("stimulus", 0);
     CHECK(write(fd, bytes, size) == (ssize_t)size);
     lseek(fd, 0, SEEK_SET);
     fake_world_describe(&fake, 1, 2);
     strcpy(path, "stimulus test");
-    catch_stderr();
+    redirect_stderr();
     int result = fake_world_open(&fake, fd);
     if (!result) {
         result = fake_world_run(&fake, 0.2);
     }
-    *lines = lines_on_stderr(&named);
-    CHECK(!result || named);
+    *lines = count_stderr_lines(&names_path);
+    CHECK(!result || names_path);
     fake_world_close(&fake);
     return result;
 }
@@ -248,36 +248,36 @@ static size_t fill_stimulus(uint8_t *bytes)
     return 24 + 48;
 }
 
-static void bad_stimuli_are_refused_in_one_line(void)
+static void invalid_stimulus_is_rejected_with_one_line(void)
 {
-    static const double bad_times[] = {(double)INFINITY, (double)NAN, 1e9, 0.01};
-    static const float bad_values[] = {-1.0f, INFINITY, NAN};
+    static const double invalid_times[] = {(double)INFINITY, (double)NAN, 1e9, 0.01};
+    static const float invalid_values[] = {-1.0f, INFINITY, NAN};
     uint8_t bytes[128];
     unsigned lines;
     const size_t size = fill_stimulus(bytes);
     CHECK_EQUAL(run_stimulus(bytes, size, &lines), 0);
     CHECK_EQUAL(lines, 0);
-    for (size_t cut = 0; cut < size; cut++) {
-        const bool between_records = cut >= 24 && (cut - 24) % 16 == 0;
+    for (size_t length = 0; length < size; length++) {
+        const bool between_records = length >= 24 && (length - 24) % 16 == 0;
         (void)fill_stimulus(bytes);
-        CHECK_EQUAL(run_stimulus(bytes, cut, &lines), between_records ? 0 : -1);
+        CHECK_EQUAL(run_stimulus(bytes, length, &lines), between_records ? 0 : -1);
         CHECK_EQUAL(lines, between_records ? 0 : 1);
     }
-    for (size_t header = 0; header < 20; header++) {
+    for (size_t position = 0; position < 20; position++) { /* of the header */
         (void)fill_stimulus(bytes);
-        bytes[header] ^= 0x41;
+        bytes[position] ^= 0x41;
         CHECK_EQUAL(run_stimulus(bytes, size, &lines), -1);
         CHECK_EQUAL(lines, 1);
     }
     for (size_t i = 0; i < 4; i++) {
         (void)fill_stimulus(bytes);
-        memcpy(bytes + 24 + 32, &bad_times[i], 8);
+        memcpy(bytes + 24 + 32, &invalid_times[i], 8);
         CHECK_EQUAL(run_stimulus(bytes, size, &lines), -1);
         CHECK_EQUAL(lines, 1);
     }
     for (size_t i = 0; i < 3; i++) {
         (void)fill_stimulus(bytes);
-        memcpy(bytes + 32 + 16 + 4, &bad_values[i], 4);
+        memcpy(bytes + 32 + 16 + 4, &invalid_values[i], 4);
         CHECK_EQUAL(run_stimulus(bytes, size, &lines), -1);
         CHECK_EQUAL(lines, 1);
     }
@@ -285,11 +285,11 @@ static void bad_stimuli_are_refused_in_one_line(void)
 
 int main(void)
 {
-    RUN(a_good_world_is_read);
-    RUN(bad_worlds_are_refused_in_one_line);
-    RUN(long_lines_and_many_boards_are_refused);
-    RUN(a_randomly_damaged_world_is_read_or_refused);
-    RUN(a_map_that_does_not_fit_its_board_is_refused);
-    RUN(bad_stimuli_are_refused_in_one_line);
+    RUN(valid_world_is_read);
+    RUN(invalid_world_is_rejected_with_one_line);
+    RUN(long_line_and_too_many_boards_or_faults_are_rejected);
+    RUN(randomly_damaged_world_is_read_or_rejected);
+    RUN(crossing_map_outside_the_lines_of_its_board_is_rejected);
+    RUN(invalid_stimulus_is_rejected_with_one_line);
     return check_summary();
 }

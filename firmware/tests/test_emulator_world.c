@@ -1,4 +1,4 @@
-/* The emulated world without faults: the same bytes each time, the rate that the bus allows, and all frames whole. */
+/* The emulated world without faults: reproducible bytes, the expected rate, and intact frames. */
 #include "check.h"
 #include "fake_world.h"
 
@@ -6,7 +6,7 @@
 
 static struct fake_world fake;
 
-/* As many boards and taxels as the hand: 15 x 63 + 2 x 64 = 1073. */
+/* 17 boards with 15 x 63 + 2 x 64 = 1073 taxels, a load similar to that of a whole hand. */
 static void describe_hand(void)
 {
     fake_world_describe(&fake, HAND_BOARDS, 63);
@@ -16,7 +16,7 @@ static void describe_hand(void)
     }
 }
 
-static void settle(void)
+static void stop_stream(void)
 {
     fake_world_command(&fake, TAXEL_COMMAND_STOP, NULL, 0);
     CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
@@ -24,27 +24,27 @@ static void settle(void)
     CHECK(fake_world_adds_up(&fake));
 }
 
-static void a_hand_streams_at_the_rate_that_bus_and_hub_allow(void)
+static void hand_streams_at_the_rate_of_bus_and_hub(void)
 {
     describe_hand();
-    CHECK_EQUAL(world_taxels(&fake.description), 1073);
+    CHECK_EQUAL(world_taxel_count(&fake.description), 1073);
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
     CHECK(fake_world_start(&fake));
     const uint32_t cycles = fake.world.hub.hub.cycle.count;
     CHECK_EQUAL(fake_world_run(&fake, 2.0), 0);
     const double rate = (fake.world.hub.hub.cycle.count - cycles) / 2.0;
-    /* 17 x (1 + 10) + 2 x 1073 bytes of nine clocks are 52.5 ms; a pass of the hub's main loop between two polls, probes and one clock
-     * read come on top. */
+    /* 17 x (1 + 10) + 2 x 1073 bytes of nine clocks take 52.5 ms per cycle; in addition there are a pass of the hub's main loop between
+     * two polls, probes and one read of a clock. */
     CHECK_BETWEEN(rate, 17.5, 18.7);
     for (uint8_t i = 0; i < HAND_BOARDS; i++) {
         CHECK(fake_world_slot(&fake, (uint8_t)(0x20 + i))->forwarded >= 34);
         CHECK_EQUAL(fake_world_slot(&fake, (uint8_t)(0x20 + i))->crc_errors, 0);
     }
-    settle();
+    stop_stream();
     fake_world_close(&fake);
 }
 
-static uint32_t stream_of(double seconds, vtime step, uint64_t seed, uint64_t *bytes)
+static uint32_t run_with_faults(double seconds, vtime step, uint64_t seed, uint64_t *bytes)
 {
     fake_world_describe(&fake, 6, 20);
     fake.description.seed = seed;
@@ -57,38 +57,38 @@ static uint32_t stream_of(double seconds, vtime step, uint64_t seed, uint64_t *b
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
     CHECK(fake_world_start(&fake));
     CHECK_EQUAL(fake_world_run_in_steps(&fake, seconds, step), 0);
-    settle();
+    stop_stream();
     *bytes = fake.stream_bytes;
     const uint32_t crc = fake.stream_crc;
     fake_world_close(&fake);
     return crc;
 }
 
-static void two_runs_send_the_same_bytes(void)
+static void seed_determines_the_bytes_of_the_stream(void)
 {
     uint64_t bytes[3];
-    const uint32_t first = stream_of(1.0, 2 * VTIME_MS, 7, &bytes[0]);
-    const uint32_t second = stream_of(1.0, 2 * VTIME_MS, 7, &bytes[1]);
+    const uint32_t first = run_with_faults(1.0, 2 * VTIME_MS, 7, &bytes[0]);
+    const uint32_t second = run_with_faults(1.0, 2 * VTIME_MS, 7, &bytes[1]);
     CHECK(bytes[0] > 10000);
     CHECK_EQUAL(bytes[0], bytes[1]);
     CHECK_EQUAL(first, second);
-    CHECK(stream_of(1.0, 2 * VTIME_MS, 8, &bytes[2]) != first);
+    CHECK(run_with_faults(1.0, 2 * VTIME_MS, 8, &bytes[2]) != first);
 }
 
-static void the_length_of_the_steps_changes_nothing(void)
+static void step_length_does_not_change_the_stream(void)
 {
     uint64_t bytes[2];
-    const uint32_t whole = stream_of(1.0, VTIME_SECOND, 7, &bytes[0]);
+    const uint32_t whole = run_with_faults(1.0, VTIME_SECOND, 7, &bytes[0]);
     static const vtime steps[] = {37 * VTIME_US, VTIME_MS, 2 * VTIME_MS, 17 * VTIME_MS};
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
-        const uint32_t stepped = stream_of(1.0, steps[i], 7, &bytes[1]);
+        const uint32_t stepped = run_with_faults(1.0, steps[i], 7, &bytes[1]);
         CHECK_EQUAL(bytes[1], bytes[0]);
         CHECK_EQUAL(stepped, whole);
     }
 }
 
-/* A host's bytes reach the hub while a transfer is under way: how far the world was run ahead must not matter. */
-static uint32_t stream_with_commands(vtime step)
+/* The host's commands reach the hub during an I2C transfer; the result must not depend on how far the bus has been advanced. */
+static uint32_t run_with_commands(vtime step)
 {
     fake_world_describe(&fake, 4, 200);
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
@@ -98,27 +98,27 @@ static uint32_t stream_with_commands(vtime step)
         CHECK_EQUAL(fake_world_run_in_steps(&fake, 0.034, step), 0);
     }
     CHECK_EQUAL(fake.replies, 21);
-    settle();
+    stop_stream();
     const uint32_t crc = fake.stream_crc;
     fake_world_close(&fake);
     return crc;
 }
 
-static void the_length_of_the_steps_changes_nothing_for_commands(void)
+static void step_length_does_not_change_responses_to_commands(void)
 {
-    const uint32_t fine = stream_with_commands(50 * VTIME_US);
-    CHECK_EQUAL(stream_with_commands(VTIME_MS), fine);
-    CHECK_EQUAL(stream_with_commands(34 * VTIME_MS), fine);
+    const uint32_t fine = run_with_commands(50 * VTIME_US);
+    CHECK_EQUAL(run_with_commands(VTIME_MS), fine);
+    CHECK_EQUAL(run_with_commands(34 * VTIME_MS), fine);
 }
 
-static void the_smallest_and_the_largest_world(void)
+static void smallest_and_largest_world_stream(void)
 {
     fake_world_describe(&fake, 1, 1);
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
     CHECK(fake_world_start(&fake));
     CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
     CHECK(fake.frames_of[0x20] > 100);
-    settle();
+    stop_stream();
     fake_world_close(&fake);
     fake_world_describe(&fake, 32, 240);
     fake.description.scl_hz = 1e6;
@@ -128,11 +128,11 @@ static void the_smallest_and_the_largest_world(void)
     for (uint8_t i = 0; i < 32; i++) {
         CHECK(fake.frames_of[0x20 + i] >= 2);
     }
-    settle();
+    stop_stream();
     fake_world_close(&fake);
 }
 
-static void a_uart_slower_than_the_bus_serves_all_boards_alike(void)
+static void uart_slower_than_the_bus_serves_all_boards_equally(void)
 {
     fake_world_describe(&fake, 8, 60);
     fake.description.baud = 115200.0;
@@ -150,7 +150,7 @@ static void a_uart_slower_than_the_bus_serves_all_boards_alike(void)
     fake_world_close(&fake);
 }
 
-static void a_reboot_of_the_hub(void)
+static void reboot_of_the_hub_stops_the_stream_and_finds_all_boards(void)
 {
     fake_world_describe(&fake, 3, 30);
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
@@ -165,12 +165,12 @@ static void a_reboot_of_the_hub(void)
 
 int main(void)
 {
-    RUN(a_hand_streams_at_the_rate_that_bus_and_hub_allow);
-    RUN(two_runs_send_the_same_bytes);
-    RUN(the_length_of_the_steps_changes_nothing);
-    RUN(the_length_of_the_steps_changes_nothing_for_commands);
-    RUN(the_smallest_and_the_largest_world);
-    RUN(a_uart_slower_than_the_bus_serves_all_boards_alike);
-    RUN(a_reboot_of_the_hub);
+    RUN(hand_streams_at_the_rate_of_bus_and_hub);
+    RUN(seed_determines_the_bytes_of_the_stream);
+    RUN(step_length_does_not_change_the_stream);
+    RUN(step_length_does_not_change_responses_to_commands);
+    RUN(smallest_and_largest_world_stream);
+    RUN(uart_slower_than_the_bus_serves_all_boards_equally);
+    RUN(reboot_of_the_hub_stops_the_stream_and_finds_all_boards);
     return check_summary();
 }

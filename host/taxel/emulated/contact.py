@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
-from taxel.native_library import last_words, load_library, stderr_into
+from taxel.native_library import emulator_message, load_library, redirected_stderr
 
 LOAD_VALUES = 42
 """Of a board: force and moment (6), stiffness (6 x 6)."""
@@ -73,10 +73,10 @@ class SkinContact:
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
-            with stderr_into(complaint):
+            with redirected_stderr(complaint):
                 handle = self._library.taxel_contact_open(os.fsencode(path))
             if not handle:
-                raise ContactLibraryError(last_words(complaint.read_text(errors="replace"), str(path), world))
+                raise ContactLibraryError(emulator_message(complaint.read_text(errors="replace"), str(path), world))
             return int(handle)
 
     def bracket_offset(self, board: int) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from taxel.hand import load_hand
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import (
     CaptureLink,
     CaptureWriter,
@@ -35,10 +35,10 @@ START = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "com
 
 BAD_WORLDS = {
     "empty": ("", "a world|no board"),
-    "another file": ("hello\n", "line 1: a world begins with 'taxel-world 1'"),
-    "another version": ("taxel-world 2\n", "line 1: a world begins with 'taxel-world 1'"),
+    "another file": ("hello\n", "line 1: expected 'taxel-world 1'"),
+    "another version": ("taxel-world 2\n", "line 1: expected 'taxel-world 1'"),
     "no board": ("taxel-world 1\n", "no board is described"),
-    "unknown word": ("taxel-world 1\nbored 1\n", "line 2: unknown word 'bored'"),
+    "unknown keyword": ("taxel-world 1\nbored 1\n", "line 2: unknown keyword 'bored'"),
     "not a number": ("taxel-world 1\nscl_hz fast\n", "line 2: scl_hz: expected a number .* found 'fast'"),
     "out of range": ("taxel-world 1\n\nbaud 10\n", "line 3: baud: expected a number from 1000 .* found '10'"),
     "number missing": ("taxel-world 1\nseed\n", "line 2: a number is missing"),
@@ -115,10 +115,10 @@ def test_whoever_asks_second_hears_the_emulators_line_too():
     link = EmulatorLink("taxel-world 1\nbored 1\n")
     read_to_the_end(link)
     for _ in range(3):
-        with pytest.raises(PortVanishedError, match="unknown word 'bored'"):
+        with pytest.raises(PortVanishedError, match="unknown keyword 'bored'"):
             link.write(HANDSHAKE)
     for _ in range(3):
-        with pytest.raises(PortVanishedError, match="unknown word 'bored'"):
+        with pytest.raises(PortVanishedError, match="unknown keyword 'bored'"):
             link.read(0.1)
     link.close()
 
@@ -127,7 +127,7 @@ def test_a_world_for_another_skin_than_the_stimulus_is_refused(tmp_path, small_w
     write_stimulus(tmp_path / "a.stm", [0.0], np.zeros((1, 3)))
     link = EmulatorLink(small_world, stimulus=tmp_path / "a.stm")
     _, end = read_to_the_end(link)
-    assert "is for 3 taxels, but this skin has 64" in str(end)
+    assert "expected values for 64 taxels, found 3" in str(end)
     link.close()
 
 
@@ -255,7 +255,7 @@ def test_a_run_without_a_host_is_repeatable_to_the_byte_in_any_number_of_threads
     files = []
     counts = []
     for run, threads in (("a", 1), ("b", 3), ("c", 1)):
-        world = world_text(hand, settings if run != "c" else WorldSettings(seed=2, faults=settings.faults))
+        world = format_world(hand, settings if run != "c" else WorldSettings(seed=2, faults=settings.faults))
         capture = tmp_path / f"{run}.bin"
         counts.append(run_emulator(world, capture, 1.5, tmp_path / "host.bin", tmp_path / "press.stm", threads))
         files.append(capture.read_bytes())
@@ -287,15 +287,15 @@ def test_a_run_refuses_bad_input_with_the_emulators_own_line(tmp_path, small_wor
     bad.write_bytes(b"nothing")
     cases = [
         ({"world": "taxel-world 1\n"}, "no board is described"),
-        ({"host_input": bad}, "not a capture"),
+        ({"host_input": bad}, "expected a capture file"),
         ({"host_input": tmp_path / "none"}, "No such file"),
         ({"stimulus": bad}, "TAXELSTM"),
         ({"stimulus": tmp_path / "none"}, "No such file"),
         ({"capture": tmp_path / "none" / "a.bin"}, "No such file"),
-        ({"duration_s": -1.0}, "--duration must be"),
-        ({"duration_s": float("nan")}, "--duration must be"),
-        ({"threads": 0}, "--threads must be a number from 1 to 16"),
-        ({"threads": 17}, "--threads must be a number from 1 to 16"),
+        ({"duration_s": -1.0}, "--duration: expected a number"),
+        ({"duration_s": float("nan")}, "--duration: expected a number"),
+        ({"threads": 0}, "--threads: expected a number from 1 to 16"),
+        ({"threads": 17}, "--threads: expected a number from 1 to 16"),
     ]
     for changed, words in cases:
         arguments = {"world": small_world, "capture": tmp_path / "a.bin", "duration_s": 0.1} | changed
@@ -308,6 +308,6 @@ def test_every_digit_of_the_settings_reaches_the_world():
     settings = WorldSettings(
         scl_hz=399_999.5, hub_clock_ppm=12_345.678, noise_counts=3.1415926, usb_latency_ms=15.9999999
     )
-    words = dict(line.split(maxsplit=1) for line in world_text(load_hand("flat8"), settings).splitlines())
+    words = dict(line.split(maxsplit=1) for line in format_world(load_hand("flat8"), settings).splitlines())
     for name in ("scl_hz", "hub_clock_ppm", "noise_counts", "usb_latency_ms"):
         assert float(words[name]) == getattr(settings, name)

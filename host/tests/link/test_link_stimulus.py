@@ -78,14 +78,14 @@ def test_an_unknown_kind_is_refused(tmp_path):
 
 
 BROKEN = {
-    "no stimulus": (b"hello", "does not begin with TAXELSTM"),
+    "no stimulus": (b"hello", "starts with TAXELSTM"),
     "another version": (raw_stimulus([], version=2), "version or kind"),
     "another kind": (raw_stimulus([], kind=3), "version or kind"),
-    "another skin": (raw_stimulus([], taxels=63), "is for 63 taxels, but this skin has 64"),
-    "back in time": (raw_stimulus([(0.01, 1), (0.02, 1), (0.01, 1)]), "goes back in time"),
-    "no time": (raw_stimulus([(0.01, 1), (float("nan"), 1)]), "time is not a number"),
-    "negative": (raw_stimulus([(0.01, 1), (0.02, -1)]), "negative or not a number"),
-    "not a number": (raw_stimulus([(0.01, float("nan"))]), "negative or not a number"),
+    "another skin": (raw_stimulus([], taxels=63), "expected values for 64 taxels, found 63"),
+    "back in time": (raw_stimulus([(0.01, 1), (0.02, 1), (0.01, 1)]), "earlier than the record before"),
+    "no time": (raw_stimulus([(0.01, 1), (float("nan"), 1)]), "time of a record is not a number"),
+    "negative": (raw_stimulus([(0.01, 1), (0.02, -1)]), "negative or not finite"),
+    "not a number": (raw_stimulus([(0.01, float("nan"))]), "negative or not finite"),
     "cut": (raw_stimulus([(0.01, 1), (0.02, 1)])[:-1], "ends inside a record"),
 }
 

@@ -86,28 +86,28 @@ def _library() -> ctypes.CDLL:
     for name, result, *arguments in (
         ("open", pointer, text, text, whole),
         ("close", None, pointer),
-        ("pty", text, pointer),
-        ("taxels", size, pointer),
+        ("pty_name", text, pointer),
+        ("taxel_count", size, pointer),
         ("now", time, pointer),
         ("run", whole, pointer, time),
         ("send", size, pointer, text, size),
         ("receive", size, pointer, text, size),
-        ("delivered", time, pointer),
-        ("holds_back", whole, pointer),
-        ("press", whole, pointer, pointer),
-        ("inject", whole, pointer, text, byte, number, number),
-        ("transfer", whole, pointer, byte, text, size, text, size, time),
-        ("strikes", size, pointer, time, ctypes.POINTER(_Strike), size, ctypes.POINTER(time)),
-        ("flash", pointer, pointer, byte),
-        ("wear", pointer, pointer, byte),
-        ("torn", time, pointer, byte),
-        ("runs", whole, pointer, byte),
-        ("processor", whole, pointer, byte, ctypes.POINTER(ProcessorStruct)),
-        ("cost", whole, pointer, byte, ctypes.c_uint, ctypes.POINTER(CostStruct)),
-        ("plan_cut", whole, pointer, byte, time, time, time),
-        ("cuts", time, pointer, byte),
-        ("cut", whole, pointer, byte, time, ctypes.POINTER(ctypes.c_uint16), ctypes.POINTER(time), text),
-        ("statistics", whole, pointer, text),
+        ("bytes_delivered", time, pointer),
+        ("has_flow_control", whole, pointer),
+        ("set_stimulus", whole, pointer, pointer),
+        ("inject_fault", whole, pointer, text, byte, number, number),
+        ("transfer_i2c", whole, pointer, byte, text, size, text, size, time),
+        ("read_fault_log", size, pointer, time, ctypes.POINTER(_Strike), size, ctypes.POINTER(time)),
+        ("flash_bytes", pointer, pointer, byte),
+        ("flash_wear", pointer, pointer, byte),
+        ("torn_writes", time, pointer, byte),
+        ("running_program", whole, pointer, byte),
+        ("read_processor", whole, pointer, byte, ctypes.POINTER(ProcessorStruct)),
+        ("read_handler_cost", whole, pointer, byte, ctypes.c_uint, ctypes.POINTER(CostStruct)),
+        ("plan_power_cut", whole, pointer, byte, time, time, time),
+        ("power_cut_count", time, pointer, byte),
+        ("read_power_cut", whole, pointer, byte, time, ctypes.POINTER(ctypes.c_uint16), ctypes.POINTER(time), text),
+        ("write_statistics", whole, pointer, text),
     ):
         function = getattr(library, f"taxel_bench_{name}")
         function.restype, function.argtypes = result, arguments
@@ -133,8 +133,8 @@ class VirtualWorld:
     ) -> None:
         self._library = _library()
         self._handle: int | None = self._open(world, uart, counts, files or {})
-        self.taxels = int(self._library.taxel_bench_taxels(self._handle))
-        self.pty_name = str(self._library.taxel_bench_pty(self._handle).decode())
+        self.taxels = int(self._library.taxel_bench_taxel_count(self._handle))
+        self.pty_name = str(self._library.taxel_bench_pty_name(self._handle).decode())
         self._buffer = ctypes.create_string_buffer(RECEIVE_SIZE)
 
     def _open(self, world: str, uart: str, counts: bool, files: Mapping[str, Path]) -> int:
@@ -179,24 +179,24 @@ class VirtualWorld:
     @property
     def delivered(self) -> int:
         """Bytes that have arrived at the host so far."""
-        return int(self._library.taxel_bench_delivered(self._open_handle))
+        return int(self._library.taxel_bench_bytes_delivered(self._open_handle))
 
     @property
     def holds_back(self) -> bool:
         """Whether the hub makes the host wait before its receive ring is full (`flow_control 1` in the world file)."""
-        return bool(self._library.taxel_bench_holds_back(self._open_handle))
+        return bool(self._library.taxel_bench_has_flow_control(self._open_handle))
 
     def press(self, values: ArrayLike) -> None:
         """[n] newtons (or raw counts) on the taxels from now on, in the order of the world's boards."""
         table = np.ascontiguousarray(values, dtype=np.float32)
         if table.shape != (self.taxels,):
             raise ValueError(f"expected {self.taxels} values, found an array of shape {table.shape}")
-        if self._library.taxel_bench_press(self._open_handle, table.ctypes.data):
+        if self._library.taxel_bench_set_stimulus(self._open_handle, table.ctypes.data):
             raise ValueError("expected finite values of at least 0")
 
     def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
         """Let `name` go wrong now: a fault of firmware/emulator/README.md. Raises `FaultError`."""
-        refusal = self._library.taxel_bench_inject(self._open_handle, name.encode(), address, value, second)
+        refusal = self._library.taxel_bench_inject_fault(self._open_handle, name.encode(), address, value, second)
         if refusal:
             raise FaultError("virtual rig", f"fault '{name}' (address 0x{address:02X}) {_REFUSALS[refusal]}")
 
@@ -204,7 +204,7 @@ class VirtualWorld:
         """A transfer by the bench's own adapter: the result (enum taxel_i2c_result, 0 is good) and what was read."""
         buffer = ctypes.create_string_buffer(max(read_size, 1))
         patience = round(patience_s * PS_PER_S)
-        result = self._library.taxel_bench_transfer(
+        result = self._library.taxel_bench_transfer_i2c(
             self._open_handle, address, write, len(write), buffer, read_size, patience
         )
         return int(result), buffer.raw[:read_size]
@@ -212,7 +212,7 @@ class VirtualWorld:
     def strikes(self, first: int = 0) -> list[Strike]:
         """What has gone wrong, from the `first` one on. Raises `LinkError` if some of it has been forgotten (4,096)."""
         table, lost = (_Strike * 4096)(), ctypes.c_uint64()
-        count = self._library.taxel_bench_strikes(self._open_handle, first, table, len(table), ctypes.byref(lost))
+        count = self._library.taxel_bench_read_fault_log(self._open_handle, first, table, len(table), ctypes.byref(lost))
         if lost.value:
             raise LinkError("virtual rig", f"has forgotten {lost.value} of its faults; ask more often")
         return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
@@ -223,17 +223,17 @@ class VirtualWorld:
         Raises `FaultError` for no board.
         """
         handle = self._open_handle
-        runs = int(self._library.taxel_bench_runs(handle, address))
+        runs = int(self._library.taxel_bench_running_program(handle, address))
         if runs < 0:
             raise FaultError("virtual rig", f"board 0x{address:02X} is none of this world's")
-        data = ctypes.string_at(self._library.taxel_bench_flash(handle, address), FLASH_SIZE)
-        wear = np.frombuffer(ctypes.string_at(self._library.taxel_bench_wear(handle, address), 4 * FLASH_ROWS), "<u4")
-        return BoardFlash(data, wear, int(self._library.taxel_bench_torn(handle, address)), RUNS[runs])
+        data = ctypes.string_at(self._library.taxel_bench_flash_bytes(handle, address), FLASH_SIZE)
+        wear = np.frombuffer(ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * FLASH_ROWS), "<u4")
+        return BoardFlash(data, wear, int(self._library.taxel_bench_torn_writes(handle, address)), RUNS[runs])
 
     def processor(self, address: int) -> Processor:
         """Of an executed board, or of an executed hub (address 0). Raises `FaultError` where no image is executed."""
         struct = ProcessorStruct()
-        if self._library.taxel_bench_processor(self._open_handle, address, ctypes.byref(struct)):
+        if self._library.taxel_bench_read_processor(self._open_handle, address, ctypes.byref(struct)):
             raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
         return struct.read()
 
@@ -242,7 +242,7 @@ class VirtualWorld:
         costs = {}
         for name, number in EXCEPTIONS.items():
             struct = CostStruct()
-            if self._library.taxel_bench_cost(self._open_handle, address, number, ctypes.byref(struct)):
+            if self._library.taxel_bench_read_handler_cost(self._open_handle, address, number, ctypes.byref(struct)):
                 raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
             costs[name] = struct.read()
         return costs
@@ -254,13 +254,13 @@ class VirtualWorld:
         0.02 its end. Raises `FaultError`.
         """
         after, off = round(after_s * PS_PER_S), round(off_s * PS_PER_S)
-        refusal = self._library.taxel_bench_plan_cut(self._open_handle, address, operation, after, off)
+        refusal = self._library.taxel_bench_plan_power_cut(self._open_handle, address, operation, after, off)
         if refusal:
             raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {_REFUSALS[refusal]}")
 
     def cut_count(self, address: int) -> int:
         """How many planned power cuts of a board or the hub have been made."""
-        return int(self._library.taxel_bench_cuts(self._open_handle, address))
+        return int(self._library.taxel_bench_power_cut_count(self._open_handle, address))
 
     def cuts(self, address: int, first: int = 0) -> list[PowerCut]:
         """Planned power cuts that were made, from the `first` on; the latest eight are remembered."""
@@ -268,7 +268,7 @@ class VirtualWorld:
         row, after, wanted = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)
         made: list[PowerCut] = []
         for number in range(first, self.cut_count(address)):
-            if self._library.taxel_bench_cut(handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted):
+            if self._library.taxel_bench_read_power_cut(handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted):
                 raise LinkError("virtual rig", f"has forgotten power cut {number}; ask more often")
             made.append(PowerCut(row.value, after.value / PS_PER_S, wanted.raw))
         return made
@@ -277,7 +277,7 @@ class VirtualWorld:
         """What the emulator has counted so far."""
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path = Path(folder) / "statistics.json"
-            self._library.taxel_bench_statistics(self._open_handle, os.fsencode(path))
+            self._library.taxel_bench_write_statistics(self._open_handle, os.fsencode(path))
             counted: dict[str, Any] = json.loads(path.read_text())
             return counted
 

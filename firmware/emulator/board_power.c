@@ -1,0 +1,128 @@
+/* The power of a board, its boot, and the program that runs on it. */
+#include <string.h>
+
+#include "codec/crc32.h"
+#include "emulator/board_cortex.h"
+#include "emulator/board_internal.h"
+#include "emulator/costs.h"
+
+#define CONFIRM_SCANS 10u /* an image on trial is confirmed after these scans and one snapshot that was read */
+
+static void override_map_version(struct board_node *board)
+{
+    uint8_t *identity = board->sensor.identity;
+    if (board->description->map_version_override) {
+        identity[TAXEL_IDENTITY_OFFSET_MAP_VERSION] = board->description->map_version_override;
+        taxel_put_u32(identity + TAXEL_IDENTITY_OFFSET_CRC32, taxel_crc32(0, identity, TAXEL_IDENTITY_OFFSET_CRC32));
+    }
+}
+
+static void start_application(struct board_node *board)
+{
+    const struct boot_node *boot = board->boot;
+    const vtime application_boot_time = (vtime)(board->description->boot_ms * (double)VTIME_MS) - boot->init_time;
+    board->program = PROGRAM_APPLICATION;
+    board->has_confirmed = false;
+    board->flash_busy_until = 0;
+    board->boot_end = boot->now + application_boot_time;
+    board->clock_origin = board->last_tick = board->boot_end - board_cycles_to_time(board, COST_SENSOR_INIT);
+    board->interrupt_begin = board->now = board->boot_end;
+    board->cpu_free = board->boot_end;
+    board->config.reset_cause = boot->reset_cause;
+    board->config.address = board->address = boot_node_get_address(boot);
+    board->config.kind = boot_node_get_kind(boot);
+    memcpy(board->config.firmware_version, boot_node_get_version(boot), sizeof board->config.firmware_version);
+    (void)taxel_sensor_init(&board->sensor, &board->config); /* board_node_init() has checked the configuration */
+    override_map_version(board);
+    taxel_scan_start(&board->sensor);
+}
+
+void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outcome)
+{
+    board->conversion_end = VTIME_NEVER;
+    board->compact_end = VTIME_NEVER;
+    switch (outcome) {
+    case BOOT_STARTS_IMAGE:
+        start_application(board);
+        break;
+    case BOOT_STARTS_HANGING_IMAGE:
+        board->program = PROGRAM_HANGING;
+        board->watchdog_at = board->boot->now + BOOT_NODE_WATCHDOG_TIME;
+        break;
+    case BOOT_RESTARTS:
+        board_set_power(board, true, board->boot->now, TAXEL_RESET_CAUSE_COMMAND);
+        break;
+    default:
+        board->program = PROGRAM_BOOTLOADER;
+        break;
+    }
+}
+
+void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
+{
+    board->is_powered = on;
+    board->conversion_end = VTIME_NEVER;
+    board->compact_end = VTIME_NEVER;
+    board->restart_requested = false;
+    board->sda_hold_clocks = 0; /* a board without power or after a reset releases the lines */
+    board->scl_held_until = 0;
+    board->address_stretch = 0;
+    if (board->psoc) {
+        if (on && reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
+            board->power_on_time = now;
+        }
+        board_cortex_set_power(board, on, now, reset_cause);
+        return;
+    }
+    if (!on) {
+        boot_node_power_off(board->boot, now);
+        return;
+    }
+    if (reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
+        board->power_on_time = now;
+    }
+    board->address = boot_node_get_address(board->boot);
+    board_handle_boot_outcome(board, boot_node_reset(board->boot, now, reset_cause));
+}
+
+vtime board_next_power_event(const struct board_node *board)
+{
+    return vtime_min(board->boot->flash.cut_time, board->power_return_time);
+}
+
+void board_run_power_events(struct board_node *board, vtime until)
+{
+    while (board_next_power_event(board) <= until) {
+        const vtime now = board_next_power_event(board);
+        const bool power_returns = now == board->power_return_time;
+        board->power_return_time = power_returns ? VTIME_NEVER : now + board->boot->flash.off_time;
+        board_set_power(board, power_returns, now, TAXEL_RESET_CAUSE_POWER_ON);
+    }
+}
+
+void board_advance_bootloader(struct board_node *board, vtime until)
+{
+    for (;;) {
+        board_run_power_events(board, until);
+        if (!board->is_powered) {
+            return;
+        }
+        if (board->program == PROGRAM_BOOTLOADER && boot_node_next_deadline(board->boot) <= until) {
+            board_handle_boot_outcome(board, boot_node_run(board->boot, boot_node_next_deadline(board->boot)));
+        } else if (board->program == PROGRAM_HANGING && board->watchdog_at <= until) {
+            board_set_power(board, true, board->watchdog_at, TAXEL_RESET_CAUSE_WATCHDOG);
+        } else {
+            return;
+        }
+    }
+}
+
+void board_confirm_image(struct board_node *board, vtime now)
+{
+    if (board->has_confirmed || board->sensor.scan.scans < CONFIRM_SCANS || !board->sensor.slave.snapshot_reads) {
+        return;
+    }
+    board->has_confirmed = true;
+    board->flash_busy_until = boot_node_confirm_image(board->boot, now);
+    board->cpu_free = vtime_max(board->cpu_free, board->flash_busy_until);
+}
