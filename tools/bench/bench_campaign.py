@@ -1,4 +1,4 @@
-"""How many grasps a second a campaign makes, against what 144 grasps in the allowed time ask for."""
+"""Rate of grasp campaigns, compared with the rate needed for 144 grasps in the allowed time."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from taxel.grasp.plan import PlannedGrasp, thesis_plan
 
 GRASPS = 144
 SIM_S, EMULATED_S = 180.0, 360.0
-"""Seconds that a campaign of that many grasps may take on two cores."""
+"""Seconds allowed for a campaign of that many grasps on two cores."""
 
-EACH_SESSION = 3
+GRASPS_PER_SESSION = 3
 
 
 def _short_plan() -> list[PlannedGrasp]:
-    """A few grasps of as many sessions as there are processes, so that all of them have the same to do."""
+    """Plan with a few grasps per session and as many sessions as processes, so that every process has the same load."""
     sessions = min(os.cpu_count() or 1, 6)
     plan: list[PlannedGrasp] = []
     for session in range(sessions):
-        own = [planned for planned in thesis_plan(1) if planned.session == session]
-        plan += own[:EACH_SESSION]
+        session_plan = [planned for planned in thesis_plan(1) if planned.session == session]
+        plan += session_plan[:GRASPS_PER_SESSION]
     return [replace(planned) for planned in plan]
 
 
-def _rate(make: Callable[[Path], object], count: int) -> float:
+def _rate(run_campaign: Callable[[Path], object], count: int) -> float:
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
-        begun = time.perf_counter()
-        make(Path(folder) / "campaign.h5")
-        return count / (time.perf_counter() - begun)
+        start = time.perf_counter()
+        run_campaign(Path(folder) / "campaign.h5")
+        return count / (time.perf_counter() - start)
 
 
 def measure() -> list[Figure]:
-    """Grasps a second of both sources, start of the processes included."""
+    """Grasps per second of both sources, including the start of the processes."""
     plan = _short_plan()
     sim = _rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
     emulated = _rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))

@@ -1,6 +1,6 @@
-"""Compact frames: what they take against the entropy of what they say, and the whole skin's rate with them.
+"""Compact frames: coded size compared with the entropy of the counts, and the scan rate of the whole skin.
 
-The bytes are measured by tools/compact/entropy.py, whose heading says what is counted; here with shorter recordings.
+tools/compact/entropy.py counts the bytes and documents what is counted; the recordings here are shorter.
 """
 
 import sys
@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "compact"))
 import numpy as np
 from bench_skin_rate import SCANS
 from entropy import SIGMAS, Tally
-from entropy import measure as polled
+from entropy import measure as measure_bytes
 from figures import Figure
 from ideal import noise_entropy, recording_entropy
 
@@ -21,56 +21,59 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin
 
-MOST = 1.1
-"""Coded bytes over entropy that are allowed."""
+ENTROPY_RATIO_MAX = 1.1
+"""Largest allowed ratio of coded bytes to entropy."""
 
-WANTED_HZ, WANTED_SIGMA = 60.0, 1.5
+REQUIRED_HZ, REQUIRED_SIGMA = 60.0, 1.5
 SECONDS = 4.0
 SETTLE_S, RUN_S = 3.0, 3.0
 SCL_HZ = 400e3
 
 
-def rate(hand: Hand, sigma: float) -> float:
-    """Scans of the hand a second that arrive, firmware's costs and UART at 1 Mbaud included; virtual time."""
+def measure_rate(hand: Hand, sigma: float) -> float:
+    """Scans of the hand per second that arrive at the host (virtual time), including the firmware's costs and a UART
+    at 1 Mbaud.
+    """
     settings = WorldSettings(scl_hz=SCL_HZ, noise_counts=sigma, scan=SCANS["fast"])
     with (
         VirtualWorld(format_world(hand, settings)) as world,
         Skin(VirtualMemoryLink(world), hand, frames="compact") as skin,
     ):
         frames = 0
-        for seconds, counted in ((SETTLE_S, False), (RUN_S, True)):
+        for seconds, is_counted in ((SETTLE_S, False), (RUN_S, True)):
             end = world.now_s + seconds
             while world.now_s < end:
-                taken = len(skin.poll(0.005))
-                frames += taken if counted else 0
+                received = len(skin.poll(0.005))
+                frames += received if is_counted else 0
     return frames / len(hand.boards) / RUN_S
 
 
 def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
     bits = 8.0 * (tally.coded + tally.packed) / (tally.cycles * hand.n_taxels)
     hertz = SCL_HZ / tally.clocks(len(hand.boards))
-    detail = f"{bits:.3f} bits a taxel of {entropy:.3f}; the bus alone allows {hertz:.1f} Hz"
-    return Figure(f"compact frames, {name}", MOST * entropy / bits, 1.0, f"{MOST:g} times the entropy", detail)
+    detail = f"{bits:.3f} bits per taxel, entropy {entropy:.3f}; the bus alone allows {hertz:.1f} Hz"
+    reference = f"{ENTROPY_RATIO_MAX:g} times the entropy"
+    return Figure(f"compact frames, {name}", ENTROPY_RATIO_MAX * entropy / bits, 1.0, reference, detail)
 
 
 def measure() -> list[Figure]:
-    """Bytes and rates at four strengths of noise, and bytes of a recording with touches."""
+    """Bytes and rates at four noise levels, and bytes of a recording with contacts."""
     hand = load_hand("allegro")
     figures = []
     for sigma in SIGMAS:
-        tally = polled(hand, sigma, SECONDS, touched=False)
+        tally = measure_bytes(hand, sigma, SECONDS, touched=False)
         figures.append(_figure(f"noise {sigma:g} counts", hand, tally, noise_entropy(sigma)))
-        begun = time.perf_counter()
-        found = rate(hand, sigma)
+        start = time.perf_counter()
+        hertz = measure_rate(hand, sigma)
         figures.append(
             Figure(
-                f"skin's rate with them, 400 kHz, noise {sigma:g} counts",
-                found / WANTED_HZ,
-                1.0 if sigma == WANTED_SIGMA else None,
-                f"{WANTED_HZ:g} Hz",
-                f"{found:.1f} Hz at the host, fast scan, 1 Mbaud ({time.perf_counter() - begun:.0f} s to emulate)",
+                f"skin rate with compact frames, 400 kHz, noise {sigma:g} counts",
+                hertz / REQUIRED_HZ,
+                1.0 if sigma == REQUIRED_SIGMA else None,
+                f"{REQUIRED_HZ:g} Hz",
+                f"{hertz:.1f} Hz at the host, fast scan, 1 Mbaud ({time.perf_counter() - start:.0f} s to emulate)",
             )
         )
-    touched = polled(hand, WANTED_SIGMA, SECONDS, touched=True)
-    entropy = recording_entropy(np.array(touched.counts, dtype=np.int64))
-    return [*figures, _figure(f"noise {WANTED_SIGMA:g} counts and touches", hand, touched, entropy)]
+    tally = measure_bytes(hand, REQUIRED_SIGMA, SECONDS, touched=True)
+    entropy = recording_entropy(np.array(tally.counts, dtype=np.int64))
+    return [*figures, _figure(f"noise {REQUIRED_SIGMA:g} counts and contacts", hand, tally, entropy)]

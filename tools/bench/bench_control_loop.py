@@ -1,8 +1,9 @@
-"""The Allegro control loop in real time: driver, joint PD and a virtual hand on python-can's virtual bus.
+"""Allegro control loop in real time: driver, joint PD controller and a virtual hand on python-can's virtual bus.
 
-python tools/bench/bench_control_loop.py [seconds]
+    python tools/bench/bench_control_loop.py [seconds]
 
-The virtual hand runs in a thread of the same process, so both share one interpreter: a real hand costs the loop less.
+The virtual hand runs in a thread of the same process and shares its interpreter, so the loop has less load with a
+physical hand.
 """
 
 import json
@@ -17,10 +18,10 @@ from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
 from taxel.hand.control_loop import ControlLoop
 
 PERIOD_S = 0.003
-# Shares of full PWM per rad and per rad/s; chosen for the virtual hand's free joints.
+# Fraction of full PWM per rad and per rad/s; chosen for the free joints of the virtual hand.
 STIFFNESS, DAMPING = 4.0, 0.08
 SWAY_RAD, SWAY_HZ = 0.1, 0.5
-ANSWER_TIMEOUT_S = 5.0  # a busy machine is no silent hand
+ANSWER_TIMEOUT_S = 5.0  # a busy machine must not count as a hand that does not respond
 _CHANNEL = "bench_control_loop"
 
 
@@ -52,26 +53,24 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
 
 
 def measure() -> list[Figure]:
-    """Periods met, over those that an empty loop met."""
-    loop = counts()
+    """Periods met, relative to an empty loop."""
+    loop = count_periods()
     met, empty = loop["periods"] - loop["missed"], loop["periods"] - loop["empty_loop_missed"]
     detail = f"333 Hz: {loop['missed']:.0f} of {loop['periods']:.0f} missed, empty loop {loop['empty_loop_missed']:.0f}"
-    return [
-        Figure("Allegro control loop, periods met", met / max(empty, 1.0), None, "a loop that does nothing", detail)
-    ]
+    return [Figure("Allegro control loop, periods met", met / max(empty, 1.0), None, "an empty loop", detail)]
 
 
-def counts(seconds: float = 5.0) -> dict[str, float]:
-    """Periods, missed periods, and lateness of the ticks in microseconds, of so many seconds of control.
+def count_periods(seconds: float = 5.0) -> dict[str, float]:
+    """Periods, missed periods and lateness of the ticks (microseconds) of `seconds` of control.
 
-    `empty_loop_missed` is what a loop that does nothing misses right after, for as long: the share of the machine.
+    `empty_loop_missed` is the number of periods that an empty loop of the same duration misses directly afterwards.
     """
-    found = _measured(seconds)
+    statistics = _run_loop(seconds)
     empty = ControlLoop(PERIOD_S).run(lambda period: None, round(seconds / PERIOD_S))
-    return found | {"empty_loop_missed": empty.missed}
+    return statistics | {"empty_loop_missed": empty.missed}
 
 
-def _measured(seconds: float) -> dict[str, float]:
+def _run_loop(seconds: float) -> dict[str, float]:
     host_end, hand_end = can.Bus(_CHANNEL, "virtual"), can.Bus(_CHANNEL, "virtual")
     stop = threading.Event()
     thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,))
@@ -87,4 +86,4 @@ def _measured(seconds: float) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(counts(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0), indent=2))
+    print(json.dumps(count_periods(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0), indent=2))

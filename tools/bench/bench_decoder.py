@@ -1,12 +1,12 @@
-"""The host's decoders against construct's own uncompiled parse of the same frames, and against memcpy + CRC-32."""
+"""Decoders of the host, compared with construct's uncompiled parse of the same frames and with memcpy + CRC-32."""
 
 import tempfile
 import zlib
 from pathlib import Path
 
 import numpy as np
-from figures import Figure, compared
-from recorded import record
+from figures import Figure, compare
+from recordings import record
 
 from taxel.link import CaptureLink
 from taxel.stream import LossAccount, StreamDecoder, decode_capture
@@ -31,16 +31,16 @@ def _stream(path: Path) -> bytes:
             return bytes(data)
 
 
-def _as_batches(data: bytes) -> None:
-    """As the host does: chunks in; search, unstuffing, both CRCs, losses; arrays out."""
+def _decode_batches(data: bytes) -> None:
+    """Decode as the host does: from chunks of bytes to arrays, including both CRCs and loss accounting."""
     decoder = StreamDecoder()
     for start in range(0, len(data), CHUNK):
         decoder.push(data[start : start + CHUNK])
     assert LossAccount(decoder).lost_on_wire == 0
 
 
-def _as_frames(data: bytes) -> None:
-    """The same, with mapped times and one `TaxelFrame` object a frame."""
+def _decode_frames(data: bytes) -> None:
+    """As `_decode_batches`, plus clock mapping and one `TaxelFrame` object per frame."""
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
     for start in range(0, len(data), CHUNK):
         for batch in decoder.push(data[start : start + CHUNK]):
@@ -49,21 +49,21 @@ def _as_frames(data: bytes) -> None:
 
 
 def measure() -> list[Figure]:
-    """Taxel frames a second, ours over construct's; bytes a second, ours over memcpy and CRC-32."""
+    """Taxel frames per second relative to construct, and bytes per second relative to memcpy and CRC-32."""
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)
-        return _measured(capture)
+        return _compare_decoders(capture)
 
 
-def _measured(capture: Path) -> list[Figure]:
+def _compare_decoders(capture: Path) -> list[Figure]:
     data, file = _stream(capture), np.fromfile(capture, dtype=np.uint8)
-    bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last is cut off
+    bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last frame is truncated
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]
     sample = bodies[:CONSTRUCT_FRAMES]
     target = np.empty_like(file)
 
     def construct() -> None:
-        # Given the unstuffed, unwhitened bodies: only its own work counts.
+        # Uses unstuffed, unwhitened bodies, so that only construct's own work is measured.
         for body in sample:
             Body.parse(body)
 
@@ -76,37 +76,43 @@ def _measured(capture: Path) -> list[Figure]:
             pass
 
     share = len(bodies) / len(sample)
-    batches, frames = compared(lambda: _as_batches(data), construct), compared(lambda: _as_frames(data), construct)
-    whole, against_memory = compared(capture_as_batches, construct), compared(capture_as_batches, memory, rounds=41)
-    rate = f"construct {len(sample) / batches.reference_s:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes a frame"
+    batches, frames = (
+        compare(lambda: _decode_batches(data), construct),
+        compare(lambda: _decode_frames(data), construct),
+    )
+    capture_decode, against_memory = (
+        compare(capture_as_batches, construct),
+        compare(capture_as_batches, memory, rounds=41),
+    )
+    rate = f"construct {len(sample) / batches.reference_s:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes per frame"
     return [
         Figure(
             "streaming decode to batches",
             batches.ratio * share,
             100.0,
             "construct, uncompiled",
-            f"{len(bodies) / batches.ours_s:,.0f} frames/s, chunks of {CHUNK}; {rate}",
+            f"{len(bodies) / batches.measured_s:,.0f} frames/s, chunks of {CHUNK}; {rate}",
         ),
         Figure(
             "streaming decode to TaxelFrame objects",
             frames.ratio * share,
             40.0,
             "construct, uncompiled",
-            f"{len(bodies) / frames.ours_s:,.0f} frames/s, chunks of {CHUNK}",
+            f"{len(bodies) / frames.measured_s:,.0f} frames/s, chunks of {CHUNK}",
         ),
         Figure(
             "batch decode of a capture",
-            whole.ratio * share,
+            capture_decode.ratio * share,
             200.0,
             "construct, uncompiled",
-            f"{len(bodies) / whole.ours_s:,.0f} frames/s, file read included",
+            f"{len(bodies) / capture_decode.measured_s:,.0f} frames/s, file read included",
         ),
         Figure(
             "batch decode of a capture",
             against_memory.ratio,
             0.3,
             "memcpy + zlib.crc32",
-            f"of the file's {len(file) / 1e6:.1f} MB: {len(file) / against_memory.ours_s / 1e6:,.0f} against "
-            f"{len(file) / against_memory.reference_s / 1e6:,.0f} MB/s; {len(data) / 1e6:.1f} MB of them are stream",
+            f"file of {len(file) / 1e6:.1f} MB: {len(file) / against_memory.measured_s / 1e6:,.0f} against "
+            f"{len(file) / against_memory.reference_s / 1e6:,.0f} MB/s; {len(data) / 1e6:.1f} MB are stream",
         ),
     ]

@@ -1,4 +1,4 @@
-"""How long the diagnosis of a whole campaign takes, against a minute. Its campaign is made once, into out/bench."""
+"""Duration of the diagnosis of a whole campaign, compared with one minute. The campaign is stored in out/bench."""
 
 import json
 import sys
@@ -19,7 +19,7 @@ FOLDER = Path("out/bench")
 
 
 def make_campaign(folder: Path = FOLDER) -> None:
-    """Both datasets of 144 grasps, with the default effects: some minutes, gone on with where it was cut."""
+    """Create both datasets of 144 grasps with the default effects (some minutes). An interrupted run is resumed."""
     folder.mkdir(parents=True, exist_ok=True)
     plan = thesis_plan(SEED)[:GRASPS]
     run_emulated(folder / "real.h5", plan, EmulatedSettings(), resume=(folder / "real.h5").exists())
@@ -28,15 +28,15 @@ def make_campaign(folder: Path = FOLDER) -> None:
 
 
 def measure() -> list[Figure]:
-    """Seconds allowed over seconds taken; None where the campaign was not made."""
+    """Allowed seconds divided by elapsed seconds; ratio None if the campaign does not exist."""
     name, reference = f"diagnosis of {GRASPS} grasps", f"{ALLOWED_S:g} s"
     if not (FOLDER / "made.json").exists():
-        made = "not measured: python tools/bench/bench_diagnosis.py makes its campaign"
-        return [Figure(name, None, None, reference, made)]
-    begun = time.perf_counter()
+        detail = "not measured: create the campaign with python tools/bench/bench_diagnosis.py"
+        return [Figure(name, None, None, reference, detail)]
+    start = time.perf_counter()
     diagnose(FOLDER / "real.h5", FOLDER / "sim.h5")
-    taken = time.perf_counter() - begun
-    return [Figure(name, ALLOWED_S / taken, 1.0, reference, f"{taken:.1f} s, default effects")]
+    elapsed_s = time.perf_counter() - start
+    return [Figure(name, ALLOWED_S / elapsed_s, 1.0, reference, f"{elapsed_s:.1f} s, default effects")]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""The emulator against real time: 17 boards, 400 kHz, plain frames, a press on every board all the time."""
+"""Speed of the emulator relative to real time: 17 boards, 400 kHz, uncompressed frames, permanent contact on every
+board.
+"""
 
 import os
 import statistics
@@ -9,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from figures import Figure
-from recorded import record
+from recordings import record
 
 from taxel.emulated.scene import Scene, scene_text
 from taxel.hand import load_hand
@@ -18,7 +20,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link import write_stimulus
 
 VIRTUAL_S, REPEATS, THREADS_MAX = 60.0, 5, 4
-IDEAL, ALL_EFFECTS = 100.0, 20.0
+IDEAL_TARGET, ALL_EFFECTS_TARGET = 100.0, 20.0
 EFFECTS = (
     "coupling traces picofarad=2 tx_ohm=400 rx_ohm=400",
     "noise white counts=8",
@@ -55,45 +57,46 @@ EFFECTS = (
     "modulus taxels log_std=0.1",
     "modulus board board=0x26 factor=1.2",
 )
-"""Every effect that leaves all boards in their places, each of its forms that can be on beside the others."""
+"""Every effect except exchanged boards, in each form that can be combined with the others."""
 
 
-def _pressed_everywhere(path: Path) -> None:
+def _write_contacts(path: Path) -> None:
     hand = load_hand("allegro")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
     share = sum(
-        compute_force_shares(hand, Indentation(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0)) for b in hand.boards
+        compute_force_shares(hand, Indentation(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0))
+        for b in hand.boards
     )
     write_stimulus(path, times, np.outer(5.0 + 4.0 * np.sin(times), share))
 
 
 def _speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any]]:
-    """(virtual seconds in a second by the clock, the process's start included; what the emulator counted)."""
+    """(virtual seconds per wall-clock second, start of the process included; statistics of the emulator)."""
     speeds = []
     for _ in range(REPEATS):
         before = time.perf_counter()
-        _, run = record(folder, VIRTUAL_S, folder / "presses.stm", world=world, threads=threads)
+        _, run = record(folder, VIRTUAL_S, folder / "contacts.stm", world=world, threads=threads)
         speeds.append(VIRTUAL_S / (time.perf_counter() - before))
     return statistics.median(speeds), run
 
 
 def measure() -> list[Figure]:
-    """Virtual seconds in a second, by the clock: a thread on each core that there is."""
+    """Virtual seconds per wall-clock second, with one thread per available core."""
     hand, threads = load_hand("allegro"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
-        "ideal skin": (IDEAL, format_world(hand, WorldSettings())),
-        "all effects": (ALL_EFFECTS, scene_text(hand, Scene({}), WorldSettings(effects=EFFECTS))),
+        "ideal skin": (IDEAL_TARGET, format_world(hand, WorldSettings())),
+        "all effects": (ALL_EFFECTS_TARGET, scene_text(hand, Scene({}), WorldSettings(effects=EFFECTS))),
     }
     figures = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _pressed_everywhere(folder / "presses.stm")
-        for what, (target, world) in worlds.items():
-            alone, _ = _speed(folder, world, 1)
+        _write_contacts(folder / "contacts.stm")
+        for condition, (target, world) in worlds.items():
+            single_speed, _ = _speed(folder, world, 1)
             speed, run = _speed(folder, world, threads)
             detail = (
-                f"{threads} threads ({alone:.0f} x with one); "
+                f"{threads} threads ({single_speed:.0f} x with one thread); "
                 f"{1e6 / run['cycle_time_us']:.2f} scans/s, bus {100 * run['bus_busy']:.1f} % busy"
             )
-            figures.append(Figure(f"emulator, 17 boards, {what}", speed, target, "real time", detail))
+            figures.append(Figure(f"emulator, 17 boards, {condition}", speed, target, "real time", detail))
     return figures

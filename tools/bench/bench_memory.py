@@ -1,4 +1,6 @@
-"""Largest memory of programs over a recording and over one ten times as long: it must not grow with the length."""
+"""Peak memory of programs on a recording and on a recording ten times as long: the memory must not grow with the
+length.
+"""
 
 import subprocess
 import sys
@@ -6,15 +8,15 @@ import tempfile
 from pathlib import Path
 
 from figures import Figure
-from recorded import record
+from recordings import record
 
-SHORT_S, TIMES = 10.0, 10
-GROWTH = 1.1
+SHORT_S, LENGTH_RATIO = 10.0, 10
+GROWTH_MAX = 1.1
 PROGRAMS = {
     "batch decode": "from taxel.stream import decode_capture\nfor _ in decode_capture(sys.argv[1]): pass",
-    "activation over arrays": "from taxel.recording import activity_of\nfor _ in activity_of(sys.argv[1]): pass",
+    "activation over arrays": "from taxel.recording import read_activity\nfor _ in read_activity(sys.argv[1]): pass",
     "replay, frame by frame": "from taxel.skin import open_skin\nfor _ in open_skin('file:' + sys.argv[1]): pass",
-    "record": "from pathlib import Path\nsys.path.insert(0, sys.argv[3])\nfrom recorded import record\n"
+    "record": "from pathlib import Path\nsys.path.insert(0, sys.argv[3])\nfrom recordings import record\n"
     "record(Path(sys.argv[1]).parent, float(sys.argv[2]))",
 }
 _PEAK = (
@@ -24,32 +26,32 @@ _PEAK = (
 
 
 def peak_mb(program: str, capture: Path, seconds: float) -> float:
-    """Largest resident memory of a Python program over `capture`, or of what it started; megabytes."""
+    """Peak resident memory of a Python program on `capture`, or of its child processes; megabytes."""
     arguments = [str(capture), repr(seconds), str(Path(__file__).parent)]
     code = f"import sys\n{program}{_PEAK}"
-    done = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
-    return float(done.stdout) / 1024
+    completed = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
+    return float(completed.stdout) / 1024
 
 
 def measure() -> list[Figure]:
-    """What ten times the length may take over what it takes."""
+    """Allowed memory for ten times the length, divided by the measured memory."""
     figures = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         captures = []
-        for length in (SHORT_S, TIMES * SHORT_S):
-            place = folder / f"{length:g}"
-            place.mkdir()
-            captures.append((record(place, length)[0], length))
-        for what, program in PROGRAMS.items():
+        for length in (SHORT_S, LENGTH_RATIO * SHORT_S):
+            subfolder = folder / f"{length:g}"
+            subfolder.mkdir()
+            captures.append((record(subfolder, length)[0], length))
+        for program_name, program in PROGRAMS.items():
             short, long = (peak_mb(program, capture, length) for capture, length in captures)
             figures.append(
                 Figure(
-                    f"memory, {what}",
-                    GROWTH * short / long,
+                    f"memory, {program_name}",
+                    GROWTH_MAX * short / long,
                     1.0,
-                    f"{GROWTH:g} times that of a tenth of the length",
-                    f"{long:.0f} MB over {TIMES * SHORT_S:g} s, {short:.0f} MB over {SHORT_S:g} s",
+                    f"{GROWTH_MAX:g} times the memory of the short recording",
+                    f"{long:.0f} MB over {LENGTH_RATIO * SHORT_S:g} s, {short:.0f} MB over {SHORT_S:g} s",
                 )
             )
     return figures

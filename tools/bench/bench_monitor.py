@@ -1,10 +1,10 @@
-"""What `taxel monitor` costs while the hand streams all that its bus gives, and whether it takes every frame.
+"""Processor load of `taxel monitor` while the hand streams at the full bus rate, and the number of missed frames.
 
-python tools/bench/bench_monitor.py [--seconds 20] [--json]
+    python tools/bench/bench_monitor.py [--seconds 20] [--json]
 
-The emulated hand runs in real time behind a pseudo-terminal, as `taxel emulate` runs it; the monitor is a process of
-its own on a terminal of 170 x 42 characters, or a page that one browser looks at (left out without chromium). The share
-is the monitor's processor time over the time that it watched, after it has started.
+The emulated hand runs in real time behind a pseudo-terminal, as `taxel emulate` runs it. The monitor is a separate
+process on a terminal of 170 x 42 characters, or a page that one browser displays (skipped without chromium). The load
+is the processor time of the monitor divided by the watched time, after the start.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from taxel.link.emulator import emulator_program
 
 BUSES = {"400 kHz": WorldSettings(), "1 MHz": WorldSettings(scl_hz=1e6, baud=3e6)}
 WIDTH, HEIGHT = 170, 42
-PAGE = "the skin is at "
+PAGE_TEXT = "the skin is at "
 _CHILD = """
 import json, sys, time
 from rich.console import Console
@@ -54,26 +54,26 @@ with open_watched(url) as skin:
         print("the skin is at", view.url, flush=True)
     else:
         view = LineView(lambda text: None)
-    earlier = watch(skin, monitor, view, 8.0)  # the baseline
+    initial = watch(skin, monitor, view, 8.0)  # establishes the baseline
     waited = 0
     while kind == "browser" and not view.is_seen:
-        earlier = watch(skin, monitor, view, 1.0)
+        initial = watch(skin, monitor, view, 1.0)
         waited += 1
         if waited > 60:
-            sys.exit("no browser came")
-    began_s, began_cpu_s = time.monotonic(), time.process_time()
+            sys.exit("no browser has opened the page within 60 s")
+    start_s, start_cpu_s = time.monotonic(), time.process_time()
     reading = watch(skin, monitor, view, float(seconds))
-    share = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
-    said = reading.as_dict() | {"cpu_share": share}
-    for name in ("lost_on_wire", "missing", "damaged", "hub_dropped"):  # not what happened while all of it started
-        said[name] = (said[name] or 0) - (earlier.as_dict()[name] or 0)
-open(out, "w").write(json.dumps(said))
+    share = (time.process_time() - start_cpu_s) / (time.monotonic() - start_s)
+    result = reading.as_dict() | {"cpu_share": share}
+    for name in ("lost_on_wire", "missing", "damaged", "hub_dropped"):  # exclude losses during the start
+        result[name] = (result[name] or 0) - (initial.as_dict()[name] or 0)
+open(out, "w").write(json.dumps(result))
 """
 
 
 @contextlib.contextmanager
 def emulated_port(settings: WorldSettings) -> Iterator[str]:
-    """A pseudo-terminal with the emulated hand behind it."""
+    """Pseudo-terminal of the emulated hand."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("allegro"), settings))
@@ -86,8 +86,10 @@ def emulated_port(settings: WorldSettings) -> Iterator[str]:
                 process.terminate()
 
 
-def watched(url: str, kind: str, seconds: float) -> dict[str, Any]:
-    """What a monitor of `kind` ("lines", "terminal", "browser") says after `seconds`; see `SkinReading.as_dict`."""
+def run_monitor(url: str, kind: str, seconds: float) -> dict[str, Any]:
+    """Run a monitor of `kind` ("lines", "terminal", "browser") for `seconds` and return its reading
+    (`SkinReading.as_dict`).
+    """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         out = Path(folder) / "reading.json"
         command = [sys.executable, "-c", _CHILD, url, kind, repr(seconds), str(out)]
@@ -101,8 +103,8 @@ def watched(url: str, kind: str, seconds: float) -> dict[str, Any]:
                 if select.select([master], [], [], 0.5)[0]:
                     with contextlib.suppress(OSError):
                         text = os.read(master, 1 << 16).decode(errors="replace")
-                        if kind == "browser" and browser is None and PAGE in text:
-                            browser = Page(text.split(PAGE)[1].split()[0])
+                        if kind == "browser" and browser is None and PAGE_TEXT in text:
+                            browser = Page(text.split(PAGE_TEXT)[1].split()[0])
         finally:
             if browser is not None:
                 browser.close()
@@ -110,60 +112,60 @@ def watched(url: str, kind: str, seconds: float) -> dict[str, Any]:
                 process.kill()
                 process.wait()
             os.close(master)
-        said: dict[str, Any] = json.loads(out.read_text())
-        return said
+        reading: dict[str, Any] = json.loads(out.read_text())
+        return reading
 
 
-def rows_of(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> list[dict[str, Any]]:
-    """One row for each bus and view."""
+def measure_rows(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> list[dict[str, Any]]:
+    """Measure one row per bus and view."""
     rows = []
     for bus in buses:
         settings = BUSES[bus]
         for kind in kinds:
             with emulated_port(settings) as device:
-                said = watched(f"serial://{device}?baud={settings.baud:.0f}", kind, seconds)
+                reading = run_monitor(f"serial://{device}?baud={settings.baud:.0f}", kind, seconds)
             keys = ("scans_hz", "frames_hz", "cpu_share", "lost_on_wire", "missing", "damaged", "hub_dropped")
-            rows.append({"bus": bus, "view": kind, **{key: said[key] for key in keys}, "age_s": said["age_s"]})
+            rows.append({"bus": bus, "view": kind, **{key: reading[key] for key in keys}, "age_s": reading["age_s"]})
             time.sleep(0.2)
     return rows
 
 
-def not_taken(row: dict[str, Any]) -> int:
-    """Frames that the monitor should have had and has not."""
+def count_missed_frames(row: dict[str, Any]) -> int:
+    """Number of frames that the monitor should have received but did not."""
     return int(row["lost_on_wire"] + row["missing"] + row["damaged"] + (row["hub_dropped"] or 0))
 
 
 def measure() -> list[Figure]:
-    """One core over what the view in the terminal takes; nothing if it did not take every frame."""
+    """One core divided by the load of the terminal view; no ratio if a frame was missed."""
     figures = []
-    for row in rows_of(list(BUSES), ["terminal"], 6.0):
-        lost = not_taken(row)
-        detail = f"{100 * row['cpu_share']:.0f} % of a core at {row['scans_hz']:.1f} scans/s, {lost} frames not taken"
+    for row in measure_rows(list(BUSES), ["terminal"], 6.0):
+        lost = count_missed_frames(row)
+        detail = f"{100 * row['cpu_share']:.0f} % of a core at {row['scans_hz']:.1f} scans/s, {lost} frames missed"
         ratio = None if lost else 1.0 / row["cpu_share"]
         figures.append(Figure(f"taxel monitor, {row['bus']}, in real time", ratio, 1.0, "one core", detail))
     return figures
 
 
 def main() -> int:
-    """Exit status 1 if a frame was lost or a view takes a whole core."""
+    """Print the table; exit status 1 if a frame was missed or a view needs a whole core."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     kinds = ["lines", "terminal", *(["browser"] if shutil.which("chromium") else [])]
-    rows = rows_of(list(BUSES), kinds, options.seconds)
+    rows = measure_rows(list(BUSES), kinds, options.seconds)
     if options.json:
         print(json.dumps(rows, indent=2))
     else:
-        print("| bus | view | scans/s | frames/s | share of one core | frames not taken | age, median and largest |")
+        print("| bus | view | scans/s | frames/s | share of one core | frames missed | age, median and largest |")
         print("|---|---|---|---|---|---|---|")
         for row in rows:
             median, largest = (1e3 * age for age in row["age_s"])
             print(
                 f"| {row['bus']} | {row['view']} | {row['scans_hz']:.1f} | {row['frames_hz']:.0f} | "
-                f"{100 * row['cpu_share']:.0f} % | {not_taken(row)} | {median:.0f}, {largest:.0f} ms |"
+                f"{100 * row['cpu_share']:.0f} % | {count_missed_frames(row)} | {median:.0f}, {largest:.0f} ms |"
             )
-    return 1 if any(not_taken(row) for row in rows) or any(row["cpu_share"] >= 1.0 for row in rows) else 0
+    return 1 if any(count_missed_frames(row) for row in rows) or any(row["cpu_share"] >= 1.0 for row in rows) else 0
 
 
 if __name__ == "__main__":

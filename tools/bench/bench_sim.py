@@ -1,11 +1,11 @@
-"""How long a simulated grasp takes one core, and what the layer's contact in C gains against the same in NumPy."""
+"""Processor time of a simulated grasp, and the gain of the layer's contact in C over the NumPy version."""
 
 from __future__ import annotations
 
 import statistics
 import time
 
-from figures import Figure, seconds
+from figures import Figure, median_seconds
 
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
@@ -18,32 +18,32 @@ from taxel.sim.soft_contact import LayerContact, SoftContact
 from taxel.sim.soft_push import SOFT_STEP_S
 
 GRASP_S = 0.7
-"""Seconds of one core that a grasp may take, from the plan to what every taxel reads."""
+"""Allowed seconds of one core per grasp, from the plan to the counts of every taxel."""
 
 REPEATS = 5
 
 
-def _one_of_each() -> list[PlannedGrasp]:
-    """A grasp of each object."""
+def _one_grasp_per_object() -> list[PlannedGrasp]:
+    """One grasp of each object."""
     return list({planned.object: planned for planned in thesis_plan(1)}.values())
 
 
 def _grasp_s(setup: Setup) -> float:
-    """Mean over the objects of the median; of this process's own time, what others do on the machine counts little."""
+    """Mean over the objects of the median processor time, which depends little on other load of the machine."""
     settings, medians = SimSettings(), []
-    for planned in _one_of_each():
+    for planned in _one_grasp_per_object():
         times = []
-        for _ in range(REPEATS + 1):  # the first finds the scene and the arm's joints
-            begun = time.process_time()
+        for _ in range(REPEATS + 1):  # the first run builds the scene and solves the inverse kinematics
+            start = time.process_time()
             simulate_planned_grasp(setup, planned, settings)
-            times.append(time.process_time() - begun)
+            times.append(time.process_time() - start)
         medians.append(statistics.median(times[1:]))
     return statistics.mean(medians)
 
 
 def _load_ratio(setup: Setup) -> tuple[float, float]:
-    """Time of NumPy over that of C, and seconds of a load in C, over a hand that closes and holds."""
-    planned, settings = _one_of_each()[0], SimSettings()
+    """(time of NumPy divided by time of C, seconds per load in C) for a hand that closes and holds."""
+    planned, settings = _one_grasp_per_object()[0], SimSettings()
     item, law = setup.objects[planned.object], settings.sensing.law
     line = Timeline(baseline_s=0.0, closing_s=2.0, hold_s=0.2, release_s=0.0, recovery_s=0.0)
     scene = build_scene(setup.hand, item, WRIST_LINK)
@@ -53,18 +53,18 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
         for poses, pose in zip(motion.sensor_poses, motion.object_pose, strict=True):
             contact.load(poses, pose)
 
-    numpy = seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
-    native = seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))
+    numpy = median_seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
+    native = median_seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))
     return numpy / native, native / len(motion.time_s)
 
 
 def measure() -> list[Figure]:
-    """Seconds allowed over seconds taken, and native against NumPy."""
+    """Allowed seconds divided by used seconds, and C relative to NumPy."""
     setup = Setup()
     grasp = _grasp_s(setup)
     ratio, load = _load_ratio(setup)
     taxels = f"{setup.hand.n_taxels} taxels"
     return [
         Figure("simulated grasp", GRASP_S / grasp, 1.0, f"{GRASP_S:g} s of one core", f"{grasp:.2f} s, {taxels}"),
-        Figure("layer's contact in C", ratio, 3.0, "the same in NumPy", f"{1e6 * load:.0f} µs a step"),
+        Figure("layer's contact in C", ratio, 3.0, "the layer's contact in NumPy", f"{1e6 * load:.0f} µs per step"),
     ]

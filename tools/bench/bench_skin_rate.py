@@ -1,6 +1,7 @@
-"""The skin's rate with plain frames: the least of what scanning, I2C and UART allow, and how much of it is reached.
+"""Skin rate with uncompressed frames: the lowest of the limits of scanning, I2C and UART, and the share that is
+reached.
 
-The emulator's boards and hub take the time that the firmware's images were counted to take (firmware/emulator/costs.h).
+The boards and the hub of the emulator take the time counted in the firmware's images (firmware/emulator/costs.h).
 """
 
 import tempfile
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from figures import Figure
-from recorded import record
+from recordings import record
 
 from taxel.hand import load_hand
 from taxel.hand.world import ScanSettings, WorldSettings
@@ -24,7 +25,7 @@ I2C_CLOCKS_A_BYTE = 9
 I2C_ADDRESS, I2C_START_STOP = 1, 2
 UART_BITS_A_BYTE = 10
 FRAME_OVERHEAD = 17
-"""Bytes of a taxel frame's body beside the snapshot: frame header 5, taxel header 8, CRC 4."""
+"""Bytes of a taxel frame's body besides the snapshot: frame header 5, taxel header 8, CRC 4."""
 
 DELIMITERS = 2
 SIGMAS = 5.0
@@ -39,9 +40,9 @@ I2C_SHARE, UART_SHARE = 0.95, 0.98
 
 @dataclass(frozen=True)
 class Rates:
-    """Cycles a second that each part allows, the ones measured, and the noise.
+    """Poll cycles per second: the limit of each part and the measured rate; and the noise.
 
-    `sigma`: counts, root mean square over the taxels. `threshold`: what 150 counts at the default settings are here.
+    sigma: counts, root mean square over the taxels. threshold: equivalent of 150 counts at the default settings.
     """
 
     scan: float
@@ -53,29 +54,29 @@ class Rates:
 
     @property
     def limit(self) -> str:
-        """Which part allows least."""
+        """Name of the part with the lowest limit."""
         return min(("scan", "I2C", "UART"), key=lambda name: getattr(self, name.lower()))
 
     @property
     def ceiling(self) -> float:
-        """What that part allows."""
+        """Lowest limit in Hz."""
         return min(self.scan, self.i2c, self.uart)
 
 
 def i2c_bits(sizes: list[int]) -> int:
-    """Bits on the bus of one read of each board of so many taxels."""
+    """Bits on the bus for one read of each board; sizes: taxels of each board."""
     data = [I2C_CLOCKS_A_BYTE * (I2C_ADDRESS + SNAPSHOT_OVERHEAD + 2 * n) + I2C_START_STOP for n in sizes]
     return sum(data)
 
 
 def uart_bits(sizes: list[int]) -> int:
-    """Bits on the UART of a frame of each board: body, a byte of stuffing for every 254, delimiters."""
+    """Bits on the UART for one frame of each board: body, one stuffing byte per 254, delimiters."""
     bodies = [FRAME_OVERHEAD + SNAPSHOT_OVERHEAD + 2 * n for n in sizes]
     return UART_BITS_A_BYTE * sum(body + 1 + body // 254 + DELIMITERS for body in bodies)
 
 
-def rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
-    """Measured on an emulated skin at rest."""
+def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
+    """Measure the rates on an emulated skin at rest."""
     sizes = [board.kind.taxel_count for board in load_hand("allegro").boards]
     with tempfile.TemporaryDirectory() as name:
         settings = WorldSettings(scl_hz=scl_hz, baud=baud, scan=scan)
@@ -85,10 +86,10 @@ def rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
     for address in pieces[0]:
         time_s = np.concatenate([piece[address].time_s for piece in pieces if address in piece])
         counts = np.concatenate([piece[address].raw_counts for piece in pieces if address in piece])
-        late = time_s > START_S + SETTLED_S
-        cycles.append((late.sum() - 1) / np.ptp(time_s[late]))
-        variances.append(counts[late].var(axis=0, ddof=1))
-    # A board scans all the time, from when it has booted.
+        is_settled = time_s > START_S + SETTLED_S
+        cycles.append((is_settled.sum() - 1) / np.ptp(time_s[is_settled]))
+        variances.append(counts[is_settled].var(axis=0, ddof=1))
+    # A board scans continuously after its boot.
     scans = min(board["scans"] for board in statistics["boards"]) / (VIRTUAL_S - 1e-3 * settings.boot_ms)
     return Rates(
         scans,
@@ -101,26 +102,26 @@ def rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
 
 
 def _figure(scl_hz: float, baud: float, name: str) -> Figure:
-    scan, found = SCANS[name], rates(scl_hz, baud, SCANS[name])
-    counts = found.threshold >= SIGMAS * found.sigma
-    target = {"I2C": I2C_SHARE, "UART": UART_SHARE}.get(found.limit)
+    scan, rates = SCANS[name], measure_rates(scl_hz, baud, SCANS[name])
+    has_enough_signal = rates.threshold >= SIGMAS * rates.sigma
+    target = {"I2C": I2C_SHARE, "UART": UART_SHARE}.get(rates.limit)
     speed = f"{scl_hz / 1e3:g} kHz" if scl_hz < 1e6 else f"{scl_hz / 1e6:g} MHz"
     detail = (
-        f"{found.measured:.2f} Hz; scan {found.scan:.1f}, I2C {found.i2c:.2f}, UART {found.uart:.1f} Hz; "
-        f"{scan.sub_conversions} sub-conversions of {scan.sense_clock_divider}; noise {found.sigma:.2f} counts, "
-        f"threshold {found.threshold / found.sigma:.0f} sigma"
+        f"{rates.measured:.2f} Hz; scan {rates.scan:.1f}, I2C {rates.i2c:.2f}, UART {rates.uart:.1f} Hz; "
+        f"{scan.sub_conversions} sub-conversions of {scan.sense_clock_divider}; noise {rates.sigma:.2f} counts, "
+        f"threshold {rates.threshold / rates.sigma:.0f} sigma"
     )
-    if not counts:
-        return Figure(f"skin's rate, {speed}", None, target, f"{found.limit} ceiling", f"{detail}: too noisy to count")
+    if not has_enough_signal:
+        return Figure(f"skin rate, {speed}", None, target, f"{rates.limit} limit", f"{detail}: noise too high")
     return Figure(
-        f"skin's rate, {speed}, {baud / 1e6:g} Mbaud, {name} scan",
-        found.measured / found.ceiling,
+        f"skin rate, {speed}, {baud / 1e6:g} Mbaud, {name} scan",
+        rates.measured / rates.ceiling,
         target,
-        f"{found.limit} ceiling",
+        f"{rates.limit} limit",
         detail,
     )
 
 
 def measure() -> list[Figure]:
-    """Measured over the lowest ceiling, plain frames."""
+    """Measured rate divided by the lowest limit, uncompressed frames."""
     return [_figure(*case) for case in CASES]

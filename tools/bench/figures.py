@@ -1,4 +1,4 @@
-"""What a benchmark returns, and how it takes its time."""
+"""Result type of a benchmark, and its time measurements."""
 
 import statistics
 import time
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """A ratio against a reference, and the least that is asked of it; a target of None: nothing is asked, it is shown.
+    """A ratio to a reference, and its required minimum; target None: no requirement.
 
-    `ratio` of None: it could not be measured here; `detail` says why, and the figure is missed.
+    ratio None: the benchmark could not run; `detail` states the reason, and the requirement is missed.
     """
 
     name: str
@@ -21,43 +21,43 @@ class Figure:
 
     @property
     def is_met(self) -> bool:
-        """Whether what is asked was reached."""
+        """Whether the requirement is met."""
         return self.target is None or (self.ratio is not None and self.ratio >= self.target)
 
 
-def seconds(action: Callable[[], object], repeats: int = 5) -> float:
-    """Median wall time of `action`."""
+def median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
+    """Median wall-clock time of `action` in seconds."""
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         action()
-        times.append(time.perf_counter() - begun)
+        times.append(time.perf_counter() - start)
     return statistics.median(times)
 
 
 def core_seconds(action: Callable[[], object]) -> float:
-    """Processor time that `action` takes in this thread: what others do on the machine meanwhile counts little."""
-    begun = time.thread_time()
+    """Processor time of `action` in this thread, which depends little on other load of the machine."""
+    start = time.thread_time()
     action()
-    return time.thread_time() - begun
+    return time.thread_time() - start
 
 
 @dataclass(frozen=True)
-class Compared:
-    """Medians over rounds: of the reference's time over ours, and of either's processor time in seconds."""
+class Comparison:
+    """Medians over rounds: reference time divided by measured time, and both processor times in seconds."""
 
     ratio: float
-    ours_s: float
+    measured_s: float
     reference_s: float
 
 
-def compared(ours: Callable[[], object], reference: Callable[[], object], rounds: int = 15) -> Compared:
-    """How many times faster `ours` is than `reference`: both in every round, so that a busy minute slows both."""
-    ours()
+def compare(measured: Callable[[], object], reference: Callable[[], object], rounds: int = 15) -> Comparison:
+    """Compare the speed of `measured` with `reference`. Both run in every round, so that other load slows both."""
+    measured()
     reference()
-    times = [(core_seconds(reference), core_seconds(ours)) for _ in range(rounds)]
-    return Compared(
-        statistics.median(theirs / own for theirs, own in times),
-        statistics.median(own for _, own in times),
-        statistics.median(theirs for theirs, _ in times),
+    times = [(core_seconds(reference), core_seconds(measured)) for _ in range(rounds)]
+    return Comparison(
+        statistics.median(reference_time / measured_time for reference_time, measured_time in times),
+        statistics.median(measured_time for _, measured_time in times),
+        statistics.median(reference_time for reference_time, _ in times),
     )

@@ -1,4 +1,4 @@
-"""The table as a page of docs/: made by `make bench-page`, never by hand."""
+"""Text of docs/benchmarks.md, written by `make bench-page`."""
 
 import os
 import platform
@@ -11,7 +11,7 @@ TEMPLATE = Path(__file__).parent / "benchmarks.template.md"
 
 
 def _commit() -> str:
-    """The commit that was measured, and whether files differed from it."""
+    """The measured commit, and whether files differed from it."""
     head = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
     changed = subprocess.run(
         ["git", "status", "--porcelain", "--untracked-files=no", "--", "firmware", "host", "protocol", "tools"],
@@ -19,7 +19,7 @@ def _commit() -> str:
         text=True,
         check=True,
     )
-    return head.stdout.strip() + (" with changes that are not in it" if changed.stdout.strip() else "")
+    return head.stdout.strip() + (" with uncommitted changes" if changed.stdout.strip() else "")
 
 
 def _number(value: float | None) -> str:
@@ -28,8 +28,8 @@ def _number(value: float | None) -> str:
     return f"{value:.2f}" if value < 10 else f"{value:,.0f}"
 
 
-def page_text(figures: list[Figure]) -> str:
-    """Markdown: where it was measured, one row a figure, and what the figures contain."""
+def format_page(figures: list[Figure]) -> str:
+    """Markdown page: machine, one row per figure, and the method of each figure."""
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     rows = [
         f"| {f.name} | {_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "

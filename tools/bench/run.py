@@ -1,6 +1,8 @@
 """Run the benchmarks and print one table.
 
-python tools/bench/run.py [--json] [--page docs/benchmarks.md] [NAME ...]   names of modules without bench_; default all
+    python tools/bench/run.py [--json] [--page docs/benchmarks.md] [NAME ...]
+
+NAME: module name without bench_; default: all benchmarks.
 """
 
 import argparse
@@ -13,25 +15,25 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from figures import Figure
-from page import page_text
+from page import format_page
 from rich.console import Console
 from rich.table import Table
 
 MODULES = (
-    "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign", "press",
-    "sim", "monitor", "control_loop",
+    "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign",
+    "indentation", "sim", "monitor", "control_loop",
 )  # fmt: skip
 
 
-def shown(ratio: float | None) -> str:
-    """Two figures after the point where the ratio is a share."""
+def format_ratio(ratio: float | None) -> str:
+    """Format a ratio: two decimals below 10."""
     if ratio is None:
         return "-"
     return f"{ratio:.2f}" if ratio < 10 else f"{ratio:,.0f}"
 
 
-def table_of(figures: list[Figure]) -> Table:
-    """One row a figure."""
+def build_table(figures: list[Figure]) -> Table:
+    """Table with one row per figure."""
     table = Table(title="benchmarks: medians of ratios, measured in one run")
     for heading in ("figure", "ratio", "at least", "reference", "detail"):
         table.add_column(heading, justify="right" if heading in {"ratio", "at least"} else "left")
@@ -39,7 +41,7 @@ def table_of(figures: list[Figure]) -> Table:
         colour = "green" if figure.is_met else "red"
         table.add_row(
             figure.name,
-            f"[{colour}]{shown(figure.ratio)}[/]",
+            f"[{colour}]{format_ratio(figure.ratio)}[/]",
             "" if figure.target is None else f"{figure.target:g}",
             figure.reference,
             figure.detail,
@@ -48,26 +50,26 @@ def table_of(figures: list[Figure]) -> Table:
 
 
 def main() -> int:
-    """Exit status 1 if a figure misses what is asked of it."""
-    parser = argparse.ArgumentParser(description="Speed, as ratios measured in one run.")
-    parser.add_argument("names", nargs="*", help=f"which benchmarks, of {', '.join(MODULES)}; default all")
+    """Run the benchmarks; exit status 1 if a requirement is missed."""
+    parser = argparse.ArgumentParser(description="Benchmarks as ratios to references measured in the same run.")
+    parser.add_argument("names", nargs="*", help=f"benchmarks to run: {', '.join(MODULES)} (default: all)")
     parser.add_argument("--json", action="store_true", help="print JSON instead of the table")
-    parser.add_argument("--page", type=Path, help="write the table to this page as well")
+    parser.add_argument("--page", type=Path, help="also write the table to this page")
     arguments = parser.parse_args()
     unknown = sorted(set(arguments.names) - set(MODULES))
     if unknown:
-        parser.error(f"no benchmark '{unknown[0]}'; known are {', '.join(MODULES)}")
+        parser.error(f"unknown benchmark '{unknown[0]}'; available: {', '.join(MODULES)}")
     figures: list[Figure] = []
-    begun = time.perf_counter()
+    start = time.perf_counter()
     for name in arguments.names or MODULES:
-        print(f"{time.perf_counter() - begun:4.0f} s: {name}", file=sys.stderr, flush=True)
+        print(f"{time.perf_counter() - start:4.0f} s: {name}", file=sys.stderr, flush=True)
         figures += importlib.import_module(f"bench_{name}").measure()
     if arguments.json:
         print(json.dumps({"figures": [figure.__dict__ for figure in figures]}, indent=2))
     else:
-        Console(width=170).print(table_of(figures))
+        Console(width=170).print(build_table(figures))
     if arguments.page:
-        arguments.page.write_text(page_text(figures))
+        arguments.page.write_text(format_page(figures))
     return 0 if all(figure.is_met for figure in figures) else 1
 
 

@@ -17,7 +17,9 @@ def record(
     world: str | None = None,
     threads: int = 1,
 ) -> tuple[Path, dict[str, Any]]:
-    """(capture, statistics) of 17 boards, at 400 kHz unless `settings` say otherwise, for so many virtual seconds."""
+    """Record 17 boards for `seconds` of virtual time, at 400 kHz unless `settings` differ. Returns (capture,
+    statistics).
+    """
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)
     text = world or format_world(load_hand("allegro"), settings or WorldSettings())
