@@ -1,4 +1,4 @@
-"""tools/mutants: every bug of its list can still be planted, and what the suite prints is understood."""
+"""tools/mutants: every bug of the list can be planted, and the suite's output is parsed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ try:
 finally:
     sys.path.remove(str(ROOT / "tools" / "mutants"))
 
-ENOUGH = 24
+BUGS_MIN = 24
 
 
-def list_of(folder: Path, *tables: str) -> Path:
+def write_bug_list(folder: Path, *tables: str) -> Path:
     path = folder / "bugs.toml"
     path.write_text("".join(f"[[bug]]\n{table}\n" for table in tables))
     return path
@@ -27,45 +27,45 @@ def list_of(folder: Path, *tables: str) -> Path:
 @pytest.mark.parametrize("bug", plant.load_bugs(), ids=lambda bug: bug.name)
 def test_every_bug_can_be_planted(bug):
     text = (ROOT / bug.file).read_text()
-    assert bug.planted_in(text) != text
-    assert plant.stages_of(bug)
+    assert bug.plant_in(text) != text
+    assert plant.stages_for(bug)
     assert bug.what
     assert "\n" not in bug.what
 
 
 def test_there_are_bugs_in_every_part():
     bugs = plant.load_bugs()
-    assert len(bugs) >= ENOUGH
+    assert len(bugs) >= BUGS_MIN
     parts = ("firmware/codec/", "firmware/sensor/", "firmware/hub/", "protocol/taxel_protocol/", "host/taxel/stream/")
     for part in (*parts, "host/taxel/signal/", "host/taxel/link/", "host/taxel/skin.py"):
         assert any(bug.file.startswith(part) for bug in bugs), part
 
 
-def test_a_bug_that_fits_nowhere_or_twice_is_refused():
+def test_a_bug_whose_text_does_not_occur_exactly_once_is_rejected():
     bug = plant.Bug("off", "codec.c", "off by one", "a < b", "a <= b")
-    assert bug.planted_in("if (a < b)") == "if (a <= b)"
+    assert bug.plant_in("if (a < b)") == "if (a <= b)"
     for text, count in (("if (b)", 0), ("a < b; a < b", 2)):
         with pytest.raises(plant.PlantError, match=f"off: its text occurs {count} times in codec.c, expected once"):
-            bug.planted_in(text)
+            bug.plant_in(text)
 
 
-def test_a_list_with_two_of_a_name_or_a_bug_that_changes_nothing_is_refused(tmp_path):
+def test_a_list_with_a_duplicate_name_or_an_ineffective_bug_is_rejected(tmp_path):
     table = 'name = "one"\nfile = "a.c"\nwhat = "x"\nold = "a"\nnew = "b"'
-    assert [bug.name for bug in plant.load_bugs(list_of(tmp_path, table))] == ["one"]
+    assert [bug.name for bug in plant.load_bugs(write_bug_list(tmp_path, table))] == ["one"]
     with pytest.raises(plant.PlantError, match="two bugs have the name one"):
-        plant.load_bugs(list_of(tmp_path, table, table))
+        plant.load_bugs(write_bug_list(tmp_path, table, table))
     with pytest.raises(plant.PlantError, match="one: changes nothing"):
-        plant.load_bugs(list_of(tmp_path, table.replace('"b"', '"a"')))
+        plant.load_bugs(write_bug_list(tmp_path, table.replace('"b"', '"a"')))
 
 
-def test_an_unknown_name_is_refused():
-    with pytest.raises(plant.PlantError, match="there is no bug named nobody; --list shows them"):
-        plant.chosen(plant.load_bugs(), ["nobody"])
+def test_an_unknown_bug_name_is_rejected():
+    with pytest.raises(plant.PlantError, match="unknown bug nobody; --list shows the names"):
+        plant.select_bugs(plant.load_bugs(), ["nobody"])
 
 
-def test_the_stages_are_those_that_could_see_the_bug():
+def test_the_stages_are_those_that_can_detect_the_bug():
     def names_of(file: str) -> list[str]:
-        return [stage.name for stage in plant.stages_of(plant.Bug("x", file, "", "a", "b"))]
+        return [stage.name for stage in plant.stages_for(plant.Bug("x", file, "", "a", "b"))]
 
     assert names_of("firmware/codec/a.c") == ["C firmware", "C all", "protocol tests", "host tests", "hil tests"]
     assert names_of("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
@@ -89,7 +89,7 @@ def test_the_stages_are_those_that_could_see_the_bug():
         ("The following tests FAILED:\n\t  3 - stress_world (Timeout)\n", "stress_world: timeout"),
         ("FAILED hil_tests/test_x.py::test_a[two words] - assert 1 == 2\n", "hil_tests/test_x.py::test_a[two words]"),
         ("ERROR host/tests/test_y.py - TypeError: no\n", "host/tests/test_y.py"),
-        ('Fatal Python error: Aborted\n  File "t.py", line 9 in test_z\n', "test_z: the interpreter died"),
+        ('Fatal Python error: Aborted\n  File "t.py", line 9 in test_z\n', "test_z: the interpreter crashed"),
         ("no tests\n", "no tests"),
         ("", "no output"),
     ],
