@@ -26,6 +26,7 @@ EXTRA_OF_PACKAGE: Final = MappingProxyType(
         "msgpack": "hand",
         "mujoco": "sim",
         "pyarrow": "parquet",
+        "rosbags": "ros",
         "rtde_control": "hand",
         "rtde_receive": "hand",
         "scipy": "gap",

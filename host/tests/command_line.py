@@ -1,4 +1,4 @@
-"""The command line as a user's shell calls it, inside the tests' process."""
+"""Runs the command line `taxel` inside the test process."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from taxel.cli import main as command
 
 
 def exit_status(*words: object) -> int:
-    """Run `taxel WORDS...`; its exit status."""
+    """Run `taxel WORDS...` and return the exit status."""
     with mock.patch.object(sys, "argv", ["taxel", *map(str, words)]):
         try:
             command.main()
-        except SystemExit as ended:
-            return int(ended.code or 0)
+        except SystemExit as exit_request:
+            return int(exit_request.code or 0)
     return 0
 
 
 def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """The one line with which `taxel WORDS...` refuses."""
+    """Run `taxel WORDS...`, check that the command fails with one line on standard error, and return this line."""
     assert exit_status(*words) == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(lines) == 1

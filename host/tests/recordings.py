@@ -1,4 +1,4 @@
-"""What tests of recordings share: frames of a recording in any form, and how two differ."""
+"""Helpers for tests of recordings: read the frames of a recording in any format, and compare two lists of frames."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from taxel.hand import Hand
-from taxel.recording.forms import open_recording
+from taxel.recording.formats import open_recording
 from taxel.skin import Skin
 from taxel.stream import LossAccount, TaxelFrame
 
-ALL = ("address", "cycle", "sequence", "time_s", "board_time_us", "hub_time_us", "raw_counts")
-KEPT = ("address", "cycle", "sequence", "board_time_us", "raw_counts")
-"""What every table of frames keeps to the last bit; times are kept to the microsecond."""
+ALL_FIELDS = ("address", "cycle", "sequence", "time_s", "board_time_us", "hub_time_us", "raw_counts")
+TABLE_FIELDS = ("address", "cycle", "sequence", "board_time_us", "raw_counts")
+"""Fields that a table of frames keeps exactly. Times are kept to the microsecond."""
 
 
-class Recorded(NamedTuple):
-    """A capture, its frames, and the hand."""
+class RecordedSkin(NamedTuple):
+    """A capture file, the frames and losses that it contains, and the hand."""
 
     path: Path
     frames: list[TaxelFrame]
@@ -26,15 +26,15 @@ class Recorded(NamedTuple):
     hand: Hand
 
 
-def frames_in(path: Path, hand: Hand | None = None) -> tuple[list[TaxelFrame], LossAccount]:
-    """All frames of a recording in any form."""
-    link, own = open_recording(path, hand)
-    with Skin(link, own) as skin:
+def read_frames(path: Path, hand: Hand | None = None) -> tuple[list[TaxelFrame], LossAccount]:
+    """All frames of a recording in any format, and its losses."""
+    link, recorded_hand = open_recording(path, hand)
+    with Skin(link, recorded_hand) as skin:
         return list(skin), skin.losses
 
 
-def differences(a: list[TaxelFrame], b: list[TaxelFrame], *names: str) -> list[str]:
-    """Which of the named fields are not the same in all frames of two recordings."""
+def differing_fields(a: list[TaxelFrame], b: list[TaxelFrame], *names: str) -> list[str]:
+    """The named fields that differ in at least one frame of two recordings."""
     if len(a) != len(b):
         return [f"{len(a)} and {len(b)} frames"]
     return [

@@ -38,6 +38,7 @@ from measured_touches import CELLS, ROW_OF_CELL, Frames, Look, halves, held_touc
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
 from taxel.recording import (
+    DatasetHeader,
     GraspDatasetWriter,
     GraspRecord,
     ObjectMesh,
@@ -118,12 +119,14 @@ def write_looks(path: Path, looks: list[Look], version: str) -> None:
     objects = {look.touch.frames.name: finger() for look in looks}
     with GraspDatasetWriter.create(
         path,
-        source="real",
-        hand="touch panel",
-        taxels=taxels,
-        sensors=sensors,
-        objects=objects,
-        generator=f"tools/gap/capfingerid.py, {version}",
+        DatasetHeader(
+            source="real",
+            hand="touch panel",
+            taxels=taxels,
+            sensors=sensors,
+            objects=objects,
+            generator=f"tools/gap/capfingerid.py, {version}",
+        ),
         overwrite=True,
     ) as out:
         for number, look in enumerate(looks):

@@ -69,7 +69,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
     for column, path in enumerate(paths):
         with GraspDataset(path) as data:
             grasp = data[grasp_id]
-            active, known = grasp.active(baseline_frames=max(baseline_frames(grasp), 1))
+            active, known = grasp.active_taxels(baseline_frames=max(baseline_frames(grasp), 1))
             points, used = 1e3 * taxel_points(data, grasp), used_taxels(data)
             axis = figure.add_subplot(1, len(paths), column + 1, projection="3d")
             _draw_object(axis, data, grasp.object, np.eye(4))

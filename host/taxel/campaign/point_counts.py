@@ -30,7 +30,7 @@ def count_contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
             frames = baseline_frames(grasp)
             if not frames:
                 continue
-            active, known = grasp.active(baseline_frames=frames)
+            active, known = grasp.active_taxels(baseline_frames=frames)
             grasps[grasp.object] += 1
             points[grasp.object] += int((active & known & used).sum())
     return {name: PointCount(grasps[name], points[name]) for name in grasps}

@@ -12,7 +12,7 @@ from taxel.campaign.setup import Setup
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_sensor_model import SensorModel
-from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
 
 def open_campaign_writer(
@@ -41,15 +41,17 @@ def open_campaign_writer(
         return GraspDatasetWriter.extend(path)
     return GraspDatasetWriter.create(
         path,
-        source=source,
-        hand=setup.hand.name,
-        taxels=setup.taxel_table(),
-        sensors=setup.sensor_table(rate_hz),
-        objects=setup.meshes(),
-        generator=generator,
-        sensor_model=sensor_model,
-        created=_creation_time(),
-        notes={} if setup.calibration is None else {"calibration": json.dumps(setup.calibration.to_json())},
+        DatasetHeader(
+            source=source,
+            hand=setup.hand.name,
+            taxels=setup.taxel_table(),
+            sensors=setup.sensor_table(rate_hz),
+            objects=setup.meshes(),
+            generator=generator,
+            sensor_model=sensor_model,
+            created=_creation_time(),
+            notes={} if setup.calibration is None else {"calibration": json.dumps(setup.calibration.to_json())},
+        ),
         overwrite=overwrite,
     )
 

@@ -23,7 +23,7 @@ from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_format import SIM
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import LIBVER, create_group, write_array, write_attributes, writing_errors
-from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
 GROUP: Final = "generated"
 """Of the table in a shard; readers of grasp datasets pass it by."""
@@ -74,18 +74,18 @@ def _setup() -> Setup:
 def _write(recipe: Recipe, shard: int, path: Path) -> None:
     maker = ShardMaker(recipe, shard, _setup())
     rows: list[tuple[str, str, str, dict[str, float]]] = []
-    header = {
-        "source": SIM,
-        "hand": maker.setup.hand.name,
-        "taxels": maker.taxels,
-        "sensors": maker.sensors,
-        "objects": {},
-        "generator": f"taxel {version('taxel')}; generated, recipe {recipe.digest[:12]}",
-        "sensor_model": maker.sensor_model,
-        "created": created(),
-    }
+    header = DatasetHeader(
+        source=SIM,
+        hand=maker.setup.hand.name,
+        taxels=maker.taxels,
+        sensors=maker.sensors,
+        objects={},
+        generator=f"taxel {version('taxel')}; generated, recipe {recipe.digest[:12]}",
+        sensor_model=maker.sensor_model,
+        created=created(),
+    )
     known: set[str] = set()
-    with GraspDatasetWriter.create(path, **header) as out:  # type: ignore[arg-type]
+    with GraspDatasetWriter.create(path, header) as out:
         for number in recipe.numbers_of(shard):
             made = maker.make(number)
             if made.record.object not in known:

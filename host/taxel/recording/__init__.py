@@ -1,4 +1,6 @@
-"""Recordings of touches, and datasets of grasps. See README.md for what this room may import.
+"""Recordings of touches and grasp datasets.
+
+The names that read or write HDF5 files are imported on first use, because they need the optional package h5py.
 
 >>> recordings()
 ['P20_thumb_right', 'P2_index_right']
@@ -6,23 +8,29 @@
 (4232, 27, 15)
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from taxel.recording.capfingerid import TouchRecording, load_recording, recordings
-from taxel.recording.capture_boards import BoardActivity, BoardFrames, activity_of, read_boards
+from taxel.recording.capture_boards import BoardActivity, BoardFrames, read_activity, read_boards
 from taxel.recording.errors import DatasetError, RecordingError
-from taxel.recording.from_arrays import write_from_arrays
-from taxel.recording.grasp import Grasp
-from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-from taxel.recording.grasp_writer import GraspDatasetWriter
 from taxel.recording.tiling import Tiling
+
+if TYPE_CHECKING:
+    from taxel.recording.from_arrays import write_from_arrays
+    from taxel.recording.grasp import Grasp
+    from taxel.recording.grasp_dataset import GraspDataset
+    from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
 __all__ = [
     "BoardActivity",
     "BoardFrames",
     "DatasetError",
+    "DatasetHeader",
     "Grasp",
     "GraspDataset",
     "GraspDatasetWriter",
@@ -35,9 +43,23 @@ __all__ = [
     "TaxelTable",
     "Tiling",
     "TouchRecording",
-    "activity_of",
     "load_recording",
+    "read_activity",
     "read_boards",
     "recordings",
     "write_from_arrays",
 ]
+
+_MODULE_OF_NAME = {
+    "DatasetHeader": "grasp_writer",
+    "Grasp": "grasp",
+    "GraspDataset": "grasp_dataset",
+    "GraspDatasetWriter": "grasp_writer",
+    "write_from_arrays": "from_arrays",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF_NAME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)

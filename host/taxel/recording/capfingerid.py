@@ -1,4 +1,4 @@
-"""Measured touches on a panel of 27 x 15 cells: the CapFingerId recordings (data/capfingerid.ORIGIN)."""
+"""Measured touches on a touch panel of 27 x 15 cells: the CapFingerId recordings (see data/capfingerid.ORIGIN)."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -9,6 +9,7 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from taxel.recording.errors import RecordingError
+from taxel.types import FloatArray
 
 ROWS = 27
 COLUMNS = 15
@@ -23,15 +24,15 @@ class TouchRecording:
     """Frames of a touch panel.
 
     name: such as "P2_index_right".
-    time_s: f64[T], seconds since the first frame, never going back.
-    values: int16[T, 27, 15], counts above the baseline; larger = touched.
-    task: str[T], what the participant was asked to do: TAP, SCROLL, DRAG or PAUSE.
+    time_s: f64[T], seconds since the first frame, not decreasing.
+    values: int16[T, 27, 15], counts above the baseline; a touch raises the value.
+    task: str[T], task of the participant: TAP, SCROLL, DRAG or PAUSE.
 
-    Raises ValueError for shapes that do not fit or times that go back.
+    Raises ValueError for inconsistent shapes or decreasing times.
     """
 
     name: str
-    time_s: NDArray[np.float64]
+    time_s: FloatArray
     values: NDArray[np.int16]
     task: NDArray[np.str_]
 
@@ -42,35 +43,35 @@ class TouchRecording:
         if self.time_s.shape != (frames,) or self.task.shape != (frames,):
             raise ValueError(f"time_s and task: expected [{frames}], found {self.time_s.shape} and {self.task.shape}")
         if not np.isfinite(self.time_s).all() or (np.diff(self.time_s) < 0.0).any():
-            raise ValueError("time_s: goes back or is not finite")
+            raise ValueError("time_s: expected finite times that do not decrease")
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first frame to the last."""
+        """Seconds from the first frame to the last; 0 without frames."""
         return float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) else 0.0
 
     def between(self, start_s: float, stop_s: float) -> "TouchRecording":
-        """The frames with start_s <= time < stop_s; their times stay as they are."""
-        part = slice(*np.searchsorted(self.time_s, [start_s, stop_s]).tolist())
-        return TouchRecording(self.name, self.time_s[part], self.values[part], self.task[part])
+        """The frames with start_s <= time < stop_s, with their original times."""
+        frames = slice(*np.searchsorted(self.time_s, [start_s, stop_s]).tolist())
+        return TouchRecording(self.name, self.time_s[frames], self.values[frames], self.task[frames])
 
 
 def recordings() -> list[str]:
-    """Names of the recordings that come with the library, sorted."""
-    with _open() as archive:
+    """Names of the recordings in the package, sorted."""
+    with _open_archive() as archive:
         return sorted(name.removesuffix(_VALUES) for name in archive.files if name.endswith(_VALUES))
 
 
 def load_recording(name: str) -> TouchRecording:
-    """A recording that comes with the library. Raises `RecordingError` if there is none of that name."""
-    known = recordings()
-    if name not in known:
-        raise RecordingError(f"recording {name!r}: there is none of that name; known are {', '.join(known)}")
-    with _open() as archive:
+    """Load a recording of the package by its name. Raises `RecordingError` for an unknown name."""
+    available = recordings()
+    if name not in available:
+        raise RecordingError(f"recording {name!r}: expected one of {', '.join(available)}")
+    with _open_archive() as archive:
         return TouchRecording(name, archive[f"{name}.time_s"], archive[f"{name}{_VALUES}"], archive[f"{name}.task"])
 
 
-def _open() -> NpzFile:
-    packed = files("taxel.recording").joinpath("data", _FILE).read_bytes()
-    archive: NpzFile = np.load(BytesIO(packed), allow_pickle=False)
+def _open_archive() -> NpzFile:
+    data = files("taxel.recording").joinpath("data", _FILE).read_bytes()
+    archive: NpzFile = np.load(BytesIO(data), allow_pickle=False)
     return archive

@@ -1,4 +1,4 @@
-"""What a capture says of each board, as arrays: times, counts and sequence numbers, piece by piece."""
+"""The boards of a capture as arrays of times, raw counts and sequence numbers, in blocks of some thousand frames."""
 
 import os
 from collections.abc import Iterator
@@ -17,26 +17,27 @@ from taxel.signal import (
 )
 from taxel.stream import CaptureDecoder, ClockMap
 from taxel.stream.row_clock import RowClock
+from taxel.types import FloatArray
 
 
 class BoardFrames(NamedTuple):
-    """Snapshots of one board, one a row, in the order in which they came.
+    """Frames of one board, one in a row, in the order of their arrival.
 
-    time_s f64[t]: when the scan began, seconds (see `TaxelFrame.time_s`). raw_counts u16[t, n], in the board's taxel
-    order. sequence u16[t]: the board's scan number. cycle u16[t]: the hub's poll cycle.
+    time_s f64[t]: start of the scan, seconds (see `TaxelFrame.time_s`). raw_counts u16[t, n], in the board's taxel
+    order. sequence u16[t]: scan number of the board. cycle u16[t]: poll cycle of the hub.
     """
 
-    time_s: NDArray[np.float64]
+    time_s: FloatArray
     raw_counts: NDArray[np.uint16]
     sequence: NDArray[np.uint16]
     cycle: NDArray[np.uint16]
 
-    def part(self, rows: slice) -> "BoardFrames":
-        """Some of them."""
+    def select(self, rows: slice) -> "BoardFrames":
+        """The frames of some rows."""
         return BoardFrames(self.time_s[rows], self.raw_counts[rows], self.sequence[rows], self.cycle[rows])
 
-    def then(self, later: "BoardFrames") -> "BoardFrames":
-        """These, and those that came later. Raises ValueError if that board has another number of taxels."""
+    def concatenate(self, later: "BoardFrames") -> "BoardFrames":
+        """These frames followed by later ones. Raises ValueError for another number of taxels."""
         return BoardFrames(
             np.concatenate([self.time_s, later.time_s]),
             np.concatenate([self.raw_counts, later.raw_counts]),
@@ -46,7 +47,7 @@ class BoardFrames(NamedTuple):
 
 
 class BoardActivity(NamedTuple):
-    """Snapshots of one board, its baseline, and which taxels are active in each of them."""
+    """Frames of one board, its baseline, and the activation of its taxels in each frame."""
 
     frames: BoardFrames
     baseline: BaselineResult
@@ -54,63 +55,67 @@ class BoardActivity(NamedTuple):
 
 
 def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]]:
-    """The boards of a capture by address, some thousand frames at a time: memory does not grow with the file.
+    """The boards of a capture by address, in blocks of some thousand frames; memory does not grow with the file.
 
-    A board that is exchanged for one of another size begins a new piece. Raises `CaptureError` (see `CaptureDecoder`).
+    A new block starts where a board is replaced by a board with another number of taxels. Raises `CaptureError` (see
+    `CaptureDecoder`).
     """
     source = CaptureDecoder(path)
     clock = RowClock(ClockMap(source.baud, source.has_arrivals), lambda message: None)
     for batch, arrivals in source:
         for rows, time_s in clock.take(batch, arrivals["end"], arrivals["time_ns"]):
-            yield from _by_board(rows, time_s, batch.counts)
+            yield from _split_by_board(rows, time_s, batch.counts)
 
 
-def _by_board(
-    rows: NDArray[np.void], time_s: NDArray[np.float64], counts: NDArray[np.uint16]
+def _split_by_board(
+    rows: NDArray[np.void], time_s: FloatArray, counts: NDArray[np.uint16]
 ) -> Iterator[dict[int, BoardFrames]]:
     key = rows["address"].astype(np.uint32) << 16 | rows["size"]
     order = np.argsort(key, kind="stable")
     borders = np.flatnonzero(np.diff(key[order])) + 1
-    pieces: list[dict[int, BoardFrames]] = [{}]
-    for own in np.split(order, borders):
-        address, size = int(rows["address"][own[0]]), int(rows["size"][own[0]])
+    blocks: list[dict[int, BoardFrames]] = [{}]
+    for index in np.split(order, borders):
+        address, size = int(rows["address"][index[0]]), int(rows["size"][index[0]])
         windows = np.lib.stride_tricks.sliding_window_view(counts, size)
-        frames = BoardFrames(time_s[own], windows[rows["offset"][own]], rows["board_sequence"][own], rows["cycle"][own])
-        if address in pieces[-1]:
-            pieces.append({})
-        pieces[-1][address] = frames
-    yield from pieces
+        frames = BoardFrames(
+            time_s[index], windows[rows["offset"][index]], rows["board_sequence"][index], rows["cycle"][index]
+        )
+        if address in blocks[-1]:
+            blocks.append({})
+        blocks[-1][address] = frames
+    yield from blocks
 
 
-def activity_of(
+def read_activity(
     path: str | os.PathLike[str],
     samples: int = BASELINE_SAMPLES,
     threshold: float = ACTIVATION_THRESHOLD_COUNTS,
 ) -> Iterator[dict[int, BoardActivity]]:
-    """Which taxels of a capture are active, by address, some thousand frames at a time.
+    """Active taxels of a capture by address, in blocks of some thousand frames.
 
-    The first `samples` frames of each board are its baseline (see `Baseline`), and are not judged; what comes later is.
-    A board with fewer says nothing; one of another size begins anew. Raises `CaptureError` (see `CaptureDecoder`).
+    The first `samples` frames of each board are its baseline (see `Baseline`) and are not part of the result. A board
+    with fewer frames is not part of the result. A board with another number of taxels starts a new baseline. Raises
+    `CaptureError` (see `CaptureDecoder`).
     """
-    resting: dict[int, BoardFrames] = {}
-    judges: dict[int, tuple[BaselineResult, Activation]] = {}
-    for piece in read_boards(path):
-        judged: dict[int, BoardActivity] = {}
-        for address, arrived in piece.items():
+    pending: dict[int, BoardFrames] = {}
+    ready: dict[int, tuple[BaselineResult, Activation]] = {}
+    for block in read_boards(path):
+        activity: dict[int, BoardActivity] = {}
+        for address, arrived in block.items():
             frames, taxels = arrived, arrived.raw_counts.shape[1]
-            if address in judges and judges[address][1].n_taxels != taxels:
-                del judges[address]
-            if address not in judges:
-                if address in resting and resting[address].raw_counts.shape[1] == taxels:
-                    frames = resting[address].then(frames)
-                resting[address] = frames
+            if address in ready and ready[address][1].n_taxels != taxels:
+                del ready[address]
+            if address not in ready:
+                if address in pending and pending[address].raw_counts.shape[1] == taxels:
+                    frames = pending[address].concatenate(frames)
+                pending[address] = frames
                 if len(frames.time_s) <= samples:
                     continue
                 baseline = compute_baseline(frames.raw_counts[:samples], samples=samples)
-                judges[address] = baseline, Activation(baseline.mean, threshold)
-                frames = frames.part(slice(samples, None))
-                del resting[address]
-            baseline, judge = judges[address]
-            judged[address] = BoardActivity(frames, baseline, judge(frames.raw_counts))
-        if judged:
-            yield judged
+                ready[address] = baseline, Activation(baseline.mean, threshold)
+                frames = frames.select(slice(samples, None))
+                del pending[address]
+            baseline, activation = ready[address]
+            activity[address] = BoardActivity(frames, baseline, activation(frames.raw_counts))
+        if activity:
+            yield activity

@@ -1,11 +1,11 @@
-"""What can go wrong with a recording."""
+"""Errors of recordings and grasp datasets."""
 
 from taxel.errors import FieldError, TaxelError
 
 
 class RecordingError(TaxelError):
-    """A recording cannot be found, read, laid over a hand or replayed."""
+    """A recording does not exist, cannot be read, does not fit a hand, or cannot be replayed."""
 
 
 class DatasetError(FieldError, RecordingError):
-    """A grasp dataset that cannot be read, or cannot be written as asked; field: the HDF5 path."""
+    """A grasp dataset cannot be read or written. The attribute `field` is the HDF5 path."""

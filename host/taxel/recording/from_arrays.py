@@ -1,16 +1,17 @@
-"""A grasp dataset from plain NumPy arrays, or from an .npz file of them.
+"""Conversion of plain NumPy arrays, or of an .npz file of arrays, into a grasp dataset.
 
-The names are the paths of the format page without the leading slash; attributes are 0-d arrays (or plain values):
+The names of the arrays are the paths of the format page without the leading slash. Attributes are 0-d arrays or plain
+values:
 
-    source, hand, created, generator                            texts; created and generator may be absent
+    source, hand, created, generator                            texts; created and generator are optional
     taxels/sensor, taxels/tx, taxels/rx, taxels/position, taxels/normal, taxels/size
     sensors/address, sensors/name, sensors/kind, sensors/rate_hz
     objects/<name>/vertices, objects/<name>/faces
-    sensor_model/baseline_counts, ...                           only where source = "sim"
+    sensor_model/baseline_counts, ...                           only with source = "sim"
     grasps/<id>/object, grasps/<id>/approach, grasps/<id>/iteration, grasps/<id>/session
-    grasps/<id>/timestamp, grasps/<id>/raw_counts, ...          as the page says
+    grasps/<id>/timestamp, grasps/<id>/raw_counts, ...          as on the format page
 
-``np.savez("x.npz", **arrays)`` makes such a file: the names may hold slashes. Dictionaries may also be nested:
+``np.savez("x.npz", **arrays)`` writes such a file: the names may contain slashes. Dictionaries may be nested:
 ``{"taxels": {"sensor": ...}}``.
 """
 
@@ -19,7 +20,7 @@ from __future__ import annotations
 import difflib
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -42,65 +43,65 @@ from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel
 from taxel.recording.grasp_storage import check_target, put_in_place, writing_errors
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
 GENERATOR = "taxel from_arrays"
 
-_SINGLE: Mapping[str, tuple[str, ...]] = {
+_GROUPS: Mapping[str, tuple[str, ...]] = {
     "taxels": tuple(TAXELS),
     "sensors": tuple(SENSORS),
     "sensor_model": REQUIRED + OPTIONAL,
 }
-_MANY: Mapping[str, tuple[str, ...]] = {"objects": tuple(MESH), "grasps": GRASP_ATTRIBUTES + tuple(GRASP)}
+_GROUPS_OF_GROUPS: Mapping[str, tuple[str, ...]] = {"objects": tuple(MESH), "grasps": GRASP_ATTRIBUTES + tuple(GRASP)}
 
 
 def write_from_arrays(
     path: str | PathLike[str], arrays: Mapping[str, Any] | str | PathLike[str], *, overwrite: bool = False
 ) -> None:
-    """Write a grasp dataset from arrays by name (see above), or from the .npz file that holds them.
+    """Write a grasp dataset from arrays by name (see the module's description), or from an .npz file.
 
-    The grasps are written in the order of their ids. An .npz is read grasp by grasp, without pickle.
+    Grasps are written in the order of their ids. An .npz file is read grasp by grasp and without pickle.
 
-    Raises DatasetError for the first mistake: a name that the format does not have, one that is missing, or anything
-    that the reader would refuse. In an .npz that cannot be read, the error names that file.
+    Raises DatasetError for the first error: an unknown name, a missing name, or a value that the reader would refuse.
+    For an .npz file that cannot be read, the error names this file.
     """
     if not isinstance(arrays, Mapping):
         with _Npz(Path(arrays)) as values:
             _write(path, values, overwrite)
         return
-    flat = dict(_flat(arrays, ""))
+    flat = dict(_flatten(arrays, ""))
     _write(path, _Values(flat.keys(), flat.__getitem__, Place(str(path))), overwrite)
 
 
 class _Values:
-    """Arrays by name; missing and unknown names are refused."""
+    """Arrays by name. Raises DatasetError for an unknown name at construction, and for a missing name on access."""
 
-    def __init__(self, names: Any, read: Callable[[str], Any], place: Place) -> None:
+    def __init__(self, names: Iterable[object], read: Callable[[str], Any], place: Place) -> None:
         self.place = place
         self._names = sorted(str(name) for name in names)
         self._read = read
-        known: set[str] = set()
+        checked: set[str] = set()
         for name in self._names:
-            if name not in known and not _is_known(name):
+            if name not in checked and not _is_format_name(name):
                 self.place.key(name).fail("a name of the format", "an unknown one", _suggestion(name))
-            known.add(name)
+            checked.add(name)
 
     def ids(self, group: str) -> list[str]:
-        """Names of the groups below objects or grasps."""
+        """Names of the subgroups of objects or grasps."""
         return sorted({name.split("/")[1] for name in self._names if name.startswith(f"{group}/")})
 
     def has_group(self, group: str) -> bool:
-        """Whether anything stands below that group."""
+        """Whether there is a value in that group."""
         return any(name.startswith(f"{group}/") for name in self._names)
 
     def get(self, name: str, required: bool = True) -> Any:
-        """One value; a 0-d array as the plain value. None where it is absent and not required."""
+        """One value; a 0-d array becomes a plain value. None for an absent value that is not required."""
         if name not in self._names:
             if required:
                 self.place.key(name).fail("a value", "nothing", "add it to the arrays")
             return None
         value = self._read(name)
-        # np.str_ is a str; 0-d arrays of it and of numbers become scalars here.
+        # np.str_ is a str; 0-d arrays of texts and numbers become scalars here.
         return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
     def table(self, group: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -109,7 +110,7 @@ class _Values:
 
 
 class _Npz:
-    """The arrays of an .npz file, each read when it is asked for."""
+    """The arrays of an .npz file, each read on access."""
 
     def __init__(self, path: Path) -> None:
         self._place = Place(str(path))
@@ -121,12 +122,12 @@ class _Npz:
             self._place.fail("an .npz file", format_value(str(error)), "write it with numpy.savez")
 
     def __enter__(self) -> _Values:
-        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._array, self._place)
+        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._read_array, self._place)
 
     def __exit__(self, *_: object) -> None:
         self._zip.close()
 
-    def _array(self, name: str) -> Any:
+    def _read_array(self, name: str) -> Any:
         place = self._place.key(name)
         try:
             member = self._zip.getinfo(f"{name}.npy")
@@ -138,9 +139,9 @@ class _Npz:
                     np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 )
                 shape, _, dtype = header(file)
-                # A false header would else make NumPy allocate whatever it claims.
+                # NumPy allocates the size in the header, so a false header is refused before NumPy reads the data.
                 if int(np.prod(shape, dtype=object)) * dtype.itemsize > member.file_size:
-                    place.fail("a whole array", "one whose end is missing", "write it anew")
+                    place.fail("a complete array", "a truncated one", "write it again")
             with self._zip.open(member) as file:
                 return np.lib.format.read_array(file, allow_pickle=False)
         except (ValueError, OSError, KeyError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
@@ -151,24 +152,25 @@ class _Npz:
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
     target, place = Path(path), Place(str(path))
     check_target(target, overwrite, place)
-    # Beside the target: a mistake in a late grasp must not leave half a dataset, or cost the one that was there.
-    whole = target.with_name(f".{target.name}.import")
+    # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
+    # nor destroys an existing one.
+    temporary = target.with_name(f".{target.name}.import")
     try:
-        _write_whole(whole, values)
+        _write_dataset(temporary, values)
         with writing_errors(place):
-            put_in_place(whole, target, overwrite, place)
+            put_in_place(temporary, target, overwrite, place)
     except DatasetError as error:
-        if error.file != format_path(whole):
+        if error.file != format_path(temporary):
             raise
         raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
-        whole.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def _write_whole(path: Path, values: _Values) -> None:
-    header = {name: values.get(name, required=name in ("source", "hand")) for name in ROOT_ATTRIBUTES}
-    if header["generator"] is None:
-        header["generator"] = GENERATOR
+def _write_dataset(path: Path, values: _Values) -> None:
+    attributes = {name: values.get(name, required=name in ("source", "hand")) for name in ROOT_ATTRIBUTES}
+    if attributes["generator"] is None:
+        attributes["generator"] = GENERATOR
     model = None
     if values.has_group("sensor_model"):
         required = values.table("sensor_model", REQUIRED)
@@ -176,41 +178,40 @@ def _write_whole(path: Path, values: _Values) -> None:
         model = SensorModel(**required, **{name: value for name, value in optional.items() if value is not None})
     if not values.has_group("objects"):
         values.place.key("objects").fail("at least one object", "nothing", "add objects/<name>/vertices and faces")
-    with GraspDatasetWriter.create(
-        path,
-        **header,
+    header = DatasetHeader(
+        **attributes,
         taxels=TaxelTable(**values.table("taxels", tuple(TAXELS))),
         sensors=SensorTable(**values.table("sensors", tuple(SENSORS))),
         objects={name: ObjectMesh(**values.table(f"objects/{name}", tuple(MESH))) for name in values.ids("objects")},
         sensor_model=model,
-        overwrite=True,
-    ) as out:
+    )
+    with GraspDatasetWriter.create(path, header, overwrite=True) as out:
         for grasp_id in values.ids("grasps"):
             fields = {name: values.get(f"grasps/{grasp_id}/{name}") for name in GRASP_ATTRIBUTES}
             arrays = {name: values.get(f"grasps/{grasp_id}/{name}", required=False) for name in GRASP}
             out.add(GraspRecord(**fields, **arrays), grasp_id)
 
 
-def _flat(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _flatten(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for name, value in arrays.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}/")
+            yield from _flatten(value, f"{prefix}{name}/")
         else:
             yield f"{prefix}{name}", value
 
 
-def _is_known(name: str) -> bool:
+def _is_format_name(name: str) -> bool:
     parts = name.split("/")
     if len(parts) == 1:
         return name in ROOT_ATTRIBUTES
     if len(parts) == 2:
-        return parts[1] in _SINGLE.get(parts[0], ())
-    return len(parts) == 3 and bool(parts[1]) and parts[2] in _MANY.get(parts[0], ())
+        return parts[1] in _GROUPS.get(parts[0], ())
+    return len(parts) == 3 and bool(parts[1]) and parts[2] in _GROUPS_OF_GROUPS.get(parts[0], ())
 
 
 def _suggestion(name: str) -> str:
     group, _, leaf = name.rpartition("/")
     kind = group.split("/")[0]
-    leaves = _SINGLE.get(kind) or _MANY.get(kind) or ROOT_ATTRIBUTES
+    leaves = _GROUPS.get(kind) or _GROUPS_OF_GROUPS.get(kind) or ROOT_ATTRIBUTES
     near = difflib.get_close_matches(leaf[:64], leaves, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(leaves)}"
+    return f"did you mean {near[0]}?" if near else f"use one of {', '.join(leaves)}"

@@ -1,4 +1,4 @@
-"""One grasp of a dataset, read from the file when touched."""
+"""One grasp of a dataset. Its arrays are read from the file on first use."""
 
 from __future__ import annotations
 
@@ -9,26 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.recording.grasp_checks import check_content, check_integer, check_text
-from taxel.recording.grasp_format import (
-    ACTIVE_SIGNAL_COUNTS,
-    BASELINE_FRAMES,
-    GRASP,
-    SIM,
-    Phase,
-    needs,
-)
-from taxel.recording.grasp_hdf5 import Node, read_only, scalar
+from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, BASELINE_FRAMES, GRASP, SIM, Phase, is_required
+from taxel.recording.grasp_hdf5 import Node, scalar, set_read_only
 from taxel.types import BoolArray, FloatArray
 
 
 class Grasp:
-    """One grasp: T frames of n taxels on s sensors. The arrays are read-only and as the format page says.
+    """One grasp: T frames of n taxels on s sensors. Arrays are read-only; the format page defines their content.
 
-    An array is read and checked when it is first touched (DatasetError) and kept as long as this object lives.
+    An array is read and checked on first use (DatasetError) and stays in memory as long as this object exists.
     """
 
     def __init__(self, node: Node, grasp_id: str, source: str, s: int, sensor_index: NDArray[np.int64]) -> None:
-        """sensor_index: [n], each taxel's sensor, 0 to s - 1."""
+        """sensor_index: i64[n], row of each taxel's sensor in the sensor table, 0 to s - 1."""
         self.id = grasp_id
         self._node = node
         self._source = source
@@ -43,14 +36,14 @@ class Grasp:
         self.iteration: int = check_integer(number["iteration"], place.key("iteration"))
         self.session: int = check_integer(number["session"], place.key("session"))
         for name, spec in GRASP.items():
-            there = node.has(name)
-            if there and spec.sim_only and source != SIM:
+            is_present = node.has(name)
+            if is_present and spec.sim_only and source != SIM:
                 place.key(name).fail('no such array where source = "real"', "one", "remove it or correct the source")
-            if there or needs(spec, source):
+            if is_present or is_required(spec, source):
                 node.check_array(name, spec, self._sizes)
 
-    def fresh(self) -> Grasp:
-        """The same grasp with no array read yet. Its head, which was checked when this one was made, is taken over."""
+    def without_arrays(self) -> Grasp:
+        """A copy that has read no array yet. The attributes are not checked again."""
         other = copy(self)
         other._arrays = {}
         return other
@@ -62,37 +55,37 @@ class Grasp:
 
     @property
     def timestamp(self) -> FloatArray:
-        """f64[T], seconds, never going back."""
-        return self._needed("timestamp")
+        """f64[T], seconds, not decreasing."""
+        return self._required_array("timestamp")
 
     @property
     def phase(self) -> NDArray[np.uint8]:
-        """u8[T], the commanded state, see `Phase`."""
-        return self._needed("phase")
+        """u8[T], the commanded phase, see `Phase`."""
+        return self._required_array("phase")
 
     @property
     def raw_counts(self) -> NDArray[np.uint16]:
         """u16[T, n]; contact lowers the count."""
-        return self._needed("raw_counts")
+        return self._required_array("raw_counts")
 
     @property
     def valid(self) -> BoolArray:
-        """bool[T, s]; False: that sensor's frame did not arrive."""
-        return self._needed("valid")
+        """bool[T, s]; False where the frame of the sensor did not arrive."""
+        return self._required_array("valid")
 
     @property
     def sensor_pose(self) -> FloatArray:
-        """f64[s, 4, 4], bracket frame in world during hold, as kinematics give it, metres."""
-        return self._needed("sensor_pose")
+        """f64[s, 4, 4], bracket frames in the world during hold, from the kinematics, metres."""
+        return self._required_array("sensor_pose")
 
     @property
     def object_pose(self) -> FloatArray:
-        """f64[4, 4], nominal object frame in world, metres."""
-        return self._needed("object_pose")
+        """f64[4, 4], nominal object frame in the world, metres."""
+        return self._required_array("object_pose")
 
     @property
     def sensor_time(self) -> FloatArray | None:
-        """f64[T, s], seconds, each board's own clock."""
+        """f64[T, s], seconds on the clock of each board."""
         return self._array("sensor_time")
 
     @property
@@ -112,7 +105,7 @@ class Grasp:
 
     @property
     def separation(self) -> FloatArray | None:
-        """f64[T, n], metres along the normal, negative = pressed in, 0.05 where it misses; only in simulation."""
+        """f64[T, n], metres along the normal, negative inside the object, 0.05 for no hit; only in simulation."""
         return self._array("separation")
 
     @property
@@ -121,83 +114,83 @@ class Grasp:
         return self._array("distance")
 
     def check(self) -> None:
-        """Read every array once, without keeping it; raises DatasetError for the first mistake."""
+        """Read and check every array without keeping it; raises DatasetError for the first error."""
         for name in GRASP:
             self._read(name)
 
     def baseline(self, n: int = BASELINE_FRAMES) -> FloatArray:
         """f64[n_taxels], counts: mean of the first n valid phase-0 frames of each taxel's sensor.
 
-        NaN for the taxels of a sensor that is missing: not one valid frame in the whole grasp.
-        Raises DatasetError where a sensor has fewer, but is not missing.
+        NaN for the taxels of a missing sensor, which has no valid frame in the whole grasp. Raises DatasetError if
+        another sensor has fewer than n frames.
         """
-        present: BoolArray = np.any(self.valid, axis=0)
-        self._require(_positive(n), present)
-        total, count = self._sums(self._frames(Phase.BASELINE, n), present)
-        return np.where(present[self._sensor_index], total / count, np.nan)
+        is_present: BoolArray = np.any(self.valid, axis=0)
+        self._check_baseline_frames(_positive(n), is_present)
+        total, count = self._sum_counts(self._frames_of_phase(Phase.BASELINE, n), is_present)
+        return np.where(is_present[self._sensor_index], total / count, np.nan)
 
     def mean_hold_signal(self, baseline_frames: int = BASELINE_FRAMES) -> FloatArray:
-        """f64[n], counts: baseline minus mean over the valid hold frames; NaN where a sensor has no valid hold frame.
+        """f64[n], counts: baseline minus mean of the valid hold frames; NaN if a sensor has no valid hold frame.
 
-        Raises DatasetError where a sensor has valid hold frames and too few for its baseline.
+        Raises DatasetError if a sensor has valid hold frames but too few baseline frames.
         """
-        hold = self._frames(Phase.HOLD)
-        known: BoolArray = np.any(hold, axis=0)
-        self._require(_positive(baseline_frames), known)
-        rest_sum, rest_count = self._sums(self._frames(Phase.BASELINE, baseline_frames), known)
-        hold_sum, hold_count = self._sums(hold, known)
-        # Exact integers until the one division: a signal of exactly the threshold must not round to above it.
+        hold = self._frames_of_phase(Phase.HOLD)
+        has_hold: BoolArray = np.any(hold, axis=0)
+        self._check_baseline_frames(_positive(baseline_frames), has_hold)
+        rest_sum, rest_count = self._sum_counts(self._frames_of_phase(Phase.BASELINE, baseline_frames), has_hold)
+        hold_sum, hold_count = self._sum_counts(hold, has_hold)
+        # Exact integers up to the one division: a signal equal to the threshold must not be rounded above it.
         signal = (rest_sum * hold_count - hold_sum * rest_count) / (rest_count * hold_count)
-        return np.where(known[self._sensor_index], signal, np.nan)
+        return np.where(has_hold[self._sensor_index], signal, np.nan)
 
-    def active(
+    def active_taxels(
         self, threshold: float = ACTIVE_SIGNAL_COUNTS, baseline_frames: int = BASELINE_FRAMES
     ) -> tuple[BoolArray, BoolArray]:
-        """Which taxels were active during hold, and of which that is known: (bool[n], bool[n]).
+        """Which taxels were active during hold, and for which taxels this is known: (bool[n], bool[n]).
 
-        Active: the signal exceeds threshold, strictly. Not known: the sensor has no valid hold frame; that is missing,
-        not inactive. Raises DatasetError as `mean_hold_signal` does.
+        A taxel is active if its mean hold signal exceeds the threshold (strictly). The state is unknown if the sensor
+        has no valid hold frame: such a taxel is missing, not inactive. Raises DatasetError as `mean_hold_signal` does.
         """
         signal = self.mean_hold_signal(baseline_frames)
-        known = ~np.isnan(signal)
-        return known & (np.where(known, signal, 0.0) > threshold), known
+        is_known = ~np.isnan(signal)
+        return is_known & (np.where(is_known, signal, 0.0) > threshold), is_known
 
     def require_baseline(self, frames: int) -> None:
-        """Refuse a grasp with fewer valid phase-0 frames than asked for on a sensor that is not missing."""
-        present: BoolArray = np.any(self.valid, axis=0)
-        self._require(frames, present)
+        """Raise DatasetError if a sensor that is not missing has fewer than `frames` valid phase-0 frames."""
+        is_present: BoolArray = np.any(self.valid, axis=0)
+        self._check_baseline_frames(frames, is_present)
 
-    def _require(self, frames: int, wanted: BoolArray) -> None:
+    def _check_baseline_frames(self, frames: int, sensors: BoolArray) -> None:
         expected = f"{frames} baseline frames (phase 0)"
-        remedy = "ask for fewer, or leave this grasp out"
+        remedy = "request fewer baseline frames, or leave this grasp out"
         commanded = int((self.phase == Phase.BASELINE).sum())
         if commanded < frames:
             self._node.place.key("phase").fail(expected, str(commanded), remedy)
-        valid = self._frames(Phase.BASELINE).sum(axis=0)
-        short = np.flatnonzero(wanted & (valid < frames))
+        valid = self._frames_of_phase(Phase.BASELINE).sum(axis=0)
+        short = np.flatnonzero(sensors & (valid < frames))
         if short.size:
             found = f"{valid[short[0]]} valid ones of the sensor in column {short[0]}"
             self._node.place.key("valid").fail(expected, found, remedy)
 
-    def _frames(self, phase: Phase, first: int | None = None) -> BoolArray:
-        """bool[T, s]: the valid frames of a phase, of each sensor only the first few."""
+    def _frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
+        """bool[T, s]: the valid frames of a phase; for each sensor only the `first` ones, None for all."""
         frames: BoolArray = self.valid & (self.phase == phase)[:, None]
         return frames if first is None else frames & (np.cumsum(frames, axis=0) <= first)
 
-    def _sums(self, frames: BoolArray, sensors: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """i64[n], i64[n]: sum of the raw counts over a sensor's frames, and their number; (0, 1) for other sensors."""
         total = np.zeros(self._sizes["n"], np.int64)
         count = np.ones(self._sizes["n"], np.int64)
         for sensor in np.flatnonzero(sensors):
             taxels = np.flatnonzero(self._sensor_index == sensor)
-            chosen = np.flatnonzero(frames[:, sensor])
-            total[taxels] = self.raw_counts[np.ix_(chosen, taxels)].sum(axis=0, dtype=np.int64)
-            count[taxels] = chosen.size
+            rows = np.flatnonzero(frames[:, sensor])
+            total[taxels] = self.raw_counts[np.ix_(rows, taxels)].sum(axis=0, dtype=np.int64)
+            count[taxels] = rows.size
         return total, count
 
-    def _needed(self, name: str) -> NDArray[Any]:
+    def _required_array(self, name: str) -> NDArray[Any]:
         array = self._array(name)
-        assert array is not None  # its presence was checked when the grasp was opened
+        assert array is not None  # __init__ has checked its presence
         return array
 
     def _array(self, name: str) -> NDArray[Any] | None:
@@ -207,11 +200,11 @@ class Grasp:
 
     def _read(self, name: str) -> NDArray[Any] | None:
         spec = GRASP[name]
-        if not needs(spec, self._source) and not self._node.has(name):
+        if not is_required(spec, self._source) and not self._node.has(name):
             return None
         array = self._node.array(name, spec, self._sizes)
         check_content(name, array, self._node.place.key(name))
-        return read_only(array)
+        return set_read_only(array)
 
 
 def _positive(frames: int) -> int:

@@ -1,7 +1,7 @@
-"""The grasp dataset, version 1, as tables: which arrays stand where, of which type and shape.
+"""The grasp dataset, version 1, as tables: HDF5 path, type and shape of each array.
 
 One row for each array of the format page (docs: grasp dataset). The reader, the writer and the importer of plain
-arrays check against the same rows. Axes are letters: n taxels, s sensors, T frames, v vertices, f faces, j joints.
+arrays check against these rows. Axes are letters: n taxels, s sensors, T frames, v vertices, f faces, j joints.
 """
 
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ SIM = "sim"
 LAYERS = ("uncoupled", "coupled")
 
 BASELINE_FRAMES = 100
-"""Valid phase-0 frames that make a taxel's baseline (format page, "What counts as active")."""
+"""Number of valid phase-0 frames that the baseline averages (format page, "What counts as active")."""
 
 ACTIVE_SIGNAL_COUNTS = 150.0
-"""A taxel is active when its count falls by more than this (format page, "What counts as active")."""
+"""A taxel is active when its signal exceeds this value, counts (format page, "What counts as active")."""
 
 
 LARGEST_AXIS: Mapping[str, int] = {
@@ -31,13 +31,13 @@ LARGEST_AXIS: Mapping[str, int] = {
     "f": 2**24,
     "j": 2**12,
 }
-"""Elements along an axis. A file is not trusted: nothing larger is allocated."""
+"""Largest number of elements along an axis. The limit bounds the memory that a damaged file can use."""
 
 LARGEST_ARRAY_BYTES = 2**32
-"""Of one array in memory, and of one chunk in the file."""
+"""Largest size of one array in memory and of one chunk in the file, bytes."""
 
 LONGEST_TEXT = 1000
-"""Characters of a name or another text."""
+"""Largest number of characters of a name or another text."""
 
 STRING = "str"
 
@@ -48,8 +48,8 @@ class ArraySpec:
 
     dtype: NumPy type in memory ("u1", "u2", "i4", "f8", "?") or STRING.
     axes: letters and fixed lengths, such as ("n", 3).
-    required: False where the array may be absent.
-    sim_only: True where it may stand only in a file whose source is "sim".
+    required: False if the array is optional.
+    sim_only: True if only a file with source "sim" may contain the array.
     """
 
     dtype: str
@@ -98,6 +98,6 @@ ROOT_ATTRIBUTES = ("source", "hand", "created", "generator")
 GRASP_ATTRIBUTES = ("object", "approach", "iteration", "session")
 
 
-def needs(spec: ArraySpec, source: str) -> bool:
-    """Whether a file of this source must have the array."""
+def is_required(spec: ArraySpec, source: str) -> bool:
+    """Whether a file with this source must contain the array."""
     return spec.required and (source == SIM or not spec.sim_only)

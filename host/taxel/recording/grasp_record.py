@@ -1,4 +1,4 @@
-"""One grasp in memory, as a recorder or a simulator hands it to the writer."""
+"""One grasp in memory, as a recorder or a simulator passes it to the writer."""
 
 from __future__ import annotations
 
@@ -10,40 +10,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.recording.grasp_checks import Place, check_content, check_integer, check_text, given
-from taxel.recording.grasp_format import GRASP, SIM, needs
+from taxel.recording.grasp_checks import Place, check_array, check_content, check_integer, check_text
+from taxel.recording.grasp_format import GRASP, SIM, is_required
+from taxel.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class GraspRecord:
-    """One grasp; fields, shapes and units as those of `Grasp`. What is None is not written.
+    """One grasp; fields, shapes and units as those of `Grasp`. A field that is None is not written.
 
-    A frame whose sensor did not answer is not valid, and its raw_counts repeat the last ones (0 before the first).
+    A frame whose sensor did not answer is invalid, and its raw_counts repeat the last counts (0 before the first).
     """
 
     object: str
     approach: str
     iteration: int
     session: int
-    timestamp: NDArray[np.float64]
+    timestamp: FloatArray
     phase: NDArray[np.uint8]
     raw_counts: NDArray[np.uint16]
-    valid: NDArray[np.bool_]
-    sensor_pose: NDArray[np.float64]
-    object_pose: NDArray[np.float64]
-    sensor_time: NDArray[np.float64] | None = None
-    sensor_pose_t: NDArray[np.float64] | None = None
-    joint_position: NDArray[np.float64] | None = None
-    contact_force: NDArray[np.float64] | None = None
-    separation: NDArray[np.float64] | None = None
-    distance: NDArray[np.float64] | None = None
+    valid: BoolArray
+    sensor_pose: FloatArray
+    object_pose: FloatArray
+    sensor_time: FloatArray | None = None
+    sensor_pose_t: FloatArray | None = None
+    joint_position: FloatArray | None = None
+    contact_force: FloatArray | None = None
+    separation: FloatArray | None = None
+    distance: FloatArray | None = None
 
 
-def checked_attributes(record: GraspRecord, objects: Collection[str], place: Place) -> dict[str, Any]:
-    """The four attributes of a grasp's group; raises DatasetError for the first mistake."""
+def check_attributes(record: GraspRecord, objects: Collection[str], place: Place) -> dict[str, Any]:
+    """The four attributes of a grasp's group; raises DatasetError for the first error.
+
+    objects: names of the objects in the dataset.
+    """
     name = check_text(record.object, place.key("object"))
     if name not in objects:
-        place.key("object").fail("a name that /objects has", format_value(name), "add that object or correct the name")
+        place.key("object").fail("a name in /objects", format_value(name), "add that object or correct the name")
     return {
         "object": name,
         "approach": check_text(record.approach, place.key("approach")),
@@ -52,21 +56,21 @@ def checked_attributes(record: GraspRecord, objects: Collection[str], place: Pla
     }
 
 
-def checked_arrays(record: GraspRecord, source: str, sizes: Mapping[str, int], place: Place) -> dict[str, NDArray[Any]]:
-    """The arrays to write, in their documented types; raises DatasetError for the first mistake.
+def check_arrays(record: GraspRecord, source: str, sizes: Mapping[str, int], place: Place) -> dict[str, NDArray[Any]]:
+    """The arrays to write, in their documented types; raises DatasetError for the first error.
 
-    sizes: of the axes n and s.
+    sizes: lengths of the axes n and s.
     """
-    known = dict(sizes)
+    lengths = dict(sizes)
     arrays = {}
     for name, spec in GRASP.items():
-        value, here = getattr(record, name), place.key(name)
+        value, array_place = getattr(record, name), place.key(name)
         if value is None:
-            if needs(spec, source):
-                here.fail("a dataset", "nothing", "add it")
+            if is_required(spec, source):
+                array_place.fail("a dataset", "nothing", "add it")
             continue
         if spec.sim_only and source != SIM:
-            here.fail('no such array where source = "real"', "one", "leave it out or correct the source")
-        arrays[name] = given(value, spec, known, here)
-        check_content(name, arrays[name], here)
+            array_place.fail('no such array where source = "real"', "one", "leave it out or correct the source")
+        arrays[name] = check_array(value, spec, lengths, array_place)
+        check_content(name, arrays[name], array_place)
     return arrays

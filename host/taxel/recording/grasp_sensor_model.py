@@ -1,4 +1,4 @@
-"""How a simulator turned force into counts, as its dataset states it."""
+"""The sensor model of a simulated dataset: how the simulator converted force into raw counts."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from taxel.recording.grasp_checks import Place, check_choice, check_number, first, given, shown_index
+from taxel.recording.grasp_checks import Place, check_array, check_choice, check_number, first_index, format_index
 from taxel.recording.grasp_format import LAYERS, ArraySpec
-from taxel.recording.grasp_tables import frozen
+from taxel.recording.grasp_tables import copy_read_only
+from taxel.types import FloatArray
 
 LARGEST_COUNT = 65_535
-"""A raw count is 16 bit."""
+"""Largest raw count: a count has 16 bits."""
 
 REQUIRED = ("baseline_counts", "full_scale_drop_counts", "half_force_n")
 OPTIONAL = ("noise_counts", "noise_line_counts", "contact_stiffness_n_per_m", "layer")
@@ -23,18 +24,19 @@ OPTIONAL = ("noise_counts", "noise_line_counts", "contact_stiffness_n_per_m", "l
 
 @dataclass(frozen=True, eq=False)
 class SensorModel:
-    """Force to counts: signal(F) = full_scale_drop_counts * F / (F + half_force_n).
+    """Raw count as a function of the contact force F.
 
-    raw = round(baseline - signal + noise).
+    signal(F) = full_scale_drop_counts * F / (F + half_force_n); raw count = round(baseline_counts - signal + noise).
 
-    baseline_counts: one number or f64[n], without contact.
-    full_scale_drop_counts: the signal that an endless force would reach.
-    half_force_n: the force of half that signal, newtons.
-    noise_counts, noise_line_counts: standard deviations; each taxel's own, and common to the taxels of an RX line.
+    baseline_counts: raw count without contact, one number or f64[n].
+    full_scale_drop_counts: limit of the signal for large forces, counts.
+    half_force_n: force with half of that signal, newtons.
+    noise_counts, noise_line_counts: standard deviations, counts, of the noise of each taxel and of the noise that all
+        taxels of an RX line share.
     contact_stiffness_n_per_m: of the dielectric under one taxel. layer: "uncoupled" or "coupled".
     """
 
-    baseline_counts: float | NDArray[np.float64]
+    baseline_counts: float | FloatArray
     full_scale_drop_counts: float
     half_force_n: float
     noise_counts: float = 0.0
@@ -42,20 +44,20 @@ class SensorModel:
     contact_stiffness_n_per_m: float | None = None
     layer: str | None = None
 
-    def predict_signal(self, force: npt.ArrayLike) -> NDArray[np.float64]:
-        """f64 of the shape of force, counts. force: newtons, 0 or more."""
+    def predict_signal(self, force: npt.ArrayLike) -> FloatArray:
+        """Signal without noise, counts, f64 in the shape of force. force: newtons, 0 or more."""
         newtons = np.asarray(force, np.float64)
         return np.asarray(self.full_scale_drop_counts * newtons / (newtons + self.half_force_n))
 
     def counts(
         self, force: npt.ArrayLike, generator: np.random.Generator, line: NDArray[np.int64] | None = None
     ) -> NDArray[np.uint16]:
-        """u16[T, n], what the boards would send; clipped to 16 bit.
+        """Raw counts u16[T, n] with noise, clipped to 16 bits.
 
-        force: f64[T, n], newtons. generator: of the noise. line: i64[n], `TaxelTable.rx_line`, needed where
-        noise_line_counts is not 0: the noise of a line is drawn once a frame for all its taxels.
+        force: f64[T, n], newtons. generator: source of the noise. line: i64[n], `TaxelTable.rx_line`, required if
+        noise_line_counts is not 0: the noise of a line is sampled once in a frame for all its taxels.
 
-        Raises ValueError where line is needed and missing.
+        Raises ValueError if line is required and None.
         """
         exact = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:
@@ -68,19 +70,19 @@ class SensorModel:
         return np.clip(np.rint(exact), 0, LARGEST_COUNT).astype(np.uint16)
 
 
-def checked_sensor_model(values: Mapping[str, Any], place: Place, n: int) -> SensorModel:
-    """The model of its attributes; raises DatasetError for the first mistake.
+def check_sensor_model(values: Mapping[str, Any], place: Place, n: int) -> SensorModel:
+    """The sensor model with these attributes; raises DatasetError for the first error.
 
-    values: attributes by name; what is absent or None takes its default. n: number of taxels.
+    values: attributes by name; an absent or None value gets its default. n: number of taxels.
     """
     for name in REQUIRED:
         if values.get(name) is None:
             place.key(name).fail("a number", "nothing", "add the attribute")
-    baseline = _baseline(values["baseline_counts"], place.key("baseline_counts"), n)
+    baseline = _check_baseline(values["baseline_counts"], place.key("baseline_counts"), n)
     numbers = {name: check_number(values[name], place.key(name)) for name in REQUIRED[1:]}
     for name in ("noise_counts", "noise_line_counts"):
         if values.get(name) is not None:
-            numbers[name] = check_number(values[name], place.key(name), zero=True)
+            numbers[name] = check_number(values[name], place.key(name), allow_zero=True)
     stiffness, layer = values.get("contact_stiffness_n_per_m"), values.get("layer")
     if stiffness is not None:
         stiffness = check_number(stiffness, place.key("contact_stiffness_n_per_m"))
@@ -89,13 +91,13 @@ def checked_sensor_model(values: Mapping[str, Any], place: Place, n: int) -> Sen
     return SensorModel(baseline, **numbers, contact_stiffness_n_per_m=stiffness, layer=layer)
 
 
-def _baseline(value: Any, place: Place, n: int) -> float | NDArray[np.float64]:
+def _check_baseline(value: Any, place: Place, n: int) -> float | FloatArray:
     if np.ndim(value) == 0:
         return check_number(value[()] if isinstance(value, np.ndarray) else value, place)
     if isinstance(value, np.ndarray) and value.dtype.kind in "ui":
-        value = value.astype(np.float64)  # counts are whole numbers to many programs
-    counts = frozen(given(value, ArraySpec("f8", ("n",)), {"n": n}, place))
+        value = value.astype(np.float64)  # many programs store counts as integers
+    counts = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, place))
     if (counts <= 0.0).any():
-        at = first(counts <= 0.0)
-        place.fail("counts above 0", f"{counts[at]} at {shown_index(at)}", "correct it")
+        at = first_index(counts <= 0.0)
+        place.fail("counts above 0", f"{counts[at]} at {format_index(at)}", "correct it")
     return counts

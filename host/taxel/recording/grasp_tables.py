@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_address, format_value
-from taxel.recording.grasp_checks import NORMAL_TOLERANCE, Place, check_text, first, given, shown_index
+from taxel.recording.grasp_checks import (
+    NORMAL_TOLERANCE,
+    Place,
+    check_array,
+    check_text,
+    first_index,
+    format_index,
+)
 from taxel.recording.grasp_format import MESH, SENSORS, TAXELS
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class TaxelTable:
-    """The n taxels of a hand, in the order of every array's last axis.
+    """The n taxels of a hand, in the order of the last axis of every array.
 
-    sensor: u8[n], I2C address of the board a taxel belongs to.
+    sensor: u8[n], I2C address of the board of each taxel.
     tx, rx: u8[n], electrode line numbers on that board.
-    position: f64[n, 3], centre, metres, in the sensor's bracket frame.
+    position: f64[n, 3], centre in the sensor's bracket frame, metres.
     normal: f64[n, 3], outward unit normal, bracket frame.
     size: f64[n], side of the square electrode, metres.
     """
@@ -28,9 +36,9 @@ class TaxelTable:
     sensor: NDArray[np.uint8]
     tx: NDArray[np.uint8]
     rx: NDArray[np.uint8]
-    position: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    size: NDArray[np.float64]
+    position: FloatArray
+    normal: FloatArray
+    size: FloatArray
 
     @property
     def n(self) -> int:
@@ -39,26 +47,23 @@ class TaxelTable:
 
     @property
     def rx_line(self) -> NDArray[np.int64]:
-        """i64[n], number of the RX line of each taxel; taxels that share a receive electrode share the number."""
+        """i64[n], number of each taxel's RX line; taxels with the same receive electrode have the same number."""
         number: NDArray[np.int64] = np.unique(self.sensor.astype(np.int64) * 256 + self.rx, return_inverse=True)[1]
         return number.reshape(-1)
-
-    def equal_to(self, other: TaxelTable) -> bool:
-        """Whether both tables are the same to the last bit: only then are two datasets comparable."""
-        return all(np.array_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
 
 @dataclass(frozen=True, eq=False)
 class SensorTable:
     """The s sensor boards.
 
-    address: u8[s], I2C address. name: such as "palm". kind: one of the hand's kinds. rate_hz: f64[s].
+    address: u8[s], I2C address. name: such as "palm". kind: board kind of the hand description. rate_hz: f64[s], frames
+    in a second.
     """
 
     address: NDArray[np.uint8]
     name: tuple[str, ...]
     kind: tuple[str, ...]
-    rate_hz: NDArray[np.float64]
+    rate_hz: FloatArray
 
     @property
     def s(self) -> int:
@@ -74,62 +79,66 @@ class SensorTable:
 
 @dataclass(frozen=True, eq=False)
 class ObjectMesh:
-    """An object. vertices: f64[v, 3], metres, object frame. faces: i32[f, 3], outward winding."""
+    """Mesh of an object. vertices: f64[v, 3], metres, object frame. faces: i32[f, 3], outward winding."""
 
-    vertices: NDArray[np.float64]
+    vertices: FloatArray
     faces: NDArray[np.int32]
 
 
-def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, read-only; what came from elsewhere is copied first."""
+def copy_read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A read-only array with the same values. A writeable array is copied, because it has another owner."""
     if array.flags.writeable:
         array = array.copy()
         array.flags.writeable = False
     return array
 
 
-def checked_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> TaxelTable:
-    """The taxel table of six arrays; raises DatasetError for the first mistake. Adds n to sizes."""
+def check_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> TaxelTable:
+    """The taxel table of six arrays; raises DatasetError for the first error. Adds n to sizes."""
     table = TaxelTable(
-        **{name: frozen(given(arrays[name], spec, sizes, place.key(name))) for name, spec in TAXELS.items()}
+        **{
+            name: copy_read_only(check_array(arrays[name], spec, sizes, place.key(name)))
+            for name, spec in TAXELS.items()
+        }
     )
     with np.errstate(over="ignore"):
         length = np.linalg.norm(table.normal, axis=1)
-    bent = ~(np.abs(length - 1.0) <= NORMAL_TOLERANCE)
-    if bent.any():
-        at = first(bent)
-        found = f"{length[at]:.6g} at {shown_index(at)}"
+    is_not_unit = ~(np.abs(length - 1.0) <= NORMAL_TOLERANCE)
+    if is_not_unit.any():
+        at = first_index(is_not_unit)
+        found = f"{length[at]:.6g} at {format_index(at)}"
         place.key("normal").fail("normals of length 1", found, "divide them by their length")
     if (table.size <= 0.0).any():
-        at = first(table.size <= 0.0)
-        place.key("size").fail("metres above 0", f"{table.size[at]} at {shown_index(at)}", "correct it")
+        at = first_index(table.size <= 0.0)
+        place.key("size").fail("metres above 0", f"{table.size[at]} at {format_index(at)}", "correct it")
     crossing = (table.sensor.astype(np.int64) * 256 + table.tx) * 256 + table.rx
-    _, first_seen, number = np.unique(crossing, return_index=True, return_inverse=True)
-    repeated = first_seen[number.reshape(-1)] != np.arange(table.n)
-    if repeated.any():
-        at = first(repeated)
-        found = f"{format_address(int(table.sensor[at]))} tx {table.tx[at]} rx {table.rx[at]} again at {shown_index(at)}"
+    _, first_row, number = np.unique(crossing, return_index=True, return_inverse=True)
+    is_repeated = first_row[number.reshape(-1)] != np.arange(table.n)
+    if is_repeated.any():
+        at = first_index(is_repeated)
+        address = format_address(int(table.sensor[at]))
+        found = f"{address} tx {table.tx[at]} rx {table.rx[at]} again at {format_index(at)}"
         place.key("sensor").fail("each (sensor, tx, rx) once", found, "remove or renumber that taxel")
     return table
 
 
-def checked_sensors(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> SensorTable:
-    """The sensor table of four arrays; raises DatasetError for the first mistake. Adds s to sizes."""
-    address = frozen(given(arrays["address"], SENSORS["address"], sizes, place.key("address")))
-    rate = frozen(given(arrays["rate_hz"], SENSORS["rate_hz"], sizes, place.key("rate_hz")))
-    name = _texts(arrays["name"], sizes["s"], place.key("name"))
-    kind = _texts(arrays["kind"], sizes["s"], place.key("kind"))
+def check_sensors(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> SensorTable:
+    """The sensor table of four arrays; raises DatasetError for the first error. Adds s to sizes."""
+    address = copy_read_only(check_array(arrays["address"], SENSORS["address"], sizes, place.key("address")))
+    rate = copy_read_only(check_array(arrays["rate_hz"], SENSORS["rate_hz"], sizes, place.key("rate_hz")))
+    name = _check_texts(arrays["name"], sizes["s"], place.key("name"))
+    kind = _check_texts(arrays["kind"], sizes["s"], place.key("kind"))
     values, counts = np.unique(address, return_counts=True)
     if (counts > 1).any():
         found = f"{format_address(int(values[counts > 1][0]))} twice"
-        place.key("address").fail("each address once", found, "give each sensor its own")
+        place.key("address").fail("each address once", found, "give each sensor its own address")
     if (rate <= 0.0).any():
-        at = first(rate <= 0.0)
-        place.key("rate_hz").fail("rates above 0", f"{rate[at]} at {shown_index(at)}", "correct it")
+        at = first_index(rate <= 0.0)
+        place.key("rate_hz").fail("rates above 0", f"{rate[at]} at {format_index(at)}", "correct it")
     return SensorTable(address, name, kind, rate)
 
 
-def _texts(values: Any, count: int, place: Place) -> tuple[str, ...]:
+def _check_texts(values: Any, count: int, place: Place) -> tuple[str, ...]:
     if isinstance(values, str | bytes) or np.ndim(values) != 1 or len(values) != count:
         place.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
     items = values.tolist() if isinstance(values, np.ndarray) else values
@@ -137,29 +146,31 @@ def _texts(values: Any, count: int, place: Place) -> tuple[str, ...]:
 
 
 def check_addresses(taxels: TaxelTable, sensors: SensorTable, place: Place) -> None:
-    """Refuse a taxel whose sensor the sensor table lacks. place: that of the file."""
-    unknown = ~np.isin(taxels.sensor, sensors.address)
-    if unknown.any():
-        at = first(unknown)
-        found = f"{format_address(int(taxels.sensor[at]))} at {shown_index(at)}"
-        place.key("taxels").key("sensor").fail("an address that /sensors/address has", found, "add that sensor")
+    """Raise DatasetError if the sensor table lacks the sensor of a taxel. place: the place of the file."""
+    is_unknown = ~np.isin(taxels.sensor, sensors.address)
+    if is_unknown.any():
+        at = first_index(is_unknown)
+        found = f"{format_address(int(taxels.sensor[at]))} at {format_index(at)}"
+        place.key("taxels").key("sensor").fail("an address in /sensors/address", found, "add that sensor")
 
 
-def checked_mesh(arrays: Mapping[str, Any], place: Place) -> ObjectMesh:
-    """The mesh of two arrays; raises DatasetError for the first mistake."""
+def check_mesh(arrays: Mapping[str, Any], place: Place) -> ObjectMesh:
+    """The mesh of two arrays; raises DatasetError for the first error."""
     sizes: dict[str, int] = {}
-    vertices, faces = (frozen(given(arrays[name], spec, sizes, place.key(name))) for name, spec in MESH.items())
-    wrong = (faces < 0) | (faces >= len(vertices))
-    if wrong.any():
-        at = first(wrong)
-        found = f"{faces[at]} at {shown_index(at)}"
+    vertices, faces = (
+        copy_read_only(check_array(arrays[name], spec, sizes, place.key(name))) for name, spec in MESH.items()
+    )
+    is_outside = (faces < 0) | (faces >= len(vertices))
+    if is_outside.any():
+        at = first_index(is_outside)
+        found = f"{faces[at]} at {format_index(at)}"
         place.key("faces").fail(f"vertex numbers from 0 to {len(vertices) - 1}", found, "correct that face")
     return ObjectMesh(vertices, faces)
 
 
 def check_name(name: Any, place: Place) -> str:
-    """A name of an object or a grasp: it becomes the name of a group."""
+    """A name of an object or a grasp, which is used as the name of an HDF5 group."""
     text = check_text(name, place)
     if "/" in text or text in (".", ".."):
-        place.fail("a name without / that is not a dot", format_value(text), "rename it")
+        place.fail("a name without a slash, other than . and ..", format_value(text), "rename it")
     return text

@@ -1,13 +1,13 @@
-"""Writing a grasp dataset, grasp by grasp. What was finished stays readable if the program is killed."""
+"""Writer of a grasp dataset, grasp by grasp. Completed grasps stay readable if the program is killed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any
 
 from taxel.hand.errors import format_value
@@ -15,8 +15,8 @@ from taxel.recording.grasp_checks import Place, check_choice, check_created, che
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
 from taxel.recording.grasp_hdf5 import open_hdf5
-from taxel.recording.grasp_record import GraspRecord, checked_arrays, checked_attributes
-from taxel.recording.grasp_sensor_model import SensorModel, checked_sensor_model
+from taxel.recording.grasp_record import GraspRecord, check_arrays, check_attributes
+from taxel.recording.grasp_sensor_model import SensorModel, check_sensor_model
 from taxel.recording.grasp_storage import (
     LIBVER,
     check_target,
@@ -24,7 +24,7 @@ from taxel.recording.grasp_storage import (
     create_grasps_group,
     create_group,
     link_grasp,
-    part_of,
+    part_path,
     put_in_place,
     write_array,
     write_attributes,
@@ -35,26 +35,46 @@ from taxel.recording.grasp_tables import (
     SensorTable,
     TaxelTable,
     check_addresses,
+    check_mesh,
     check_name,
-    checked_mesh,
-    checked_sensors,
-    checked_taxels,
+    check_sensors,
+    check_taxels,
 )
 
 _ID_DIGITS = 4
 
 
-class GraspDatasetWriter:
-    """A grasp dataset that grows. Use `create` or `extend`, as a context manager.
+@dataclass(frozen=True, eq=False)
+class DatasetHeader:
+    """All content of a grasp dataset except the grasps.
 
-    Each `add` checks a grasp as the reader would, writes it, and returns when it is part of the file. A program killed
-    at any moment leaves a file with the grasps that were finished (see `grasp_storage.py` for how, and for what
-    remains); `extend` goes on with it. The same content with the same `created` gives the same bytes.
+    source: "real" or "sim". hand: name of the hand description. objects: meshes by name. generator: program and
+    version. sensor_model: required for a simulated dataset, None for a real one. created: ISO 8601; None: the current
+    time. notes: further attributes of the file, such as a calibration as JSON.
+    """
+
+    source: str
+    hand: str
+    taxels: TaxelTable
+    sensors: SensorTable
+    objects: Mapping[str, ObjectMesh]
+    generator: str
+    sensor_model: SensorModel | None = None
+    created: str | None = None
+    notes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+class GraspDatasetWriter:
+    """A grasp dataset to which grasps are added. A context manager; construct it with `create` or `extend`.
+
+    `add` checks a grasp as the reader does, writes it, and returns when the grasp is part of the file. A program that
+    is killed leaves a file with the completed grasps (see `grasp_storage.py` for the method and its limits), to which
+    `extend` can add further ones. The same content with the same `created` gives the same bytes.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a whole dataset to add to it; `create` and `extend` call this."""
-        with GraspDataset(path) as data:  # all that stands there must be valid before anything is added
+        """Open a complete dataset to add grasps; called by `create` and `extend`."""
+        with GraspDataset(path) as data:  # refuse a file with errors before anything is added
             self._source = data.source
             self._objects = frozenset(data.objects)
             self._sizes = {"n": data.taxels.n, "s": data.sensors.s}
@@ -64,94 +84,61 @@ class GraspDatasetWriter:
         self._file = open_hdf5(path, "r+", LIBVER)
 
     @classmethod
-    def create(
-        cls,
-        path: str | PathLike[str],
-        *,
-        source: str,
-        hand: str,
-        taxels: TaxelTable,
-        sensors: SensorTable,
-        objects: Mapping[str, ObjectMesh],
-        generator: str,
-        sensor_model: SensorModel | None = None,
-        created: str | None = None,
-        notes: Mapping[str, str] | None = None,
-        overwrite: bool = False,
-    ) -> GraspDatasetWriter:
-        """Make a dataset without grasps.
+    def create(cls, path: str | PathLike[str], header: DatasetHeader, *, overwrite: bool = False) -> GraspDatasetWriter:
+        """Create a dataset without grasps. overwrite: replace an existing file.
 
-        source: "real" or "sim"; a simulated one needs a sensor_model, a real one has none. hand: name of the hand
-        description. generator: program and version. created: ISO 8601; None for now. notes: further attributes of the
-        file, such as a calibration as JSON. overwrite: replace a file.
-
-        Raises DatasetError for a file that exists (unless overwrite) and for every mistake in the tables.
+        Raises DatasetError for an existing file (unless overwrite) and for the first error in the header.
         """
         target, place = Path(path), Place(str(path))
         check_target(target, overwrite, place)
-        header = {
-            "format": FORMAT,
-            "version": VERSION,
-            "source": check_choice(source, (REAL, SIM), place.key("source")),
-            "hand": check_text(hand, place.key("hand")),
-            "created": check_created(
-                datetime.now(UTC).isoformat(timespec="seconds") if created is None else created, place.key("created")
-            ),
-            "generator": check_text(generator, place.key("generator")),
-        }
-        header = {**(notes or {}), **header}
+        attributes = _check_attributes(header, place)
         sizes: dict[str, int] = {}
-        tables: dict[str, tuple[Any, Mapping[str, Any]]] = {
-            "taxels": (checked_taxels(vars(taxels), place.key("taxels"), sizes), TAXELS),
-            "sensors": (checked_sensors(vars(sensors), place.key("sensors"), sizes), SENSORS),
-        }
-        check_addresses(tables["taxels"][0], tables["sensors"][0], place)
-        for name, mesh in objects.items():
-            here = place.key("objects").key(check_name(name, place.key("objects")))
-            tables[f"objects/{name}"] = (checked_mesh(vars(mesh), here), MESH)
-        model = _checked_model(sensor_model, source, place.key("sensor_model"), sizes["n"])
-        part = part_of(target)
+        tables = _check_tables(header, place, sizes)
+        model = _check_model(header.sensor_model, header.source, place.key("sensor_model"), sizes["n"])
+        part = part_path(target)
         with writing_errors(place):
-            _write_new(part, header, tables, model)
+            _write_new(part, attributes, tables, model)
             put_in_place(part, target, overwrite, place)
         return cls(target)
 
     @classmethod
     def extend(cls, path: str | PathLike[str]) -> GraspDatasetWriter:
-        """Go on with a dataset, such as one from a campaign that was cut; its grasps are kept.
+        """Open an existing dataset, such as one from an interrupted campaign, to add grasps; its grasps are kept.
 
         Raises DatasetError for a file that the reader refuses.
         """
         target = Path(path)
-        part_of(target).unlink(missing_ok=True)
+        part_path(target).unlink(missing_ok=True)
         return cls(target)
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of the grasps that the file has, in order of time."""
+        """Ids of the grasps in the file, in order of time."""
         return tuple(self._ids)
 
     def add_object(self, name: str, mesh: ObjectMesh) -> None:
-        """Add an object for the grasps that follow. A kill while this runs, unlike `add`, may cost the file: name the
-        objects in `create` wherever they are known. Raises DatasetError for a name that is there, or a bad mesh.
+        """Add an object for later grasps. Raises DatasetError for an existing name or an invalid mesh.
+
+        Unlike `add`, this method may leave an unreadable file if the program is killed meanwhile. Therefore put objects
+        that are known beforehand into the header.
         """
         place = self._place.key("objects")
-        here = place.key(check_name(name, place))
+        object_place = place.key(check_name(name, place))
         if name in self._objects:
-            here.fail("a new name", "one that is there", "leave it out, or choose another name")
-        table = checked_mesh(vars(mesh), here)
-        with writing_errors(here):
+            object_place.fail("a new name", "an existing one", "leave the object out, or choose another name")
+        table = check_mesh(vars(mesh), object_place)
+        with writing_errors(object_place):
             group = create_group(self._file["objects"], name)
             for key in MESH:
                 write_array(group, key, getattr(table, key))
         self._objects |= {name}
 
     def add(self, grasp: GraspRecord, grasp_id: str | None = None) -> str:
-        """Check and write one grasp; returns its id once the file holds it.
+        """Check and write one grasp; return its id when the grasp is part of the file.
 
-        grasp_id: sorts after all ids so far; None for the next number, such as "0007".
+        grasp_id: must sort after all ids of the file; None: the next number, such as "0007".
 
-        Raises DatasetError, and leaves the file as it was, for anything that the reader would refuse.
+        Raises DatasetError, and leaves the file unchanged, for a grasp that the reader would refuse.
         """
         grasps = self._place.key("grasps")
         if not self._file:
@@ -161,8 +148,8 @@ class GraspDatasetWriter:
             expected = f"an id that sorts after {format_value(self._ids[-1])}"
             grasps.key(name).fail(expected, format_value(name), "ids sort in order of time; give a grasp_id")
         place = grasps.key(name)
-        attributes = checked_attributes(grasp, self._objects, place)
-        arrays = checked_arrays(grasp, self._source, self._sizes, place)
+        attributes = check_attributes(grasp, self._objects, place)
+        arrays = check_arrays(grasp, self._source, self._sizes, place)
         with writing_errors(place):
             group = create_group(self._file, None)
             write_attributes(group, attributes)
@@ -173,7 +160,7 @@ class GraspDatasetWriter:
         return name
 
     def close(self) -> None:
-        """Close the file; closing again is harmless."""
+        """Close the file. A second call has no effect."""
         self._file.close()
 
     def __enter__(self) -> GraspDatasetWriter:
@@ -185,18 +172,46 @@ class GraspDatasetWriter:
         self.close()
 
 
-def _checked_model(model: SensorModel | None, source: str, place: Place, n: int) -> SensorModel | None:
+def _check_attributes(header: DatasetHeader, place: Place) -> dict[str, Any]:
+    created = datetime.now(UTC).isoformat(timespec="seconds") if header.created is None else header.created
+    return {
+        **header.notes,
+        "format": FORMAT,
+        "version": VERSION,
+        "source": check_choice(header.source, (REAL, SIM), place.key("source")),
+        "hand": check_text(header.hand, place.key("hand")),
+        "created": check_created(created, place.key("created")),
+        "generator": check_text(header.generator, place.key("generator")),
+    }
+
+
+def _check_tables(
+    header: DatasetHeader, place: Place, sizes: dict[str, int]
+) -> dict[str, tuple[Any, Mapping[str, Any]]]:
+    """Tables and their array specifications by HDF5 path. Adds n and s to sizes."""
+    tables: dict[str, tuple[Any, Mapping[str, Any]]] = {
+        "taxels": (check_taxels(vars(header.taxels), place.key("taxels"), sizes), TAXELS),
+        "sensors": (check_sensors(vars(header.sensors), place.key("sensors"), sizes), SENSORS),
+    }
+    check_addresses(tables["taxels"][0], tables["sensors"][0], place)
+    for name, mesh in header.objects.items():
+        object_place = place.key("objects").key(check_name(name, place.key("objects")))
+        tables[f"objects/{name}"] = (check_mesh(vars(mesh), object_place), MESH)
+    return tables
+
+
+def _check_model(model: SensorModel | None, source: str, place: Place, n: int) -> SensorModel | None:
     if (model is None) == (source == SIM):
         if model is None:
             place.fail("a sensor model", "none", "a simulated dataset states how force became counts")
         place.fail('none where source = "real"', "one", "leave it out or correct the source")
-    return None if model is None else checked_sensor_model(vars(model), place, n)
+    return None if model is None else check_sensor_model(vars(model), place, n)
 
 
-def _write_new(path: Path, header: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:
+def _write_new(path: Path, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:
     with create_file(path) as file:
         create_grasps_group(file)
-        write_attributes(file, header)
+        write_attributes(file, attributes)
         groups = {"": file}
         for name in ("taxels", "sensors", "objects", *(key for key in tables if "/" in key)):
             parent, _, leaf = name.rpartition("/")
@@ -206,6 +221,6 @@ def _write_new(path: Path, header: Mapping[str, Any], tables: Mapping[str, Any],
                 for key in specs:
                     write_array(groups[name], key, getattr(table, key))
         if model is not None:
-            values = {field.name: getattr(model, field.name) for field in fields(model)}
-            given = {name: value for name, value in values.items() if value is not None}
-            write_attributes(create_group(file, "sensor_model"), given)
+            values = {item.name: getattr(model, item.name) for item in fields(model)}
+            present = {name: value for name, value in values.items() if value is not None}
+            write_attributes(create_group(file, "sensor_model"), present)

@@ -1,9 +1,9 @@
-"""How well decoded taxels show the touches of the recording that was sent.
+"""Comparison of decoded taxels with the touches of the replayed recording.
 
-A board converts one taxel after another while the recording steps from frame to frame, so there is no frame that a
-whole snapshot could be compared with. Each taxel sample is compared with the frame in force at the instant of its
-conversion. That instant is known to `STEP_TOLERANCE_S`; where the frames before and after it disagree, either is right,
-and the sample is counted as at a step.
+A board converts its taxels one after another while the recording changes from frame to frame, so that no frame of the
+recording corresponds to a whole snapshot. Therefore each taxel sample is compared with the frame at the time of its
+conversion. This time has an uncertainty of `STEP_TOLERANCE_S`. If the frames before and after it disagree, both values
+are correct, and the sample is counted as "at a step".
 """
 
 from collections.abc import Sequence
@@ -13,77 +13,82 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.types import BoolArray, FloatArray
+
 STEP_TOLERANCE_S = 1.5e-3
-"""The mapping of three clocks onto one, and the length of a conversion (0.14 ms), with room to spare."""
+"""Uncertainty of the time of a conversion, seconds: the mapping of three clocks onto one, and the duration of a
+conversion (0.14 ms), with a margin. A larger value excludes more samples from the comparison.
+"""
 
 EXACT_COUNTS = 0.5
-"""Counts are whole numbers: a signal nearer than this to the source's value is that value."""
+"""Largest difference between a signal and the source's value that counts as equal; counts are integers."""
 
 
 class SourceTouches:
-    """The truth: which taxel was touched when.
+    """The touches of the source: which taxel is touched at which time.
 
-    time_s: f64[T], never going back; frames are held, and of those with one time the last counts. values: int[T, n],
-    counts, larger = touched. A taxel is active where its value is above `threshold`, strictly. Before the first frame
-    nothing is touched.
+    time_s: f64[T], not decreasing. A frame is valid until the next one; of several frames with the same time the last
+    one is used. values: int[T, n], counts; a touch raises the value. A taxel is active where its value is above
+    `threshold` (strictly). Before the first frame no taxel is touched.
 
-    A touch is a maximal run of frames with at least one active taxel. Raises ValueError for shapes that do not fit.
+    A touch is a maximal run of frames with at least one active taxel. Raises ValueError for inconsistent shapes.
     """
 
-    def __init__(self, time_s: NDArray[np.float64], values: NDArray[np.int64], threshold: float) -> None:
+    def __init__(self, time_s: FloatArray, values: NDArray[np.int64], threshold: float) -> None:
         if values.ndim != 2 or time_s.shape != values.shape[:1] or not len(time_s):
             found = f"{time_s.shape} and {values.shape}"
             raise ValueError(f"expected time_s [T] and values [T, n] with T > 0, found {found}")
-        lasting = np.append(np.diff(time_s) > 0.0, True)
-        self.time_s = time_s[lasting]
-        self.values = np.concatenate([np.zeros((1, values.shape[1]), dtype=np.int64), values[lasting]])  # row 0: before
-        self.active: NDArray[np.bool_] = self.values > threshold
-        touched = np.asarray(self.active.any(axis=1))
-        begins = touched & ~np.append(False, touched[:-1])
-        self.touch_of_row = np.where(touched, np.cumsum(begins) - 1, -1)
-        self.onset_s = self.time_s[np.flatnonzero(begins) - 1]
+        is_last = np.append(np.diff(time_s) > 0.0, True)
+        self.time_s = time_s[is_last]
+        before = np.zeros((1, values.shape[1]), dtype=np.int64)
+        self.values = np.concatenate([before, values[is_last]])
+        self.active: BoolArray = self.values > threshold
+        is_touched = np.asarray(self.active.any(axis=1))
+        is_onset = is_touched & ~np.append(False, is_touched[:-1])
+        self.touch_of_row = np.where(is_touched, np.cumsum(is_onset) - 1, -1)
+        self.onset_s = self.time_s[np.flatnonzero(is_onset) - 1]
 
     @property
     def n_touches(self) -> int:
-        """Touches, numbered from 0 in the order of their onsets `onset_s` f64[n_touches]."""
+        """Number of touches. They are numbered from 0 in the order of their onsets `onset_s` f64[n_touches]."""
         return len(self.onset_s)
 
-    def row_at(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Row of `values` and `active` in force at each time."""
+    def row_at(self, time_s: FloatArray) -> NDArray[np.int64]:
+        """Row of `values` and `active` that is valid at each time; row 0 is the time before the first frame."""
         return np.searchsorted(self.time_s, time_s, side="right")
 
 
 @dataclass(frozen=True, eq=False)
 class DecodedBoard:
-    """What the skin made of the samples of one board.
+    """Decoded samples of one board.
 
-    taxels: where the board lies on the hand's taxel axis. cycle: int64[F], poll cycle of each frame.
-    sampled_s: f64[F, k], when each taxel was converted, on the source's clock. signal_counts: f64[F, k].
+    taxels: position of the board on the hand's taxel axis. cycle: int64[F], poll cycle of each frame.
+    sampled_s: f64[F, k], time of each taxel's conversion on the source's clock. signal_counts: f64[F, k].
     active: bool[F, k].
     """
 
     taxels: slice
     cycle: NDArray[np.int64]
-    sampled_s: NDArray[np.float64]
-    signal_counts: NDArray[np.float64]
-    active: NDArray[np.bool_]
+    sampled_s: FloatArray
+    signal_counts: FloatArray
+    active: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayScore:
-    """How decoded taxels compare with the source.
+    """Result of the comparison.
 
     A sample is one taxel in one board frame. true_positives, false_positives, false_negatives, true_negatives: samples
-    away from a step; at_steps: samples where either answer is right. wrong_counts: samples whose signal is not the
-    source's value, neither of the frame before the instant nor of that after it.
+    away from a step. at_steps: samples for which both values are correct. wrong_counts: samples whose signal equals the
+    source's value neither before nor after the time of conversion.
 
-    touches: touches in the source; touches_found: those with a sample that is rightly active; touches_unsampled: those
-    that ended before any of their taxels was converted, which no decoder could find; touches_spurious: runs of poll
-    cycles with an active taxel none of which is right. onset_delay_s: f64[touches_found], from a touch's first frame to
-    the instant of its first right sample (to read and send that sample takes longer still).
+    touches: touches of the source. touches_unsampled: touches that ended before any of their taxels was converted,
+    which no decoder can detect. touches_spurious: runs of poll cycles with an active taxel none of which is correct.
+    onset_delay_s: f64[touches_found], for each detected touch the time from its first frame to its first correct
+    sample, without the time to read and send that sample.
 
-    duration_s: from the first to the last sample; frames: board frames. map_signal f64[n] and map_active bool[n]: the
-    whole skin in the poll cycle with the most active taxels, NaN and False where a board's frame is missing.
+    duration_s: from the first to the last sample. frames: board frames. map_signal f64[n], map_active bool[n]: the
+    whole skin in the poll cycle with the most active taxels; NaN and False where the frame of a board is missing.
     """
 
     true_positives: int
@@ -95,42 +100,42 @@ class ReplayScore:
     touches: int
     touches_unsampled: int
     touches_spurious: int
-    onset_delay_s: NDArray[np.float64]
+    onset_delay_s: FloatArray
     duration_s: float
     boards: int
     frames: int
-    map_signal: NDArray[np.float64]
-    map_active: NDArray[np.bool_]
+    map_signal: FloatArray
+    map_active: BoolArray
 
     @property
     def samples(self) -> int:
-        """Taxel samples compared."""
+        """Number of compared taxel samples."""
         decided = self.true_positives + self.false_positives + self.false_negatives + self.true_negatives
         return decided + self.at_steps
 
     @property
     def precision(self) -> float:
-        """Share of the active samples that are right; 1 if none was active."""
+        """Share of the active samples that are correct; 1 without active samples."""
         return _share(self.true_positives, self.false_positives)
 
     @property
     def recall(self) -> float:
-        """Share of the touched samples that are active; 1 if none was touched."""
+        """Share of the touched samples that are active; 1 without touched samples."""
         return _share(self.true_positives, self.false_negatives)
 
     @property
     def f1(self) -> float:
-        """Harmonic mean of precision and recall; 1 if nothing was touched and nothing active."""
+        """Harmonic mean of precision and recall; 1 without touched and active samples."""
         return _share(2 * self.true_positives, self.false_positives + self.false_negatives)
 
     @property
     def touches_found(self) -> int:
-        """Touches of the source that the skin showed."""
+        """Touches of the source with a correct active sample."""
         return len(self.onset_delay_s)
 
     @property
     def touches_missed(self) -> int:
-        """Touches of the source that the skin did not show."""
+        """Touches of the source without a correct active sample."""
         return self.touches - self.touches_found
 
     def __str__(self) -> str:
@@ -150,72 +155,72 @@ def _share(right: int, wrong: int) -> float:
 
 
 class _BoardComparison:
-    """One board's samples beside the source."""
+    """Comparison of one board's samples with the source."""
 
     def __init__(self, source: SourceTouches, board: DecodedBoard, tolerance_s: float) -> None:
         self.board = board
         self._source = source
         self._taxel = np.arange(source.values.shape[1])[board.taxels]
-        self._before = source.row_at(board.sampled_s - tolerance_s)
-        self._after = source.row_at(board.sampled_s + tolerance_s)
-        self._was = source.active[self._before, self._taxel]
-        self._becomes = source.active[self._after, self._taxel]
+        self._row_before = source.row_at(board.sampled_s - tolerance_s)
+        self._row_after = source.row_at(board.sampled_s + tolerance_s)
+        self._active_before = source.active[self._row_before, self._taxel]
+        self._active_after = source.active[self._row_after, self._taxel]
 
     @cached_property
-    def at_step(self) -> NDArray[np.bool_]:
-        """Touched before or after, but not both."""
-        return self._was ^ self._becomes
+    def is_at_step(self) -> BoolArray:
+        """The source is active either before or after the sample, not both."""
+        return self._active_before ^ self._active_after
 
     @cached_property
-    def touched(self) -> NDArray[np.bool_]:
-        """Touched for certain."""
-        return self._was & self._becomes
+    def is_touched(self) -> BoolArray:
+        """The source is active before and after the sample."""
+        return self._active_before & self._active_after
 
     @cached_property
-    def right(self) -> NDArray[np.bool_]:
-        """Active, and rightly so."""
-        right: NDArray[np.bool_] = self.board.active & (self._was | self._becomes)
+    def is_right(self) -> BoolArray:
+        """The sample is active, and the source is active before or after it."""
+        right: BoolArray = self.board.active & (self._active_before | self._active_after)
         return right
 
-    def wrong_counts(self) -> int:
-        """Samples whose signal is neither value."""
+    def count_wrong(self) -> int:
+        """Number of samples whose signal equals the source's value neither before nor after."""
         values, signal = self._source.values, self.board.signal_counts
-        off_before = np.abs(values[self._before, self._taxel] - signal) > EXACT_COUNTS
-        off_after = np.abs(values[self._after, self._taxel] - signal) > EXACT_COUNTS
-        return int((off_before & off_after).sum())
+        differs_before = np.abs(values[self._row_before, self._taxel] - signal) > EXACT_COUNTS
+        differs_after = np.abs(values[self._row_after, self._taxel] - signal) > EXACT_COUNTS
+        return int((differs_before & differs_after).sum())
 
-    def touch_of(self, where: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """The touch that each of those samples belongs to."""
-        row = np.where(self._was, self._before, self._after)
-        touches: NDArray[np.int64] = self._source.touch_of_row[row[where]]
+    def touch_of(self, samples: BoolArray) -> NDArray[np.int64]:
+        """The touch of each of these samples."""
+        row = np.where(self._active_before, self._row_before, self._row_after)
+        touches: NDArray[np.int64] = self._source.touch_of_row[row[samples]]
         return touches
 
 
 def score_replay(
     source: SourceTouches, boards: Sequence[DecodedBoard], tolerance_s: float = STEP_TOLERANCE_S
 ) -> ReplayScore:
-    """Compare what the skin decoded with what was sent.
+    """Compare the decoded boards with the source.
 
-    tolerance_s: how well the instants of conversion are known; frames of the source that last less than twice that are
-    not told apart. Raises ValueError without any board frame.
+    tolerance_s: uncertainty of the time of conversion; frames of the source that are shorter than twice this value are
+    not resolved. Raises ValueError without any board frame.
     """
     if not boards or not any(len(board.cycle) for board in boards):
         raise ValueError("expected at least one board frame to score, found none")
     parts = [_BoardComparison(source, board, tolerance_s) for board in boards if len(board.cycle)]
-    sampled, first_s = _first_samples(source, parts)
-    found = np.isfinite(first_s)
+    is_sampled, first_s = _first_samples(source, parts)
+    is_found = np.isfinite(first_s)
     signal, active = _fullest_map(source.values.shape[1], boards)
     return ReplayScore(
-        true_positives=sum(int((part.touched & part.board.active).sum()) for part in parts),
-        false_positives=sum(int((part.board.active & ~part.right).sum()) for part in parts),
-        false_negatives=sum(int((part.touched & ~part.board.active).sum()) for part in parts),
-        true_negatives=sum(int((~part.touched & ~part.at_step & ~part.board.active).sum()) for part in parts),
-        at_steps=sum(int(part.at_step.sum()) for part in parts),
-        wrong_counts=sum(part.wrong_counts() for part in parts),
+        true_positives=sum(int((part.is_touched & part.board.active).sum()) for part in parts),
+        false_positives=sum(int((part.board.active & ~part.is_right).sum()) for part in parts),
+        false_negatives=sum(int((part.is_touched & ~part.board.active).sum()) for part in parts),
+        true_negatives=sum(int((~part.is_touched & ~part.is_at_step & ~part.board.active).sum()) for part in parts),
+        at_steps=sum(int(part.is_at_step.sum()) for part in parts),
+        wrong_counts=sum(part.count_wrong() for part in parts),
         touches=source.n_touches,
-        touches_unsampled=int((~sampled).sum()),
-        touches_spurious=_spurious_runs(parts),
-        onset_delay_s=(first_s - source.onset_s)[found],
+        touches_unsampled=int((~is_sampled).sum()),
+        touches_spurious=_count_spurious_runs(parts),
+        onset_delay_s=(first_s - source.onset_s)[is_found],
         duration_s=float(max(p.board.sampled_s.max() for p in parts) - min(p.board.sampled_s.min() for p in parts)),
         boards=len(parts),
         frames=sum(len(part.board.cycle) for part in parts),
@@ -224,37 +229,35 @@ def score_replay(
     )
 
 
-def _first_samples(
-    source: SourceTouches, parts: Sequence[_BoardComparison]
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Per touch: whether any of its samples could show it, and when the first did (infinity: none)."""
-    sampled = np.zeros(source.n_touches, dtype=bool)
+def _first_samples(source: SourceTouches, parts: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
+    """For each touch: whether a sample of it exists, and the time of its first correct sample (infinity: none)."""
+    is_sampled = np.zeros(source.n_touches, dtype=bool)
     first_s = np.full(source.n_touches, np.inf)
     for part in parts:
-        sampled[part.touch_of(part.touched)] = True
-        sampled[part.touch_of(part.right)] = True
-        np.minimum.at(first_s, part.touch_of(part.right), part.board.sampled_s[part.right])
-    return sampled, first_s
+        is_sampled[part.touch_of(part.is_touched)] = True
+        is_sampled[part.touch_of(part.is_right)] = True
+        np.minimum.at(first_s, part.touch_of(part.is_right), part.board.sampled_s[part.is_right])
+    return is_sampled, first_s
 
 
-def _spurious_runs(parts: Sequence[_BoardComparison]) -> int:
-    """Runs of poll cycles with an active taxel, none of which is right."""
+def _count_spurious_runs(parts: Sequence[_BoardComparison]) -> int:
+    """Number of runs of poll cycles with an active taxel in which no sample is correct."""
     first = min(int(part.board.cycle.min()) for part in parts)
     cycles = max(int(part.board.cycle.max()) for part in parts) - first + 1
-    active, right = np.zeros(cycles, dtype=bool), np.zeros(cycles, dtype=bool)
+    is_active, is_right = np.zeros(cycles, dtype=bool), np.zeros(cycles, dtype=bool)
     for part in parts:
-        np.logical_or.at(active, part.board.cycle - first, part.board.active.any(axis=1))
-        np.logical_or.at(right, part.board.cycle - first, part.right.any(axis=1))
-    run = np.cumsum(active & ~np.append(False, active[:-1]))
-    return len(set(run[active].tolist()) - set(run[right].tolist()))
+        np.logical_or.at(is_active, part.board.cycle - first, part.board.active.any(axis=1))
+        np.logical_or.at(is_right, part.board.cycle - first, part.is_right.any(axis=1))
+    run = np.cumsum(is_active & ~np.append(False, is_active[:-1]))
+    return len(set(run[is_active].tolist()) - set(run[is_right].tolist()))
 
 
-def _fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:
     """Signal and activity of the whole skin in the poll cycle with the most active taxels."""
     cycles = np.concatenate([board.cycle for board in boards])
     counts = np.concatenate([board.active.sum(axis=1) for board in boards])
-    known, index = np.unique(cycles, return_inverse=True)
-    fullest = known[np.argmax(np.bincount(index, counts))]
+    unique_cycles, index = np.unique(cycles, return_inverse=True)
+    fullest = unique_cycles[np.argmax(np.bincount(index, counts))]
     signal, active = np.full(n_taxels, np.nan), np.zeros(n_taxels, dtype=bool)
     for board in boards:
         for frame in np.flatnonzero(board.cycle == fullest)[:1].tolist():

@@ -1,9 +1,9 @@
-"""A touch panel's cells laid over the taxels of a hand.
+"""Assignment of the cells of a touch panel to the taxels of a hand.
 
-A recording from a panel has to go through several boards. The panel is cut into equal rectangles, and each is laid on
-a window of a board where every crossing is a taxel: what touched neighbouring cells touches neighbouring taxels, panel
-rows along TX, panel columns along RX. The largest rectangle that fits is taken; windows are taken board by board in the
-order of addresses, on a board lowest RX first, then lowest TX, so the same hand always gives the same tiling.
+A recording of a panel has to pass through several boards. The panel is divided into equal rectangles (tiles), and each
+tile is assigned to a window of a board in which every crossing is a taxel: neighbouring cells become neighbouring
+taxels, panel rows along TX and panel columns along RX. The largest possible rectangle is used. Windows are selected
+board by board in the order of addresses, on a board by lowest RX, then lowest TX, so that a hand has only one tiling.
 """
 
 from collections.abc import Iterator
@@ -20,9 +20,11 @@ from taxel.recording.capfingerid import COLUMNS, ROWS
 from taxel.recording.errors import RecordingError
 
 BOARDS_MIN = 4
-"""A touch has to cross from board to board: no board takes more than a quarter of the tiles."""
+"""Smallest number of boards that share the panel, so that a touch can move from board to board. With 4, no board has
+more than a quarter of the tiles.
+"""
 
-REST_COUNTS = 2440
+UNTOUCHED_COUNTS = 2440
 """Raw count of an untouched taxel: about the mean of the emulated front end (firmware/emulator/front_end.c)."""
 
 RAW_COUNT_MAX = 65_535
@@ -30,12 +32,12 @@ RAW_COUNT_MAX = 65_535
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """Which taxel of a hand each cell of a panel is laid on.
+    """Assignment of panel cells to taxels.
 
-    n_taxels: taxels of the hand. taxel_of_cell: int64[405], in the panel's row-major order, all different.
-    tile_shape: panel rows and columns that lie together on one board.
+    n_taxels: taxels of the hand. taxel_of_cell: int64[405], all different, in the panel's row-major order.
+    tile_shape: panel rows and columns of one tile, which is on one board.
 
-    Raises ValueError if a taxel is outside the hand or taken twice.
+    Raises ValueError for a taxel outside the hand or a taxel with two cells.
     """
 
     n_taxels: int
@@ -52,21 +54,21 @@ class Tiling:
             )
 
     @classmethod
-    def of(cls, hand: Hand) -> "Tiling":
+    def for_hand(cls, hand: Hand) -> "Tiling":
         """The tiling of `hand`. Raises `RecordingError` if the hand is too small."""
         for shape in _tile_shapes():
-            needed = (ROWS // shape[0]) * (COLUMNS // shape[1])
-            tiles = [tile for board in hand.boards for tile in _tiles_on(hand, board, shape, needed // BOARDS_MIN)]
-            if len(tiles) >= needed:
-                return cls(hand.n_taxels, _cells_of(np.stack(tiles[:needed]), shape), shape)
+            n_tiles = (ROWS // shape[0]) * (COLUMNS // shape[1])
+            tiles = [tile for board in hand.boards for tile in _tiles_on(hand, board, shape, n_tiles // BOARDS_MIN)]
+            if len(tiles) >= n_tiles:
+                return cls(hand.n_taxels, _join_tiles(np.stack(tiles[:n_tiles]), shape), shape)
         raise RecordingError(
             f"hand '{hand.name}' is too small for a panel of {ROWS} x {COLUMNS} cells: expected {ROWS * COLUMNS} "
-            f"taxels with no more than a quarter of them on one board, found {hand.n_taxels} on {len(hand.boards)} "
+            f"taxels with at most a quarter of them on one board, found {hand.n_taxels} on {len(hand.boards)} "
             "boards; use a larger hand"
         )
 
-    def spread(self, values: npt.ArrayLike) -> NDArray[np.int64]:
-        """Panel values [T, 27, 15] as values of all taxels, int64[T, n_taxels], 0 where no cell lies."""
+    def to_taxels(self, values: npt.ArrayLike) -> NDArray[np.int64]:
+        """Values of all taxels, int64[T, n_taxels], from panel values [T, 27, 15]; 0 for taxels without a cell."""
         cells = np.asarray(values)
         if cells.ndim != 3 or cells.shape[1:] != (ROWS, COLUMNS) or cells.dtype.kind not in "iu":
             raise ValueError(f"values: expected integers [T, {ROWS}, {COLUMNS}], found {cells.dtype} {cells.shape}")
@@ -74,31 +76,20 @@ class Tiling:
         result[:, self.taxel_of_cell] = cells.reshape(len(cells), -1)
         return result
 
-    def to_counts(self, values: npt.ArrayLike, rest: int = REST_COUNTS) -> NDArray[np.uint16]:
-        """Raw counts u16[T, n_taxels] of panel values [T, 27, 15]: rest - value, clipped to 0..65,535.
+    def to_counts(self, values: npt.ArrayLike, untouched: int = UNTOUCHED_COUNTS) -> NDArray[np.uint16]:
+        """Raw counts u16[T, n_taxels] from panel values [T, 27, 15]: untouched - value, clipped to 0..65,535.
 
-        Taxels without a cell have `rest`.
-        Raises ValueError for a wrong shape or dtype, or a rest outside 0..65,535.
+        Taxels without a cell have the count `untouched`.
+        Raises ValueError for a wrong shape or dtype, or if `untouched` is outside 0..65,535.
         """
-        if not 0 <= rest <= RAW_COUNT_MAX:
-            raise ValueError(f"rest: expected 0 to {RAW_COUNT_MAX}, found {rest}")
-        counts: NDArray[np.uint16] = np.clip(rest - self.spread(values), 0, RAW_COUNT_MAX).astype(np.uint16)
+        if not 0 <= untouched <= RAW_COUNT_MAX:
+            raise ValueError(f"untouched: expected 0 to {RAW_COUNT_MAX}, found {untouched}")
+        counts: NDArray[np.uint16] = np.clip(untouched - self.to_taxels(values), 0, RAW_COUNT_MAX).astype(np.uint16)
         return counts
-
-    def from_counts(self, counts: npt.ArrayLike, rest: int = REST_COUNTS) -> NDArray[np.int64]:
-        """Panel values int64[T, 27, 15] = rest - count of raw counts [T, n_taxels].
-
-        Raises ValueError for another shape.
-        """
-        raw = np.asarray(counts)
-        if raw.ndim != 2 or raw.shape[1] != self.n_taxels:
-            raise ValueError(f"counts: expected [T, {self.n_taxels}], found {raw.shape}")
-        values: NDArray[np.int64] = rest - raw[:, self.taxel_of_cell].astype(np.int64)
-        return values.reshape(-1, ROWS, COLUMNS)
 
 
 def _tile_shapes() -> list[tuple[int, int]]:
-    """Rectangles that divide the panel into `BOARDS_MIN` tiles or more: largest first, squarer first among equals."""
+    """Rectangles that divide the panel into at least `BOARDS_MIN` tiles: largest first, then most nearly square."""
     shapes = product(
         [rows for rows in range(1, ROWS + 1) if ROWS % rows == 0],
         [columns for columns in range(1, COLUMNS + 1) if COLUMNS % columns == 0],
@@ -108,23 +99,23 @@ def _tile_shapes() -> list[tuple[int, int]]:
 
 
 def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[NDArray[np.int64]]:
-    """Up to `most` windows of a board that do not overlap, each as the taxels under it, int64[rows, columns]."""
+    """At most `most` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
     free = board.kind.crossings.copy()
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:
         return
     taxel = np.full(free.shape, -1, dtype=np.int64)
     taxel[free] = np.arange(hand.n_taxels)[hand.get_slice(board.address)]
-    found = 0
+    count = 0
     windows = sliding_window_view(free, shape).all(axis=(2, 3))
     for rx, tx in np.argwhere(windows.T).tolist():
         window = (slice(tx, tx + shape[0]), slice(rx, rx + shape[1]))
-        if found < most and free[window].all():
+        if count < most and free[window].all():
             free[window] = False
-            found += 1
+            count += 1
             yield taxel[window]
 
 
-def _cells_of(tiles: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Tiles [k, rows, columns], in the panel's row-major order, put together to int64[405]."""
+def _join_tiles(tiles: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
+    """Tiles [k, rows, columns] in the panel's row-major order, joined to int64[405]."""
     down, across = ROWS // shape[0], COLUMNS // shape[1]
     return tiles.reshape(down, across, *shape).swapaxes(1, 2).reshape(-1)

@@ -1,17 +1,17 @@
-"""Baseline, active taxels and the contact cloud as messages."""
+"""ROS messages of the baseline, the active taxels and the contact cloud."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from taxel.hand import Hand
-from taxel.ros.tree import header
+from taxel.ros.tf_tree import header
 from taxel.signal import ActivationFrame, BaselineResult
+from taxel.types import FloatArray
 
-_FLOAT32, _UINT32, _UINT8 = 7, 6, 2  # sensor_msgs/PointField
+_FLOAT32, _UINT32, _UINT8 = 7, 6, 2  # constants of sensor_msgs/PointField
 POINT = np.dtype(
     {
         "names": ["x", "y", "z", "normal_x", "normal_y", "normal_z", "drop", "taxel", "address"],
@@ -19,55 +19,56 @@ POINT = np.dtype(
         "itemsize": 36,
     }
 )
-"""A point of the contact cloud. Metres and the normal in the cloud's frame; `drop`: counts below the baseline; `taxel`:
-index on the hand's taxel axis; `address`: of its board.
+"""One point of the contact cloud. x, y, z: metres, in the frame of the cloud. normal_x, normal_y, normal_z: outward
+unit normal. drop: signal, counts. taxel: index on the hand's taxel axis. address: I2C address of the board.
 """
 _TYPES = {"f": _FLOAT32, "u": _UINT32}
 
 
 def point_fields() -> list[dict[str, Any]]:
-    """The fields of a point as sensor_msgs/PointField messages."""
-    found = []
+    """The fields of `POINT` as sensor_msgs/PointField messages."""
+    messages = []
     for name, (dtype, offset, *_) in (POINT.fields or {}).items():
         datatype = _UINT8 if dtype.itemsize == 1 else _TYPES[dtype.kind]
-        found.append({"name": name, "offset": int(offset), "datatype": datatype, "count": 1})
-    return found
+        messages.append({"name": name, "offset": int(offset), "datatype": datatype, "count": 1})
+    return messages
 
 
 _POINT_FIELDS = point_fields()
 
 
-def activations(hand: Hand, felt: ActivationFrame, cycle: int, threshold: float, time_ns: int) -> dict[str, Any]:
-    """A taxel_msgs/Activations of one cycle."""
-    taxels = np.flatnonzero(felt.active)
-    known = felt.signal_counts[~felt.missing]
+def activations_message(
+    hand: Hand, activation: ActivationFrame, cycle: int, threshold: float, time_ns: int
+) -> dict[str, Any]:
+    """A taxel_msgs/Activations message of one poll cycle. threshold: counts."""
+    taxels = np.flatnonzero(activation.active)
+    measured = activation.signal_counts[~activation.missing]
     return {
         "header": header(time_ns, ""),
         "cycle": cycle,
         "threshold_counts": threshold,
         "active_count": len(taxels),
-        "missing_count": int(felt.missing.sum()),
-        "largest_drop": float(known.max()) if len(known) else 0.0,
+        "missing_count": int(activation.missing.sum()),
+        "largest_drop": float(measured.max()) if len(measured) else 0.0,
         "taxel": taxels,
         "address": hand.sensor[taxels],
-        "drop": felt.signal_counts[taxels],
+        "drop": activation.signal_counts[taxels],
     }
 
 
-def contact_cloud(
-    hand: Hand,
-    felt: ActivationFrame,
-    positions: npt.NDArray[np.float64],
-    normals: npt.NDArray[np.float64],
-    head: dict[str, Any],
+def contact_cloud_message(
+    hand: Hand, activation: ActivationFrame, positions: FloatArray, normals: FloatArray, head: dict[str, Any]
 ) -> dict[str, Any]:
-    """A sensor_msgs/PointCloud2 of the active taxels, at `positions` f64[n, 3] with `normals` f64[n, 3]."""
-    taxels = np.flatnonzero(felt.active)
+    """A sensor_msgs/PointCloud2 message of the active taxels.
+
+    positions: f64[n, 3], centres of all taxels, metres. normals: f64[n, 3], outward unit normals. head: the header.
+    """
+    taxels = np.flatnonzero(activation.active)
     points = np.zeros(len(taxels), dtype=POINT)
     for axis, name in enumerate("xyz"):
         points[name] = positions[taxels, axis]
         points[f"normal_{name}"] = normals[taxels, axis]
-    points["drop"] = felt.signal_counts[taxels]
+    points["drop"] = activation.signal_counts[taxels]
     points["taxel"] = taxels
     points["address"] = hand.sensor[taxels]
     return {
@@ -84,7 +85,7 @@ def contact_cloud(
 
 
 def baseline_message(baseline: BaselineResult, samples: int, time_ns: int) -> dict[str, Any]:
-    """A taxel_msgs/Baseline."""
+    """A taxel_msgs/Baseline message. samples: number of scans that the baseline averages."""
     return {
         "header": header(time_ns, ""),
         "samples": samples,

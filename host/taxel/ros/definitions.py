@@ -1,6 +1,7 @@
-"""Message definitions: our own (`taxel_msgs/`, a ROS package), and the standard ones that the skin is published in.
+"""Definitions of ROS messages: the project's own (the ROS package `taxel_msgs`) and the standard ones in use.
 
-Names are "package/Name". ROS 1 and ROS 2 read the same text but for `Header`, which has a counter in ROS 1, and times.
+A message name is "package/Name". ROS 1 and ROS 2 use the same definition text with two differences: `Header` has a
+counter `seq` in ROS 1, and the type of a time is `time` in ROS 1 and `builtin_interfaces/Time` in ROS 2.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ from importlib import resources
 from typing import NamedTuple
 
 OWN_PACKAGE = "taxel_msgs"
-_RULE = "=" * 80
+SEPARATOR = "=" * 80
+"""Line between two definitions in one schema text (MCAP registry, schema encoding ros2msg)."""
 _FIELD = re.compile(r"^([\w/]+)(\[(\d*)\])?\s+(\w+)\s*(=?)")
 
 PRIMITIVES = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
     "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
 }  # fmt: skip
-"""Struct codes of the types that a field may have beside `string` and other messages."""
+"""Struct codes of the primitive types of fields. Other types of fields are `string` and messages."""
 
-# Field names and types of common_interfaces and geometry2 (docs.ros.org); ROS 1 adds nothing but Header.seq.
+# Field names and types of common_interfaces and geometry2 (docs.ros.org).
 _STANDARD = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
@@ -53,7 +55,10 @@ _STANDARD = {
 
 
 class MessageField(NamedTuple):
-    """A field of a message: `type` is primitive, "string" or "package/Name"; `length` None: as many as there are."""
+    """One field of a message.
+
+    type: a primitive type, "string" or "package/Name". length: of an array of fixed length; None: variable length.
+    """
 
     name: str
     type: str
@@ -63,7 +68,7 @@ class MessageField(NamedTuple):
 
 @cache
 def definition(name: str) -> str:
-    """The text that defines a message. Raises KeyError for one that nobody here publishes."""
+    """The definition text of a message. Raises KeyError for a message that the project does not use."""
     package, _, leaf = name.partition("/")
     if package != OWN_PACKAGE:
         return _STANDARD[name]
@@ -74,14 +79,14 @@ def definition(name: str) -> str:
 
 
 def parse_fields(text: str) -> tuple[MessageField, ...]:
-    """The fields of a definition; constants and comments are none."""
-    found = []
+    """The fields of a definition text, without constants and comments."""
+    parsed = []
     for line in text.splitlines():
         match = _FIELD.match(line.strip())
         if match is not None and not match[5]:
             is_array = match[2] is not None
-            found.append(MessageField(match[4], match[1], is_array, int(match[3]) if match[3] else None))
-    return tuple(found)
+            parsed.append(MessageField(match[4], match[1], is_array, int(match[3]) if match[3] else None))
+    return tuple(parsed)
 
 
 @cache
@@ -90,29 +95,31 @@ def fields(name: str) -> tuple[MessageField, ...]:
     return parse_fields(definition(name))
 
 
-def _parts(name: str) -> list[str]:
-    """A message and all that it is made of, each once, itself first."""
-    found = [name]
-    for part in found:
-        wanted = (field.type for field in fields(part) if "/" in field.type)
-        found += [each for each in dict.fromkeys(wanted) if each not in found]
-    return found
+@cache
+def message_types(name: str) -> tuple[str, ...]:
+    """A message type and all message types that its fields use, directly or indirectly; each once, `name` first."""
+    names = [name]
+    for part in names:
+        used = (field.type for field in fields(part) if "/" in field.type)
+        names += [each for each in dict.fromkeys(used) if each not in names]
+    return tuple(names)
 
 
 @cache
 def ros2_schema(name: str) -> str:
-    """The definition with all that it is made of, as MCAP wants it (schema encoding ros2msg)."""
-    first, *others = _parts(name)
-    return "\n".join([definition(first), *(f"{_RULE}\nMSG: {part}\n{definition(part)}" for part in others)])
+    """The definition text with the definitions of all used messages, in the MCAP schema encoding ros2msg."""
+    first, *used = message_types(name)
+    return "\n".join([definition(first), *(f"{SEPARATOR}\nMSG: {part}\n{definition(part)}" for part in used)])
 
 
 @cache
 def ros1_schema(name: str) -> str:
-    """The same for ROS 1, as its message generator wants it."""
-    first, *others = [part for part in _parts(name) if part != "builtin_interfaces/Time"]
-    return "\n".join([_in_ros1(first), *(f"{_RULE}\nMSG: {part}\n{_in_ros1(part)}" for part in others)])
+    """The definition text with the definitions of all used messages, as the message generator of ROS 1 reads it."""
+    first, *used = [part for part in message_types(name) if part != "builtin_interfaces/Time"]
+    appended = (f"{SEPARATOR}\nMSG: {part}\n{_ros1_definition(part)}" for part in used)
+    return "\n".join([_ros1_definition(first), *appended])
 
 
-def _in_ros1(name: str) -> str:
+def _ros1_definition(name: str) -> str:
     text = definition(name).replace("builtin_interfaces/Time", "time")
     return f"uint32 seq\n{text}" if name == "std_msgs/Header" else text

@@ -1,4 +1,4 @@
-"""Writing a recording as MCAP: the topics of the skin in ROS 2 form, and the hub's bytes."""
+"""Writer of MCAP recordings: the topics of the skin as ROS 2 messages, and the bytes of the hub."""
 
 from __future__ import annotations
 
@@ -12,35 +12,39 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, Self
 
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
-
 from taxel.link import CaptureError
 from taxel.link.capture import EXISTS
+from taxel.optional import optional_import
 from taxel.ros.cdr import encode
 from taxel.ros.definitions import ros2_schema
+from taxel.ros.tf_tree import header
 from taxel.ros.topics import TopicMessage
-from taxel.ros.tree import header
+
+with optional_import("mcap", "an MCAP file (.mcap)"):
+    from mcap.well_known import MessageEncoding, SchemaEncoding
+    from mcap.writer import CompressionType, Writer
 
 BYTES_TOPIC: Final = "/taxel/hub_bytes"
 BYTES_TYPE: Final = "taxel_msgs/HubBytes"
 METADATA: Final = "taxel"
-"""Name of the metadata record that holds the recording's header, each value as JSON."""
+"""Name of the metadata record with the header of the recording; each value is JSON."""
 
 FLUSH_S: Final = 0.5
-"""A chunk is written at least so often, so that a kill costs less than a second."""
+"""Longest time for which a message stays in memory while messages are written, seconds. A killed program loses at most
+this much. A smaller value makes smaller chunks, which compress less.
+"""
 
 CHUNK_BYTES: Final = 1 << 20
 LIBRARY: Final = "taxel"
 
 
 class McapFile:
-    """An MCAP file that grows; may be used from two threads.
+    """An MCAP file that is being written. Two threads may use the same object.
 
-    `header`: any JSON values, which the file carries so that it alone is enough. Chunks are compressed (zstd) and given
-    to the operating system at least each `FLUSH_S` while `tick` or a write is called: a killed program leaves a file
-    without an index, which every reader that reads from front to back takes. Raises `CaptureError` if the file exists
-    and `overwrite` is False, or cannot be written.
+    head: header of the recording; its values must be JSON values. Chunks are compressed (zstd) and passed to the
+    operating system at least every `FLUSH_S` as long as `tick` or a write method is called. The file of a killed
+    program has no index, but readers that read from front to back accept the file. Raises `CaptureError` if the file
+    exists and `overwrite` is False, or if the file cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], head: Mapping[str, object], overwrite: bool = False) -> None:
@@ -50,7 +54,7 @@ class McapFile:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._flushed_s = time.monotonic()
-        self._is_dirty = False
+        self._has_unflushed = False
         try:
             self._file: BinaryIO = open(self.path, "wb" if overwrite else "xb")  # noqa: SIM115
         except FileExistsError:
@@ -62,7 +66,7 @@ class McapFile:
         self.add_metadata(METADATA, head)
 
     def add_metadata(self, name: str, values: Mapping[str, object]) -> None:
-        """Add a metadata record, each value as JSON."""
+        """Add a metadata record; each value is written as JSON."""
         with self._lock, self._errors():
             self._writer.add_metadata(name, {key: json.dumps(value) for key, value in values.items()})
             self._file.flush()
@@ -74,14 +78,14 @@ class McapFile:
             self._flush_if_due()
 
     def write_bytes(self, data: bytes, arrival_ns: int, time_ns: int) -> None:
-        """Append bytes of the hub. `arrival_ns`: on the link's clock; `time_ns`: the same as Unix time."""
+        """Append bytes of the hub. arrival_ns: on the clock of the link. time_ns: the same moment as Unix time."""
         message = {"header": header(time_ns, ""), "arrival_ns": arrival_ns, "data": data}
         with self._lock, self._errors():
             self._append(BYTES_TOPIC, BYTES_TYPE, time_ns, encode(BYTES_TYPE, message))
             self._flush_if_due()
 
     def tick(self) -> None:
-        """Write the chunk under way if its time has come: for whoever waits for data."""
+        """Write the current chunk if its time is due. Call this method while no data arrives."""
         with self._lock, self._errors():
             self._flush_if_due()
 
@@ -91,7 +95,7 @@ class McapFile:
             channel = self._channels[topic] = self._new_channel(topic, type_name)
         self._writer.add_message(channel, max(time_ns, 0), data, max(time_ns, 0))
         self.messages += 1
-        self._is_dirty = True
+        self._has_unflushed = True
 
     def _new_channel(self, topic: str, type_name: str) -> int:
         schema = self._schemas.get(type_name)
@@ -103,21 +107,21 @@ class McapFile:
 
     def _flush_if_due(self) -> None:
         now_s = time.monotonic()
-        if self._is_dirty and now_s - self._flushed_s >= FLUSH_S:
+        if self._has_unflushed and now_s - self._flushed_s >= FLUSH_S:
             self._writer.flush()  # type: ignore[no-untyped-call]
             self._flushed_s = now_s
-            self._is_dirty = False
+            self._has_unflushed = False
 
     def _errors(self) -> contextlib.AbstractContextManager[None]:
         return _writing_errors(self.path)
 
     @property
     def is_closed(self) -> bool:
-        """Whether nothing more can be written."""
+        """Whether the file is closed."""
         return self._file.closed
 
     def close(self) -> None:
-        """Write what is left and the index, and close the file. May be called twice."""
+        """Write the last chunk and the index, and close the file. A second call has no effect."""
         with self._lock, self._errors():
             if not self._file.closed:
                 try:
@@ -139,4 +143,4 @@ def _writing_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CaptureError(str(path), f"cannot be written ({error.strerror}); what came before is kept") from error
+        raise CaptureError(str(path), f"cannot be written ({error.strerror}); the part before is kept") from error

@@ -1,4 +1,4 @@
-"""Reading a recording from MCAP as if its bytes came from a port."""
+"""Reader of MCAP recordings, as a link whose bytes come from the file instead of a port."""
 
 from __future__ import annotations
 
@@ -9,42 +9,34 @@ import struct
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
-import lz4.frame
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, Message, Metadata, Schema
-from mcap.records import Chunk as McapChunk
-from mcap.stream_reader import StreamReader, breakup_chunk
-
 from taxel.link import CaptureError, Chunk, Link
+from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode
-from taxel.ros.definitions import fields, parse_fields
+from taxel.ros.definitions import SEPARATOR, fields, parse_fields
 from taxel.ros.mcap_file import BYTES_TYPE, METADATA
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
-MAGIC = b"\x89MCAP0\r\n"
+with optional_import("mcap", "an MCAP file (.mcap)"):
+    import lz4.frame
+    import zstandard
+    from mcap.exceptions import McapError
+    from mcap.records import Channel, Footer, Message, Metadata, Schema
+    from mcap.records import Chunk as McapChunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
 SCAN_TYPE = "taxel_msgs/TaxelScan"
 RECORD_MAX = 1 << 28
-"""Bytes of a record or of an unpacked chunk; a file is not trusted."""
+"""Largest size of a record or of an unpacked chunk, bytes. The limit bounds the memory that a damaged file can use."""
 
 _DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, OverflowError)
 
 
-def is_mcap(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins as an MCAP file does."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
-
-
 class McapReader:
-    """Messages of the skin's own types, from front to back, in constant memory; no index is needed.
+    """Reads the hub's bytes and the scans of an MCAP file from front to back, in constant memory, without an index.
 
-    `header`: the recording's, {} where there is none. `has_bytes`: False for a bag that has scans alone. Raises
-    `CaptureError` if the file cannot be read or has nothing of a skin.
+    header: header of the recording; {} if the file has none. has_bytes: False for a bag with scans but without the
+    hub's bytes. Raises `CaptureError` if the file cannot be read or has no topic of a skin.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -57,46 +49,45 @@ class McapReader:
         self._channels: dict[int, tuple[str, str]] = {}
         self._schemas: dict[int, str] = {}
         self._records = self._read_records()
-        self._held: list[tuple[str, Message]] = []
+        self._first: tuple[str, Message] | None = None
         self._damage: CaptureError | None = None
         try:
-            self._look_ahead()
+            self._read_first_message()
         except BaseException:
             self._file.close()
             raise
-        self.has_bytes = not self._held or self._held[0][0] == BYTES_TYPE
+        self.has_bytes = self._first is None or self._first[0] == BYTES_TYPE
 
-    def _look_ahead(self) -> None:
-        """Read up to the first message of the skin; damage after the header is told when it is come to."""
+    def _read_first_message(self) -> None:
+        """Read up to the first message of the skin. Damage behind the header is raised later, by `messages`."""
         try:
-            first = next(self._records, None)
+            self._first = next(self._records, None)
         except CaptureError as error:
             if not self.header:
                 raise
             self._damage = error
             return
-        if first is not None:
-            self._held.append(first)
-        elif not self.header:
+        if self._first is None and not self.header:
             raise CaptureError(self.name, "has no topic of a skin (taxel_msgs/msg/HubBytes or TaxelScan)")
 
-    def messages(self) -> Iterator[tuple[str, dict[str, Any], int]]:
-        """(type, fields, log time in nanoseconds) of each message.
+    def messages(self) -> Iterator[tuple[str, Any, int]]:
+        """(type, message, log time in nanoseconds) of each message.
 
-        Raises `CaptureError` at the place where the file is cut short or damaged, after everything before it.
+        Raises `CaptureError` at the position where the file is truncated or damaged, after all messages before it.
         """
         if self._damage is not None:
             raise self._damage
-        while self._held:
-            yield self._decoded(*self._held.pop())
+        if self._first is not None:
+            yield self._decoded(*self._first)
+            self._first = None
         for type_name, message in self._records:
             yield self._decoded(type_name, message)
 
-    def _decoded(self, type_name: str, message: Message) -> tuple[str, dict[str, Any], int]:
+    def _decoded(self, type_name: str, message: Message) -> tuple[str, Any, int]:
         try:
             return type_name, decode(type_name, message.data), message.log_time
         except CdrError as error:
-            raise CaptureError(self.name, f"has a message that cannot be read ({error})") from None
+            raise CaptureError(self.name, f"has a message that cannot be decoded ({error})") from None
 
     def _read_records(self) -> Iterator[tuple[str, Message]]:
         try:
@@ -106,20 +97,23 @@ class McapReader:
                     return
                 if isinstance(record, McapChunk):
                     for part in breakup_chunk(_unpacked(record), validate_crc=True):
-                        yield from self._note(part)
+                        yield from self._process(part)
                 else:
-                    yield from self._note(record)
+                    yield from self._process(record)
         except _DAMAGE:
-            place = f"near byte {self._file.tell()}"
-            raise CaptureError(self.name, f"is cut short or damaged {place}; everything before it was read") from None
+            position = f"near byte {self._file.tell()}"
+            raise CaptureError(
+                self.name, f"is truncated or damaged {position}; everything before it was read"
+            ) from None
 
-    def _note(self, record: Any) -> Iterator[tuple[str, Message]]:
+    def _process(self, record: Any) -> Iterator[tuple[str, Message]]:
+        """Store what a record defines; yield it if it is a message of the skin."""
         if isinstance(record, Message):
-            known = self._channels.get(record.channel_id)
-            if known is not None:
-                yield known[0], record
+            channel = self._channels.get(record.channel_id)
+            if channel is not None:
+                yield channel[0], record
         elif isinstance(record, Schema):
-            self._schemas[record.id] = self._checked(record)
+            self._schemas[record.id] = self._checked_schema(record)
         elif isinstance(record, Channel):
             name = self._schemas.get(record.schema_id, "")
             if name in (BYTES_TYPE, SCAN_TYPE) and record.message_encoding == "cdr":
@@ -127,13 +121,14 @@ class McapReader:
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
 
-    def _checked(self, schema: Schema) -> str:
+    def _checked_schema(self, schema: Schema) -> str:
         name = schema.name.replace("/msg/", "/")
         if name not in (BYTES_TYPE, SCAN_TYPE):
             return name
-        own = parse_fields(schema.data.decode(errors="replace").partition("=" * 80)[0])
-        if own != fields(name):
-            raise CaptureError(self.name, f"has another form of {schema.name}; use the release that wrote it")
+        if parse_fields(schema.data.decode(errors="replace").partition(SEPARATOR)[0]) != fields(name):
+            raise CaptureError(
+                self.name, f"has another definition of {schema.name}; use the taxel release that wrote the file"
+            )
         return name
 
     def close(self) -> None:
@@ -142,9 +137,9 @@ class McapReader:
 
 
 def _unpacked(chunk: McapChunk) -> McapChunk:
-    """The chunk without its compression. Raises ValueError if it does not hold what it claims, before it takes memory.
+    """The chunk without its compression. Raises ValueError if its data do not have the size that the chunk states.
 
-    What a compressed frame says of its own size is not believed.
+    The size is checked before the data are unpacked completely, because a compressed frame may state a false size.
     """
     if chunk.uncompressed_size > RECORD_MAX:
         raise ValueError("a chunk is too large")
@@ -156,12 +151,12 @@ def _unpacked(chunk: McapChunk) -> McapChunk:
     else:
         data = chunk.data
     if len(data) != chunk.uncompressed_size:
-        raise ValueError("a chunk has another size than it claims")
+        raise ValueError("a chunk does not have the size that it states")
     return dataclasses.replace(chunk, compression="", data=data)
 
 
 class McapLink:
-    """The hub's bytes in an MCAP file, as fast as they are asked for; a `Link`.
+    """The hub's bytes in an MCAP file, without delay; a `Link`.
 
     Raises `CaptureError` as `McapReader` does.
     """
@@ -180,14 +175,14 @@ class McapLink:
         self._messages = reader.messages()
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
-        """The next bytes. Raises EOFError at the end of a whole file."""
+        """The next bytes. Raises EOFError at the end of a complete file."""
         for type_name, message, _ in self._messages:
             if type_name == BYTES_TYPE:
-                return Chunk(message["data"].tobytes(), int(message["arrival_ns"]))
+                return Chunk(message.data.tobytes(), int(message.arrival_ns))
         raise EOFError
 
     def write(self, data: bytes) -> None:
-        """Refused: nobody answers in a recording."""
+        """Raises `CaptureError`: a recording takes no commands."""
         raise CaptureError(self.name, "is a recording; it takes no commands")
 
     def close(self) -> None:
@@ -196,7 +191,7 @@ class McapLink:
 
 
 def open_mcap(path: str | os.PathLike[str]) -> Link:
-    """The link of an MCAP file: its bytes, or where it has none (a bag of the ROS topics) bytes made from its scans."""
+    """The link of an MCAP file: the hub's bytes, or for a bag without them, bytes encoded from its scans."""
     reader = McapReader(path)
     if reader.has_bytes:
         return McapLink(reader)
@@ -208,10 +203,12 @@ def open_mcap(path: str | os.PathLike[str]) -> Link:
 def _frames(reader: McapReader) -> Iterator[TaxelFrame]:
     try:
         for type_name, message, _ in reader.messages():
-            if type_name == SCAN_TYPE and message["valid"]:
-                stamp = message["header"]["stamp"]
-                time_s = stamp["sec"] + stamp["nanosec"] * 1e-9
-                numbers = (message[name] for name in ("board_time_us", "hub_time_us", "raw_counts"))
-                yield TaxelFrame(message["address"], message["cycle"], message["sequence"], time_s, *numbers)
+            if type_name == SCAN_TYPE and message.valid:
+                stamp = message.header.stamp
+                time_s = stamp.sec + stamp.nanosec * 1e-9
+                times_us = (message.board_time_us, message.hub_time_us)
+                yield TaxelFrame(
+                    message.address, message.cycle, message.sequence, time_s, *times_us, message.raw_counts
+                )
     finally:
         reader.close()

@@ -1,4 +1,4 @@
-"""A node of whichever ROS there is, and joint angles from its graph."""
+"""A ROS node of the installed ROS version, and joint angles from a ROS topic."""
 
 from __future__ import annotations
 
@@ -7,60 +7,63 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from taxel.ros.find import RosError, ros_version
+from taxel.ros.ros_import import RosError, ros_version
 from taxel.ros.topics import TopicMessage
+from taxel.types import FloatArray
 
 
 class Node(Protocol):
-    """What both kinds of ROS node can do."""
+    """Common interface of the ROS 1 and ROS 2 nodes."""
 
     @property
     def is_alive(self) -> bool:
-        """Whether the node is to go on."""
+        """False after ROS has shut the node down."""
         ...
 
     def publish(self, message: TopicMessage) -> None:
-        """Send a message."""
+        """Publish a message on its topic."""
         ...
 
-    def listen_to_joints(self, topic: str, take: Callable[[list[str], list[float]], None]) -> None:
-        """Call `take(names, angles)` with each sensor_msgs/JointState of a topic."""
+    def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
+        """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
         ...
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Shut the node down."""
         ...
 
 
 def open_node(version: int | None = None, name: str = "taxel") -> Node:
-    """A node of ROS 1 or 2; None: 2 where rclpy can be imported, else 1. Raises RosError of one line."""
+    """Open a node of ROS 1 or 2. version None: 2 if rclpy can be imported, else 1. Raises RosError."""
     from taxel.ros.ros1 import Ros1Node
     from taxel.ros.ros2 import Ros2Node
 
     if version not in (None, 1, 2):
-        raise RosError(f"expected ROS 1 or 2, found {version}")
-    chosen = ros_version() if version is None else version
-    return Ros2Node(name) if chosen == 2 else Ros1Node(name)
+        raise RosError(f"ROS version: expected 1 or 2, found {version}; correct --ros")
+    selected = ros_version() if version is None else version
+    return Ros2Node(name) if selected == 2 else Ros1Node(name)
 
 
 class JointListener:
-    """The latest joint angles of a topic, radians [j] in the order of `names`; 0 until a joint has been heard of."""
+    """The latest joint angles of a topic, radians [j] in the order of `names`; 0 for a joint without a message so far.
+
+    The object is a `JointSource`: calling it returns the angles.
+    """
 
     def __init__(self, node: Node, topic: str, names: Sequence[str]) -> None:
         self._index = {name: index for index, name in enumerate(names)}
         self._lock = threading.Lock()
         self._angles = np.zeros(len(names))
-        node.listen_to_joints(topic, self._take)
+        node.listen_to_joints(topic, self._update)
 
-    def _take(self, names: list[str], angles: list[float]) -> None:
+    def _update(self, names: list[str], angles: list[float]) -> None:
         with self._lock:
             for name, angle in zip(names, angles, strict=False):
                 if name in self._index and np.isfinite(angle):
                     self._angles[self._index[name]] = angle
 
-    def __call__(self) -> npt.NDArray[np.float64]:
-        """The angles as they are now."""
+    def __call__(self) -> FloatArray:
+        """A copy of the current angles."""
         with self._lock:
             return self._angles.copy()

@@ -1,4 +1,4 @@
-"""Frames of a recording at the speed at which they were made, or another."""
+"""Playback of a recording at its own speed or a multiple of it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,22 @@ import time
 
 
 class Pace:
-    """Waits until a recorded moment is due. `speed`: times real time; None: never waits."""
+    """Delays the reader of a recording until each recorded time is due.
+
+    speed: factor on the recorded speed; None: no delay.
+    """
 
     def __init__(self, speed: float | None) -> None:
         self._speed = speed
         self._origin: tuple[float, float] | None = None
 
     def wait(self, time_s: float) -> None:
-        """Return when the recording's `time_s` has come; the first one is now."""
+        """Return at the moment that corresponds to the recorded time `time_s`. The first call defines the origin."""
         if self._speed is None:
             return
         if self._origin is None:
             self._origin = (time_s, time.monotonic())
         due_s = self._origin[1] + (time_s - self._origin[0]) / self._speed
-        left_s = due_s - time.monotonic()
-        if left_s > 0.0:
-            time.sleep(left_s)
+        remaining_s = due_s - time.monotonic()
+        if remaining_s > 0.0:
+            time.sleep(remaining_s)

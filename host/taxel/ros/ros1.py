@@ -1,4 +1,4 @@
-"""The skin as a node of ROS 1."""
+"""A ROS 1 node that publishes the topics of the skin."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ from collections.abc import Callable
 from typing import Any
 
 from taxel.ros.definitions import fields, ros1_schema
-from taxel.ros.find import RosError, import_ros1
+from taxel.ros.ros_import import RosError, import_ros1
 from taxel.ros.topics import TopicMessage
 
-QUEUE = 100
+QUEUE_LENGTH = 100
+"""Messages that rospy keeps for a slow subscriber of a topic."""
 
 
 class Ros1Node:
-    """Publishes topics through rospy. One in a process, as rospy has it.
+    """Publishes topics with rospy. rospy permits one node in a process.
 
-    Message classes are made from the definitions, so that no package must be built; a subscriber that has none builds
-    `taxel_msgs`. Raises RosError without rospy, or where no master answers.
+    The message classes are generated from the definitions, so that no ROS package has to be built on the publishing
+    side. A subscriber that needs the classes builds `taxel_msgs`. Raises RosError if rospy is not installed or no ROS
+    master answers.
     """
 
     def __init__(self, name: str = "taxel") -> None:
         self._rospy = import_ros1()
-        import genpy.dynamic  # type: ignore[import-not-found, unused-ignore]  # comes with rospy
+        import genpy.dynamic  # type: ignore[import-not-found, unused-ignore]  # installed with rospy
         import rosgraph  # type: ignore[import-not-found, unused-ignore]
 
         self._generate = genpy.dynamic.generate_dynamic
@@ -36,7 +38,7 @@ class Ros1Node:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the node is to go on."""
+        """False after ROS has shut the node down."""
         return not self._rospy.is_shutdown()
 
     def _classes_of(self, type_name: str) -> dict[str, Any]:
@@ -45,33 +47,36 @@ class Ros1Node:
         return self._classes[type_name]
 
     def publish(self, message: TopicMessage) -> None:
-        """Send a message; the topic is advertised with the first one."""
+        """Publish a message. The first message of a topic advertises the topic."""
         classes = self._classes_of(message.type)
         publisher = self._publishers.get(message.topic)
         if publisher is None:
             publisher = self._rospy.Publisher(
-                message.topic, classes[message.type], queue_size=QUEUE, latch=message.is_latched
+                message.topic, classes[message.type], queue_size=QUEUE_LENGTH, latch=message.is_latched
             )
             self._publishers[message.topic] = publisher
-        publisher.publish(self._filled(classes, message.type, message.message))
+        publisher.publish(self._ros_message(classes, message.type, message.message))
 
-    def _filled(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
+    def _ros_message(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
         if type_name == "builtin_interfaces/Time":
             return self._time(values["sec"], values["nanosec"])
-        made = classes[type_name]()
+        message = classes[type_name]()
         for field in fields(type_name):
             value = values[field.name]
             if "/" in field.type:
-                one = [self._filled(classes, field.type, each) for each in (value if field.is_array else [value])]
-                value = one if field.is_array else one[0]
-            setattr(made, field.name, value)
-        return made
+                is_array = field.is_array
+                parts = [self._ros_message(classes, field.type, each) for each in (value if is_array else [value])]
+                value = parts if is_array else parts[0]
+            setattr(message, field.name, value)
+        return message
 
-    def listen_to_joints(self, topic: str, take: Callable[[list[str], list[float]], None]) -> None:
-        """Call `take(names, angles)` with each sensor_msgs/JointState of a topic."""
-        kind = self._classes_of("sensor_msgs/JointState")["sensor_msgs/JointState"]
-        self._rospy.Subscriber(topic, kind, lambda message: take(list(message.name), list(message.position)))
+    def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
+        """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
+        message_class = self._classes_of("sensor_msgs/JointState")["sensor_msgs/JointState"]
+        self._rospy.Subscriber(
+            topic, message_class, lambda message: callback(list(message.name), list(message.position))
+        )
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Shut the node down."""
         self._rospy.signal_shutdown("done")

@@ -1,7 +1,7 @@
-"""The skin as a node of ROS 2.
+"""A ROS 2 node that publishes the topics of the skin.
 
 .. warning::
-    Written against the documented interface of rclpy and tested with a stand-in; not yet run in a ROS 2.
+    Written for the documented interface of rclpy and tested with a substitute; not yet run with a ROS 2 installation.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from typing import Any
 import numpy as np
 
 from taxel.ros.definitions import MessageField, fields
-from taxel.ros.find import RosError, import_ros2
+from taxel.ros.ros_import import RosError, import_ros2
 from taxel.ros.topics import TopicMessage
 
-QUEUE = 100
+QUEUE_LENGTH = 100
+"""Depth of the history of a topic that is not latched, messages."""
 
 
 class Ros2Node:
-    """Publishes topics through rclpy; latched ones with transient local durability.
+    """Publishes topics with rclpy; latched topics have the durability transient local.
 
-    Raises RosError without rclpy, or without a message package (`taxel_msgs` is built by colcon).
+    Raises RosError if rclpy or a message package is not installed (colcon builds `taxel_msgs`).
     """
 
     def __init__(self, name: str = "taxel") -> None:
@@ -37,7 +38,7 @@ class Ros2Node:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the node is to go on."""
+        """False after ROS has shut the node down."""
         return bool(self._rclpy.ok())
 
     def _class_of(self, type_name: str) -> Any:
@@ -55,44 +56,47 @@ class Ros2Node:
         return self._classes[type_name]
 
     def publish(self, message: TopicMessage) -> None:
-        """Send a message; the topic is advertised with the first one. Serves what has arrived meanwhile."""
+        """Publish a message, then run the callbacks of received messages. The first message advertises the topic."""
         publisher = self._publishers.get(message.topic)
         if publisher is None:
             durability = self._qos.DurabilityPolicy
             profile = self._qos.QoSProfile(
-                depth=1 if message.is_latched else QUEUE,
+                depth=1 if message.is_latched else QUEUE_LENGTH,
                 durability=durability.TRANSIENT_LOCAL if message.is_latched else durability.VOLATILE,
             )
             publisher = self._node.create_publisher(self._class_of(message.type), message.topic, profile)
             self._publishers[message.topic] = publisher
-        publisher.publish(self._filled(message.type, message.message))
+        publisher.publish(self._ros_message(message.type, message.message))
         self._rclpy.spin_once(self._node, timeout_sec=0.0)
 
-    def _filled(self, type_name: str, values: dict[str, Any]) -> Any:
-        made = self._class_of(type_name)()
+    def _ros_message(self, type_name: str, values: dict[str, Any]) -> Any:
+        message = self._class_of(type_name)()
         for field in fields(type_name):
-            setattr(made, field.name, self._value(field, values[field.name]))
-        return made
+            setattr(message, field.name, self._ros_value(field, values[field.name]))
+        return message
 
-    def _value(self, field: MessageField, value: Any) -> Any:
+    def _ros_value(self, field: MessageField, value: Any) -> Any:
         if "/" in field.type:
-            one = [self._filled(field.type, each) for each in (value if field.is_array else [value])]
-            return one if field.is_array else one[0]
+            parts = [self._ros_message(field.type, each) for each in (value if field.is_array else [value])]
+            return parts if field.is_array else parts[0]
         if field.type == "byte" and not field.is_array:
-            return bytes([value])  # rclpy has octets as bytes of length 1
+            return bytes([value])  # rclpy represents an octet as bytes of length 1
         if field.is_array and field.type == "uint8":
             return array.array("B", bytes(np.asarray(value, np.uint8)) if not isinstance(value, bytes) else value)
         return np.asarray(value).tolist() if field.is_array else value
 
-    def listen_to_joints(self, topic: str, take: Callable[[list[str], list[float]], None]) -> None:
-        """Call `take(names, angles)` with each sensor_msgs/JointState of a topic."""
-        kind = self._class_of("sensor_msgs/JointState")
+    def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
+        """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
+        message_class = self._class_of("sensor_msgs/JointState")
         self._node.create_subscription(
-            kind, topic, lambda message: take(list(message.name), list(message.position)), QUEUE
+            message_class,
+            topic,
+            lambda message: callback(list(message.name), list(message.position)),
+            QUEUE_LENGTH,
         )
 
     def close(self) -> None:
-        """Leave the graph."""
-        with contextlib.suppress(Exception):  # a Ctrl-C may have ended rclpy already
+        """Shut the node down."""
+        with contextlib.suppress(Exception):  # a Ctrl-C may have shut rclpy down already
             self._node.destroy_node()
             self._rclpy.shutdown()

@@ -70,14 +70,14 @@ def test_the_guides_examples_run_in_order(guide, capsys):
     with GraspDataset(guide / "gazebo.h5") as data:
         assert data["0001"].contact_force.sum(axis=1)[-3:].round(9).tolist() == [0.0, 2.0, 1.3]
     with GraspDataset(guide / "active.h5") as data:
-        assert data["0001"].active()[0].sum() == 1
+        assert data["0001"].active_taxels()[0].sum() == 1
     with GraspDataset(guide / "arrays.h5") as data:
-        assert data["0001"].active()[0].sum() == 1
+        assert data["0001"].active_taxels()[0].sum() == 1
 
 
 @pytest.mark.parametrize("command", KINDS)
 def test_help_has_an_example(command):
-    text = CliRunner().invoke(cli.app_of("import"), ["import", command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(cli.build_app("import"), ["import", command, "--help"], env={"COLUMNS": "200"}).output
     assert f"Example: taxel import {command} " in text
 
 
@@ -107,17 +107,17 @@ def test_json_says_what_was_imported(guide, capsys):
 
 
 def test_a_narrow_threshold_leaves_contacts_unfelt_and_says_so(guide, capsys):
-    status, out, _ = call(capsys, *example("gazebo"), "--threshold-mm", "0.5")
+    status, out, _ = call(capsys, *example("gazebo"), "--distance-mm", "0.5")
     assert status == 0
     assert "3 of 3 contacts (3.3 N in all) are felt by no taxel" in out
 
 
 WRONG = {
-    "no hand": (["--joints", ""], "--joints: expected this or --poses, found neither"),
-    "threshold": (["--threshold-mm", "-1"], "--threshold-mm: expected a number above 0, found -1"),
-    "wrist": (["--wrist", "0,0,0"], "--wrist: expected x,y,z,qw,qx,qy,qz"),
-    "turn": (["--wrist", "0,0,0,0,0,0,0"], "--wrist: expected x,y,z,qw,qx,qy,qz"),
-    "noise": (["--noise", "-3"], "noise_counts"),
+    "no hand": (["--joint-file", ""], "--joint-file and --pose-file: expected one of them, found neither"),
+    "threshold": (["--distance-mm", "-1"], "--distance-mm: expected a number above 0, found -1"),
+    "wrist": (["--wrist-pose", "0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
+    "turn": (["--wrist-pose", "0,0,0,0,0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
+    "noise": (["--noise-counts", "-3"], "noise_counts"),
     "hand": (["--hand", "shadow"], "shadow"),
     "calibration": (["--calibration", "none.toml"], "none.toml: file: expected a file"),
     "folder": (["--out", "nowhere/x.h5"], "nowhere"),
@@ -129,7 +129,7 @@ def test_a_wrong_option_is_one_line(guide, capsys, case):
     more, said = WRONG[case]
     words = example("gazebo")
     if case == "no hand":
-        at = words.index("--joints")
+        at = words.index("--joint-file")
         words, more = words[:at] + words[at + 2 :], []
     status, _, err = call(capsys, *words, *more)
     assert (status, err.count("\n")) == (1, 1), err

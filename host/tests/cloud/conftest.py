@@ -10,7 +10,15 @@ import pytest
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.models import models
 from taxel.hand.transforms import make_pose
-from taxel.recording import GraspDatasetWriter, GraspRecord, ObjectMesh, SensorModel, SensorTable, TaxelTable
+from taxel.recording import (
+    DatasetHeader,
+    GraspDatasetWriter,
+    GraspRecord,
+    ObjectMesh,
+    SensorModel,
+    SensorTable,
+    TaxelTable,
+)
 
 ROWS, COLUMNS = 6, 5
 BOARD = ROWS * COLUMNS
@@ -56,13 +64,15 @@ def write_dataset(path, presses, source="real"):
     model = SensorModel(30_000.0, 2000.0, 1.5, 4.0, layer="uncoupled") if source == "sim" else None
     with GraspDatasetWriter.create(
         path,
-        source=source,
-        hand="four boards",
-        taxels=sheet(),
-        sensors=sensors,
-        objects={name: meshes[name] for name in ("cylinder", "rectangular_prism")},
-        generator="a test",
-        sensor_model=model,
+        DatasetHeader(
+            source=source,
+            hand="four boards",
+            taxels=sheet(),
+            sensors=sensors,
+            objects={name: meshes[name] for name in ("cylinder", "rectangular_prism")},
+            generator="a test",
+            sensor_model=model,
+        ),
     ) as out:
         for number, press in enumerate(presses):
             raw = np.full((len(PHASES), 4 * BOARD), REST, np.uint16)

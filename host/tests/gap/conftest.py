@@ -9,6 +9,7 @@ import pytest
 
 from taxel.gap.diagnosis import diagnose
 from taxel.recording import (
+    DatasetHeader,
     GraspDatasetWriter,
     GraspRecord,
     ObjectMesh,
@@ -89,13 +90,15 @@ class World:
         model = MODEL if source == "sim" else None
         with GraspDatasetWriter.create(
             path,
-            source=source,
-            hand="two boards",
-            taxels=taxels(),
-            sensors=sensors,
-            objects=meshes,
-            generator="a test",
-            sensor_model=model,
+            DatasetHeader(
+                source=source,
+                hand="two boards",
+                taxels=taxels(),
+                sensors=sensors,
+                objects=meshes,
+                generator="a test",
+                sensor_model=model,
+            ),
         ) as out:
             for number, record in enumerate(self._grasps(source)):
                 out.add(record, f"{number:04d}")

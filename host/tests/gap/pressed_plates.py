@@ -14,7 +14,15 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from taxel.recording import GraspDatasetWriter, GraspRecord, ObjectMesh, SensorModel, SensorTable, TaxelTable
+from taxel.recording import (
+    DatasetHeader,
+    GraspDatasetWriter,
+    GraspRecord,
+    ObjectMesh,
+    SensorModel,
+    SensorTable,
+    TaxelTable,
+)
 
 BOARDS, ROWS, COLUMNS, PITCH_M = 3, 7, 6, 5e-3
 CROSSINGS = ROWS * COLUMNS
@@ -91,13 +99,15 @@ class Plates:
         )
         with GraspDatasetWriter.create(
             path,
-            source=source,
-            hand="three plates",
-            taxels=table,
-            sensors=sensors,
-            objects=OBJECTS,
-            generator="a test",
-            sensor_model=MODEL if source == "sim" else None,
+            DatasetHeader(
+                source=source,
+                hand="three plates",
+                taxels=table,
+                sensors=sensors,
+                objects=OBJECTS,
+                generator="a test",
+                sensor_model=MODEL if source == "sim" else None,
+            ),
         ) as out:
             for number, record in enumerate(self._grasps(source == "real")):
                 out.add(record, f"{number:04d}")

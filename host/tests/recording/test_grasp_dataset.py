@@ -1,4 +1,4 @@
-"""A file that h5py alone wrote by the format page is read: tables, grasps, baseline and activity."""
+"""Reading of a grasp dataset that h5py alone has written according to the format page."""
 
 import pickle
 
@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.recording import DatasetError, GraspDataset, Phase, SensorModel, TaxelTable
+from taxel.recording import DatasetError, GraspDataset, Phase, SensorModel
 
 TAXELS, SENSORS = 5, 2  # three taxels on board 0x20, two on board 0x21
 PHASES = np.repeat(np.arange(5, dtype=np.uint8), (6, 2, 4, 2, 1))
@@ -14,7 +14,7 @@ FRAMES = len(PHASES)
 
 
 def write_file(path, source="real", grasps=("0001", "0002")):
-    """The page, line by line, with h5py and nothing of ours."""
+    """Write the content of the format page with h5py only."""
     with h5py.File(path, "w") as file:
         file.attrs.update(format="taxel-grasp-dataset", version=1, source=source, hand="two boards")
         file.attrs.update(created="2024-05-31T12:00:00+00:00", generator="a test 1.0")
@@ -88,7 +88,7 @@ def test_header_and_tables_are_read(real):
         data.check()
 
 
-def test_grasps_come_in_order_of_time_with_all_their_arrays(tmp_path):
+def test_grasps_are_in_order_of_time_with_all_their_arrays(tmp_path):
     write_file(tmp_path / "x.h5", grasps=("0010", "0002", "0001"))
     with GraspDataset(tmp_path / "x.h5") as data:
         assert len(data) == 3
@@ -106,7 +106,7 @@ def test_grasps_come_in_order_of_time_with_all_their_arrays(tmp_path):
         assert [getattr(grasp, name) for name in optional] == [None] * 6
 
 
-def test_a_simulated_file_has_forces_and_a_sensor_model(tmp_path):
+def test_simulated_file_has_forces_and_a_sensor_model(tmp_path):
     write_file(tmp_path / "sim.h5", "sim")
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert data["0001"].contact_force.max() == 0.5
@@ -119,7 +119,7 @@ def test_a_simulated_file_has_forces_and_a_sensor_model(tmp_path):
         data.check()
 
 
-def test_the_sensor_model_makes_counts():
+def test_sensor_model_converts_forces_into_counts():
     forces = np.array([[0.0, 2.0, 1e9]])
     assert SensorModel(1000.4, 2000.0, 2.0).counts(forces, np.random.default_rng(0)).tolist() == [[1000, 0, 0]]
     noisy = SensorModel(30_000.0, 2000.0, 2.0, noise_line_counts=50.0)
@@ -131,7 +131,7 @@ def test_the_sensor_model_makes_counts():
         noisy.counts(forces, np.random.default_rng(0))
 
 
-def test_other_widths_and_string_forms_are_read_when_every_value_fits(real):
+def test_other_integer_widths_and_string_types_are_accepted_if_every_value_fits(real):
     counts, valid = counts_of(real)
     change(real, "raw_counts", counts.astype(">i8"))
     change(real, "valid", valid.astype(np.int32))
@@ -141,7 +141,7 @@ def test_other_widths_and_string_forms_are_read_when_every_value_fits(real):
         file["grasps/0001"].attrs["iteration"] = np.uint8(3)
         del file["sensors/name"]
         file["sensors/name"] = np.array([b"index", b"palm"])
-        file["taxels"].attrs["remark"] = "more may stand beside"
+        file["taxels"].attrs["remark"] = "an attribute outside the format"
         file["notes/anything"] = np.arange(3)
     with GraspDataset(real) as data:
         assert data["0001"].raw_counts.dtype == np.uint16
@@ -153,15 +153,7 @@ def test_other_widths_and_string_forms_are_read_when_every_value_fits(real):
         data.check()
 
 
-def test_taxel_tables_are_equal_only_to_the_last_bit(real):
-    with GraspDataset(real) as data, GraspDataset(real) as again:
-        assert data.taxels.equal_to(again.taxels)
-        table = vars(data.taxels)
-        assert not data.taxels.equal_to(TaxelTable(**{**table, "size": np.nextafter(table["size"], 1.0)}))
-        assert not data.taxels.equal_to(TaxelTable(**{name: array[:4] for name, array in table.items()}))
-
-
-def test_a_file_without_grasps_is_readable(tmp_path):
+def test_file_without_grasps_is_readable(tmp_path):
     write_file(tmp_path / "empty.h5", grasps=())
     with GraspDataset(tmp_path / "empty.h5", baseline_frames=100) as data:
         assert len(data) == 0
@@ -169,7 +161,7 @@ def test_a_file_without_grasps_is_readable(tmp_path):
         data.check()
 
 
-def test_the_baseline_is_the_mean_of_the_first_valid_frames_of_the_own_sensor(real):
+def test_baseline_is_the_mean_of_the_first_valid_frames_of_the_taxels_own_sensor(real):
     counts, valid = counts_of(real)
     counts[:6, 0] = (100, 200, 300, 400, 999, 999)
     counts[:6, 3] = (10, 999, 30, 40, 50, 60)
@@ -180,9 +172,9 @@ def test_the_baseline_is_the_mean_of_the_first_valid_frames_of_the_own_sensor(re
         assert data["0001"].baseline(4).tolist() == [250.0, 30_000.0, 30_000.0, 32.5, 30_000.0]
 
 
-def test_a_signal_of_exactly_the_threshold_is_not_active(real):
+def test_signal_equal_to_the_threshold_is_not_active(real):
     counts, _ = counts_of(real)
-    rest = np.array([30_000, 30_001, 30_000])  # a mean that no float holds
+    rest = np.array([30_000, 30_001, 30_000])  # the mean is not representable as a float
     counts[:3] = rest[:, None]
     counts[PHASES == Phase.HOLD] = 29_850
     change(real, "phase", np.where(PHASES == Phase.HOLD, (np.cumsum(PHASES == Phase.HOLD) <= 3) * 2, PHASES))
@@ -194,32 +186,32 @@ def test_a_signal_of_exactly_the_threshold_is_not_active(real):
     with GraspDataset(real) as data:
         signal = data["0001"].mean_hold_signal(3)
         assert signal[[0, 3, 4]].tolist() == [150.0] * 3
-        active, known = data["0001"].active(baseline_frames=3)
+        active, is_known = data["0001"].active_taxels(baseline_frames=3)
         assert active.tolist() == [False, True, False, False, False]
-        assert known.all()
-        assert data["0001"].active(threshold=149.0, baseline_frames=3)[0].all()
+        assert is_known.all()
+        assert data["0001"].active_taxels(threshold=149.0, baseline_frames=3)[0].all()
 
 
-def test_a_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real):
+def test_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real):
     _, valid = counts_of(real)
     valid[PHASES == Phase.HOLD, 0] = False
     change(real, "valid", valid)
     with GraspDataset(real) as data:
-        active, known = data["0001"].active(baseline_frames=6)
-        assert known.tolist() == [True, True, True, False, False]
+        active, is_known = data["0001"].active_taxels(baseline_frames=6)
+        assert is_known.tolist() == [True, True, True, False, False]
         assert active.tolist() == [True, True, True, False, False]
-        assert np.isnan(data["0001"].mean_hold_signal(6)).tolist() == (~known).tolist()
+        assert np.isnan(data["0001"].mean_hold_signal(6)).tolist() == (~is_known).tolist()
 
 
-def test_a_grasp_without_a_hold_phase_is_all_unknown(real):
+def test_grasp_without_a_hold_phase_has_no_known_taxel(real):
     change(real, "phase", np.zeros(FRAMES, np.uint8))
     with GraspDataset(real) as data:
-        active, known = data["0001"].active(baseline_frames=6)
+        active, is_known = data["0001"].active_taxels(baseline_frames=6)
         assert not active.any()
-        assert not known.any()
+        assert not is_known.any()
 
 
-def test_invalid_hold_frames_do_not_count(real):
+def test_invalid_hold_frames_are_ignored(real):
     counts, valid = counts_of(real)
     first = np.flatnonzero(PHASES == Phase.HOLD)[0]
     counts[first] = 0
@@ -243,18 +235,18 @@ def test_too_few_baseline_frames_are_refused(real):
         with pytest.raises(DatasetError, match="/grasps/0002/valid"):
             data["0002"].baseline(6)
         with pytest.raises(DatasetError, match="/grasps/0002/valid"):
-            data["0002"].active(baseline_frames=6)
+            data["0002"].active_taxels(baseline_frames=6)
         with pytest.raises(ValueError, match="1 or more"):
             data["0001"].baseline(0)
 
 
-def test_a_board_that_never_answered_is_missing_and_not_short_of_frames(real):
+def test_board_without_any_frame_is_missing_not_short_of_baseline_frames(real):
     _, valid = counts_of(real)
     valid[:, 0] = False
     change(real, "valid", valid)
     with GraspDataset(real, baseline_frames=6) as data:
         assert np.isnan(data["0001"].baseline(6)).tolist() == [False, False, False, True, True]
-        assert data["0001"].active(baseline_frames=6)[1].tolist() == [True, True, True, False, False]
+        assert data["0001"].active_taxels(baseline_frames=6)[1].tolist() == [True, True, True, False, False]
 
 
 def test_reading_one_grasp_does_not_read_another(real):
@@ -273,14 +265,14 @@ def test_reading_one_grasp_does_not_read_another(real):
             data.check()
 
 
-def test_a_grasp_keeps_what_it_read_and_a_new_one_reads_anew(real):
+def test_grasp_object_keeps_its_arrays_and_a_new_object_reads_again(real):
     with GraspDataset(real) as data:
         grasp = data["0001"]
         assert grasp.raw_counts is grasp.raw_counts
         assert data["0001"].raw_counts is not grasp.raw_counts
 
 
-def test_an_unknown_grasp_and_a_closed_file_are_refused(real):
+def test_unknown_grasp_and_closed_file_are_refused(real):
     with GraspDataset(real) as data:
         grasp = data["0001"]
         with pytest.raises(DatasetError, match=r"real\.h5: /grasps/7: expected a grasp of this file"):
@@ -291,9 +283,9 @@ def test_an_unknown_grasp_and_a_closed_file_are_refused(real):
         _ = grasp.phase
 
 
-def test_the_error_survives_pickling(real):
+def test_error_can_be_pickled(real):
     with pytest.raises(DatasetError) as caught:
         GraspDataset(real, baseline_frames=1000)
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert str(again) == str(caught.value)
-    assert again.field == "/grasps/0001/phase"
+    copy = pickle.loads(pickle.dumps(caught.value))
+    assert str(copy) == str(caught.value)
+    assert copy.field == "/grasps/0001/phase"

@@ -1,4 +1,4 @@
-"""Plain arrays, in a dictionary or an .npz file, become a grasp dataset; every mistake is one clear line."""
+"""Conversion of plain arrays, in a dictionary or an .npz file, into a grasp dataset."""
 
 import os
 import zipfile
@@ -50,14 +50,14 @@ def arrays(source="real"):
     return result
 
 
-def nested(flat):
+def to_nested(flat):
     tree = {}
     for name, value in flat.items():
         *groups, leaf = name.split("/")
-        here = tree
+        branch = tree
         for group in groups:
-            here = here.setdefault(group, {})
-        here[leaf] = value
+            branch = branch.setdefault(group, {})
+        branch[leaf] = value
     return tree
 
 
@@ -75,29 +75,29 @@ def check_content(path, source):
 
 
 @pytest.mark.parametrize("source", ["real", "sim"])
-@pytest.mark.parametrize("form", ["flat", "nested", "npz", "compressed npz"])
-def test_every_form_makes_the_same_dataset(tmp_path, source, form):
-    given = arrays(source)
-    if form == "nested":
-        given = nested(given)
-    elif form.endswith("npz"):
-        (np.savez if form == "npz" else np.savez_compressed)(tmp_path / "x.npz", **given)
-        given = tmp_path / "x.npz"
-    write_from_arrays(tmp_path / "x.h5", given)
+@pytest.mark.parametrize("kind", ["flat", "nested", "npz", "compressed npz"])
+def test_every_kind_of_input_gives_the_same_dataset(tmp_path, source, kind):
+    inputs = arrays(source)
+    if kind == "nested":
+        inputs = to_nested(inputs)
+    elif kind.endswith("npz"):
+        (np.savez if kind == "npz" else np.savez_compressed)(tmp_path / "x.npz", **inputs)
+        inputs = tmp_path / "x.npz"
+    write_from_arrays(tmp_path / "x.h5", inputs)
     check_content(tmp_path / "x.h5", source)
     write_from_arrays(tmp_path / "y.h5", arrays(source))
     assert (tmp_path / "x.h5").read_bytes() == (tmp_path / "y.h5").read_bytes()
     assert {name for name in os.listdir(tmp_path) if name.startswith(".")} == set()
 
 
-def test_an_existing_file_is_kept_unless_asked(tmp_path):
-    (tmp_path / "x.h5").write_text("precious")
+def test_existing_file_is_kept_without_overwrite_or_after_an_error(tmp_path):
+    (tmp_path / "x.h5").write_text("existing")
     with pytest.raises(DatasetError, match="expected a new file, found an existing one"):
         write_from_arrays(tmp_path / "x.h5", arrays())
     broken = arrays() | {"grasps/0002/phase": np.full(T, 9)}
     with pytest.raises(DatasetError, match=r"x\.h5: /grasps/0002/phase: "):
         write_from_arrays(tmp_path / "x.h5", broken, overwrite=True)
-    assert (tmp_path / "x.h5").read_text() == "precious"
+    assert (tmp_path / "x.h5").read_text() == "existing"
     assert os.listdir(tmp_path) == ["x.h5"]
     write_from_arrays(tmp_path / "x.h5", arrays(), overwrite=True)
     check_content(tmp_path / "x.h5", "real")
@@ -113,13 +113,13 @@ def test_an_existing_file_is_kept_unless_asked(tmp_path):
         ("grasps/0001/raw_count", np.zeros((T, N)), "did you mean raw_counts?"),
         ("taxel/sensor", np.zeros(N), "an unknown one"),
         ("grasps/raw_counts", np.zeros((T, N)), "an unknown one"),
-        ("pressure", 1.0, "known are source"),
+        ("pressure", 1.0, "use one of source"),
         ("created", "noon", "ISO 8601"),
         ("hand", np.array(["a", "b"]), "expected a text"),
         ("taxels/size", np.zeros(N), "metres above 0"),
         ("sensors/name", np.array(["a"]), "expected 2 texts"),
         ("objects/cube/faces", np.array([[0, 1, 3]]), "vertex numbers from 0 to 2"),
-        ("grasps/0002/object", "ball", "a name that /objects has"),
+        ("grasps/0002/object", "ball", "a name in /objects"),
         ("grasps/0002/iteration", 0.5, "an integer"),
         ("grasps/0002/timestamp", [[0.0], [1.0, 2.0]], "rows of different lengths"),
         ("grasps/0002/raw_counts", np.full((T, N), 70_000), "values from 0 to 65535"),
@@ -127,14 +127,14 @@ def test_an_existing_file_is_kept_unless_asked(tmp_path):
         ("grasps/0002/contact_force", np.zeros((T, N)), 'source = "real"'),
     ],
 )
-def test_each_mistake_is_one_line_and_leaves_no_file(tmp_path, name, value, part):
-    given = arrays()
+def test_each_error_has_one_line_and_leaves_no_file(tmp_path, name, value, part):
+    inputs = arrays()
     if value is None:
-        del given[name]
+        del inputs[name]
     else:
-        given[name] = value
+        inputs[name] = value
     with pytest.raises(DatasetError) as caught:
-        write_from_arrays(tmp_path / "x.h5", given)
+        write_from_arrays(tmp_path / "x.h5", inputs)
     text = str(caught.value)
     assert text.startswith(f"{tmp_path / 'x.h5'}: /{name}: ")
     assert part in text
@@ -142,22 +142,22 @@ def test_each_mistake_is_one_line_and_leaves_no_file(tmp_path, name, value, part
     assert os.listdir(tmp_path) == []
 
 
-def test_without_objects_there_is_nothing_to_grasp(tmp_path):
-    given = {name: value for name, value in arrays().items() if not name.startswith("objects/")}
+def test_arrays_without_objects_are_refused(tmp_path):
+    inputs = {name: value for name, value in arrays().items() if not name.startswith("objects/")}
     with pytest.raises(DatasetError, match="/objects: expected at least one object"):
-        write_from_arrays(tmp_path / "x.h5", given)
+        write_from_arrays(tmp_path / "x.h5", inputs)
 
 
 def test_pickled_objects_are_not_loaded(tmp_path):
-    evil = np.array([{"a": 1}], dtype=object)
-    np.savez(tmp_path / "x.npz", **arrays() | {"grasps/0001/phase": evil})
+    pickled = np.array([{"a": 1}], dtype=object)
+    np.savez(tmp_path / "x.npz", **arrays() | {"grasps/0001/phase": pickled})
     with pytest.raises(DatasetError) as caught:
         write_from_arrays(tmp_path / "x.h5", tmp_path / "x.npz")
     assert "x.npz: /grasps/0001/phase: expected a plain array" in str(caught.value)
     assert os.listdir(tmp_path) == ["x.npz"]
 
 
-def test_files_that_are_no_npz(tmp_path):
+def test_files_that_are_no_npz_are_refused(tmp_path):
     for name, content in (("missing.npz", None), ("text.npz", b"text"), ("empty.npz", b"")):
         if content is not None:
             (tmp_path / name).write_bytes(content)
@@ -165,12 +165,12 @@ def test_files_that_are_no_npz(tmp_path):
             write_from_arrays(tmp_path / "x.h5", tmp_path / name)
 
 
-def test_a_member_that_claims_more_than_it_holds(tmp_path):
+def test_array_whose_header_states_more_than_its_content_is_refused(tmp_path):
     np.savez(tmp_path / "x.npz", **{name: item for name, item in arrays().items() if name != "source"})
     header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }".ljust(117) + b"\n"
     with zipfile.ZipFile(tmp_path / "x.npz", "a") as file:
         file.writestr("source.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
-    with pytest.raises(DatasetError, match=r"x\.npz: /source: expected a whole array"):
+    with pytest.raises(DatasetError, match=r"x\.npz: /source: expected a complete array"):
         write_from_arrays(tmp_path / "x.h5", tmp_path / "x.npz")
     with zipfile.ZipFile(tmp_path / "y.npz", "w") as file:
         file.writestr("source.npy", b"garbage")

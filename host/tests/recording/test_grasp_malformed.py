@@ -1,4 +1,4 @@
-"""Each mistake in a grasp dataset is refused with one line that names the file and the field."""
+"""Malformed grasp datasets: each error is one line that names the file and the field."""
 
 from contextlib import suppress
 
@@ -13,7 +13,7 @@ FRAMES, TAXELS, SENSORS = 8, 3, 2
 
 
 def contents(source):
-    """The valid file: datasets by path, attributes by path and @."""
+    """Content of a valid file: datasets by path, attributes by path and "@"."""
     poses = np.tile(np.eye(4), (SENSORS, 1, 1))
     items = {
         "@format": "taxel-grasp-dataset",
@@ -69,22 +69,22 @@ def write(path, items):
     return path
 
 
-def edited(array, index, value):
+def with_value(array, index, value):
     array = array.copy()
     array[index] = value
     return array
 
 
-def nan(array):
-    return edited(array, (0,) * array.ndim, np.nan)
+def with_nan(array):
+    return with_value(array, (0,) * array.ndim, np.nan)
 
 
-def turned(poses, factor):
-    return edited(poses, (..., slice(0, 3), 0), poses[..., :3, 0] * factor)
+def with_scaled_column(poses, factor):
+    return with_value(poses, (..., slice(0, 3), 0), poses[..., :3, 0] * factor)
 
 
 GRASP = "grasps/0003/"
-# Field that is changed, what it becomes (None: it is missing), and the source of the file.
+# Changed field, its new value (None: the field is removed), and the source of the file.
 CHANGES = {
     "format of another program": ("@format", "taxel-other", "real"),
     "format is a number": ("@format", 7, "real"),
@@ -95,31 +95,31 @@ CHANGES = {
     "source unknown": ("@source", "emulated", "real"),
     "no hand": ("@hand", None, "real"),
     "hand of two lines": ("@hand", "two\nlines", "real"),
-    "created is no time": ("@created", "yesterday", "real"),
+    "created is not a time": ("@created", "yesterday", "real"),
     "generator is an array": ("@generator", ["a", "b"], "real"),
     "no taxel position": ("taxels/position", None, "real"),
     "position of two columns": ("taxels/position", np.zeros((TAXELS, 2)), "real"),
     "position of another length": ("taxels/position", np.zeros((TAXELS + 1, 3)), "real"),
     "position as integers": ("taxels/position", np.zeros((TAXELS, 3), int), "real"),
-    "NaN position": ("taxels/position", nan, "real"),
+    "NaN position": ("taxels/position", with_nan, "real"),
     "infinite normal": ("taxels/normal", np.full((TAXELS, 3), np.inf), "real"),
     "normal of length 2": ("taxels/normal", np.full((TAXELS, 3), 2.0), "real"),
     "size 0": ("taxels/size", np.zeros(TAXELS), "real"),
-    "NaN size": ("taxels/size", nan, "real"),
+    "NaN size": ("taxels/size", with_nan, "real"),
     "sensor as floats": ("taxels/sensor", np.array([32.0, 32.0, 33.0]), "real"),
     "sensor of 9 bits": ("taxels/sensor", np.array([32, 32, 300]), "real"),
-    "sensor that /sensors lacks": ("taxels/sensor", np.array([0x20, 0x20, 0x22], np.uint8), "real"),
+    "sensor that is not in /sensors": ("taxels/sensor", np.array([0x20, 0x20, 0x22], np.uint8), "real"),
     "no address": ("sensors/address", None, "real"),
     "address twice": ("sensors/address", np.array([0x20, 0x20], np.uint8), "real"),
     "names as numbers": ("sensors/name", np.array([1, 2]), "real"),
     "three names": ("sensors/name", ["a", "b", "c"], "real"),
     "rate 0": ("sensors/rate_hz", np.zeros(SENSORS), "real"),
-    "face of a vertex that is not there": ("objects/cube/faces", np.array([[0, 1, 4]], np.int32), "real"),
+    "face with a vertex that does not exist": ("objects/cube/faces", np.array([[0, 1, 4]], np.int32), "real"),
     "negative vertex number": ("objects/cube/faces", np.array([[0, 1, -1]], np.int32), "real"),
     "no face": ("objects/cube/faces", np.zeros((0, 3), np.int32), "real"),
     "faces as floats": ("objects/cube/faces", np.zeros((1, 3)), "real"),
-    "NaN vertex": ("objects/cube/vertices", nan, "real"),
-    "object that /objects lacks": ("grasps/0003@object", "ball", "real"),
+    "NaN vertex": ("objects/cube/vertices", with_nan, "real"),
+    "object that is not in /objects": ("grasps/0003@object", "ball", "real"),
     "no approach": ("grasps/0003@approach", None, "real"),
     "negative iteration": ("grasps/0003@iteration", -1, "real"),
     "iteration as a float": ("grasps/0003@iteration", 1.0, "real"),
@@ -127,8 +127,8 @@ CHANGES = {
     "session as an array": ("grasps/0003@session", np.array([0]), "real"),
     "no timestamp": (GRASP + "timestamp", None, "real"),
     "no frame": (GRASP + "timestamp", np.zeros(0), "real"),
-    "time goes back": (GRASP + "timestamp", np.arange(FRAMES)[::-1] / 6.0, "real"),
-    "NaN time": (GRASP + "timestamp", nan, "real"),
+    "decreasing time": (GRASP + "timestamp", np.arange(FRAMES)[::-1] / 6.0, "real"),
+    "NaN time": (GRASP + "timestamp", with_nan, "real"),
     "phase 5": (GRASP + "phase", np.full(FRAMES, 5, np.uint8), "real"),
     "phase as floats": (GRASP + "phase", np.zeros(FRAMES), "real"),
     "no raw counts": (GRASP + "raw_counts", None, "real"),
@@ -140,12 +140,12 @@ CHANGES = {
     "negative raw counts": (GRASP + "raw_counts", np.full((FRAMES, TAXELS), -1), "real"),
     "valid of taxels": (GRASP + "valid", np.ones((FRAMES, TAXELS), bool), "real"),
     "valid 2": (GRASP + "valid", np.full((FRAMES, SENSORS), 2, np.uint8), "real"),
-    "NaN pose": (GRASP + "sensor_pose", nan, "real"),
-    "stretched pose": (GRASP + "sensor_pose", lambda poses: turned(poses, 1.001), "real"),
-    "mirrored pose": (GRASP + "object_pose", lambda pose: turned(pose, -1.0), "real"),
-    "transposed pose": (GRASP + "object_pose", lambda pose: edited(pose, (3, 0), 0.1), "real"),
+    "NaN pose": (GRASP + "sensor_pose", with_nan, "real"),
+    "stretched pose": (GRASP + "sensor_pose", lambda poses: with_scaled_column(poses, 1.001), "real"),
+    "mirrored pose": (GRASP + "object_pose", lambda pose: with_scaled_column(pose, -1.0), "real"),
+    "transposed pose": (GRASP + "object_pose", lambda pose: with_value(pose, (3, 0), 0.1), "real"),
     "infinite sensor time": (GRASP + "sensor_time", np.full((FRAMES, SENSORS), np.inf), "real"),
-    "pose over time is none": (GRASP + "sensor_pose_t", np.zeros((FRAMES, SENSORS, 4, 4)), "real"),
+    "pose over time is not a pose": (GRASP + "sensor_pose_t", np.zeros((FRAMES, SENSORS, 4, 4)), "real"),
     "joints of other frames": (GRASP + "joint_position", np.zeros((FRAMES + 1, 22)), "real"),
     "force in a real file": (GRASP + "contact_force", np.zeros((FRAMES, TAXELS)), "real"),
     "separation in a real file": (GRASP + "separation", np.zeros((FRAMES, TAXELS)), "real"),
@@ -154,8 +154,8 @@ CHANGES = {
     "no force in a simulated file": (GRASP + "contact_force", None, "sim"),
     "no separation in a simulated file": (GRASP + "separation", None, "sim"),
     "negative force": (GRASP + "contact_force", np.full((FRAMES, TAXELS), -0.1), "sim"),
-    "NaN force": (GRASP + "contact_force", nan, "sim"),
-    "NaN separation": (GRASP + "separation", nan, "sim"),
+    "NaN force": (GRASP + "contact_force", with_nan, "sim"),
+    "NaN separation": (GRASP + "separation", with_nan, "sim"),
     "no half force": ("sensor_model@half_force_n", None, "sim"),
     "half force 0": ("sensor_model@half_force_n", 0.0, "sim"),
     "half force as text": ("sensor_model@half_force_n", "2", "sim"),
@@ -168,7 +168,7 @@ CHANGES = {
 }
 
 
-def refused(path):
+def refusal_of(path):
     with pytest.raises(DatasetError) as caught, GraspDataset(path) as data:
         data.check()
     text = str(caught.value)
@@ -179,25 +179,25 @@ def refused(path):
 
 
 @pytest.mark.parametrize("source", ["real", "sim"])
-def test_the_file_that_the_others_vary_is_valid(tmp_path, source):
+def test_file_that_the_other_tests_change_is_valid(tmp_path, source):
     with GraspDataset(write(tmp_path / "x.h5", contents(source))) as data:
         data.check()
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_one_wrong_field_is_named(tmp_path, change):
+def test_wrong_field_is_named(tmp_path, change):
     field, value, source = CHANGES[change]
     items = contents(source)
     if value is None:
         del items[field]
     else:
         items[field] = value(items[field]) if callable(value) else value
-    where = "/sensor_model" if change == "sensor model in a real file" else "/" + field.replace("@", "/").lstrip("/")
-    assert refused(write(tmp_path / "x.h5", items)).field == where
+    expected = "/sensor_model" if change == "sensor model in a real file" else "/" + field.replace("@", "/").lstrip("/")
+    assert refusal_of(write(tmp_path / "x.h5", items)).field == expected
 
 
-def replaced(path, name, make):
-    """The valid file with one thing replaced by what make(file) puts there."""
+def write_replaced(path, name, make):
+    """Write a valid file, remove one member, and call `make(file)`, which may write a replacement."""
     write(path, contents("real"))
     with h5py.File(path, "r+") as file:
         if name in file:
@@ -206,22 +206,22 @@ def replaced(path, name, make):
     return path
 
 
-def test_the_same_crossing_twice(tmp_path):
+def test_repeated_crossing_is_refused(tmp_path):
     items = contents("real")
     items["taxels/rx"] = np.array([0, 0, 0], np.uint8)
-    error = refused(write(tmp_path / "x.h5", items))
+    error = refusal_of(write(tmp_path / "x.h5", items))
     assert error.field == "/taxels/sensor"
     assert "0x20 tx 0 rx 0 again at [1]" in error.found
 
 
 @pytest.mark.parametrize("group", ["taxels", "sensors", "objects", "grasps"])
-def test_a_group_is_missing(tmp_path, group):
-    assert refused(replaced(tmp_path / "x.h5", group, lambda file: None)).field == f"/{group}"
+def test_missing_group_is_refused(tmp_path, group):
+    assert refusal_of(write_replaced(tmp_path / "x.h5", group, lambda file: None)).field == f"/{group}"
 
 
-def test_a_simulated_file_without_a_sensor_model(tmp_path):
+def test_simulated_file_without_a_sensor_model_is_refused(tmp_path):
     items = {name: value for name, value in contents("sim").items() if not name.startswith("sensor_model")}
-    assert refused(write(tmp_path / "x.h5", items)).field == "/sensor_model"
+    assert refusal_of(write(tmp_path / "x.h5", items)).field == "/sensor_model"
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_a_simulated_file_without_a_sensor_model(tmp_path):
 )
 def test_links_are_not_followed(tmp_path, name, link):
     write(tmp_path / "other.h5", contents("real") | {"secret": np.zeros((FRAMES, TAXELS), np.uint16)})
-    error = refused(replaced(tmp_path / "x.h5", name, lambda file: file.__setitem__(name, link)))
+    error = refusal_of(write_replaced(tmp_path / "x.h5", name, lambda file: file.__setitem__(name, link)))
     assert error.field == f"/{name}"
     assert error.found == "a link"
 
@@ -254,7 +254,7 @@ def test_external_storage_and_virtual_datasets_are_not_followed(tmp_path):
         file.create_virtual_dataset(name, layout)
 
     for make in (external, virtual):
-        error = refused(replaced(tmp_path / "x.h5", name, make))
+        error = refusal_of(write_replaced(tmp_path / "x.h5", name, make))
         assert error.field == f"/{name}"
         assert error.found == "data in another file"
 
@@ -262,8 +262,8 @@ def test_external_storage_and_virtual_datasets_are_not_followed(tmp_path):
 def test_references_and_compounds_are_not_numbers(tmp_path):
     name = "grasps/0003/phase"
     for dtype in (h5py.ref_dtype, h5py.vlen_dtype(np.uint8), np.dtype([("a", "u1")]), "S3"):
-        error = refused(
-            replaced(tmp_path / "x.h5", name, lambda file, d=dtype: file.create_dataset(name, (FRAMES,), d))
+        error = refusal_of(
+            write_replaced(tmp_path / "x.h5", name, lambda file, d=dtype: file.create_dataset(name, (FRAMES,), d))
         )
         assert error.field == f"/{name}"
         assert error.expected == "integers"
@@ -271,21 +271,23 @@ def test_references_and_compounds_are_not_numbers(tmp_path):
     def reference(file):
         file["grasps/0003"].attrs["approach"] = file["taxels"].ref
 
-    assert refused(replaced(tmp_path / "x.h5", "nothing", reference)).field == "/grasps/0003/approach"
+    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", reference)).field == "/grasps/0003/approach"
 
 
-def test_a_false_boolean(tmp_path):
+def test_boolean_with_another_byte_value_is_refused(tmp_path):
     name = "grasps/0003/valid"
-    path = replaced(tmp_path / "x.h5", name, lambda file: file.__setitem__(name, np.ones((FRAMES, SENSORS), bool)))
+    path = write_replaced(
+        tmp_path / "x.h5", name, lambda file: file.__setitem__(name, np.ones((FRAMES, SENSORS), bool))
+    )
     with h5py.File(path) as file:
         offset = file[name].id.get_offset()
     with open(path, "r+b") as raw:
         raw.seek(offset)
         raw.write(b"\x07")
-    assert "found 7 at [0, 0]" in str(refused(path))
+    assert "found 7 at [0, 0]" in str(refusal_of(path))
 
 
-def test_a_claimed_size_is_refused_before_anything_is_allocated(tmp_path):
+def test_excessive_size_is_refused_before_memory_is_allocated(tmp_path):
     def huge(file, name, shape, dtype):
         file.create_dataset(name, shape, dtype, chunks=(1,) * len(shape))
 
@@ -295,70 +297,72 @@ def test_a_claimed_size_is_refused_before_anything_is_allocated(tmp_path):
         ("grasps/0003/joint_position", (FRAMES, 10**9), "f8"),
         ("objects/cube/vertices", (2**50, 3), "f8"),
     ):
-        error = refused(replaced(tmp_path / "x.h5", name, lambda file, item=(name, shape, dtype): huge(file, *item)))
+        error = refusal_of(
+            write_replaced(tmp_path / "x.h5", name, lambda file, item=(name, shape, dtype): huge(file, *item))
+        )
         assert error.field == f"/{name}"
 
 
-def test_empty_values_and_things_of_another_kind(tmp_path):
+def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
     def empty(file):
         file["taxels/size"] = h5py.Empty("f8")
 
-    assert refused(replaced(tmp_path / "x.h5", "taxels/size", empty)).found == "an empty dataset"
+    assert refusal_of(write_replaced(tmp_path / "x.h5", "taxels/size", empty)).found == "an empty dataset"
 
     def empty_attribute(file):
         file["grasps/0003"].attrs["session"] = h5py.Empty("i8")
 
-    assert refused(replaced(tmp_path / "x.h5", "nothing", empty_attribute)).field == "/grasps/0003/session"
-    group = refused(replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
+    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", empty_attribute)).field == "/grasps/0003/session"
+    group = refusal_of(write_replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
     assert (group.field, group.found) == ("/taxels/size", "a group")
-    dataset = refused(replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
+    dataset = refusal_of(write_replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
     assert (dataset.field, dataset.found) == ("/grasps/0005", "a dataset")
 
 
-def test_text_that_is_not_utf_8(tmp_path):
+def test_text_that_is_not_utf_8_is_refused(tmp_path):
     def broken(file):
         file.attrs["hand"] = np.bytes_(b"\xff\xfe")
 
-    assert refused(replaced(tmp_path / "x.h5", "nothing", broken)).field == "/hand"
+    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", broken)).field == "/hand"
 
 
 def test_a_name_with_a_line_break_stays_on_one_line(tmp_path):
     def hostile(file):
         file.create_group("grasps/a\nb")
 
-    assert refused(replaced(tmp_path / "x.h5", "nothing", hostile)).field == r"'/grasps/a\nb/object'"
+    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", hostile)).field == r"'/grasps/a\nb/object'"
 
 
-def test_files_that_are_no_dataset(tmp_path):
-    assert refused(tmp_path / "missing.h5").found == "nothing"
-    assert refused(tmp_path).found == "a folder"
+def test_files_that_are_no_dataset_are_refused(tmp_path):
+    assert refusal_of(tmp_path / "missing.h5").found == "nothing"
+    assert refusal_of(tmp_path).found == "a folder"
     (tmp_path / "text.h5").write_text("not HDF5")
-    assert refused(tmp_path / "text.h5").expected == "an HDF5 file"
+    assert refusal_of(tmp_path / "text.h5").expected == "an HDF5 file"
     (tmp_path / "empty.h5").write_bytes(b"")
-    assert refused(tmp_path / "empty.h5").field == "/"
+    assert refusal_of(tmp_path / "empty.h5").field == "/"
 
 
-def test_a_cut_file(tmp_path):
+def test_truncated_file_is_refused(tmp_path):
     path = write(tmp_path / "x.h5", contents("real"))
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-500])
-    assert "end is missing" in refused(path).found
-    path.write_bytes(whole[:40])
-    refused(path)
+    content = path.read_bytes()
+    path.write_bytes(content[:-500])
+    assert "truncated" in refusal_of(path).found
+    path.write_bytes(content[:40])
+    refusal_of(path)
 
 
-def test_damaged_bytes_never_raise_anything_else(tmp_path):
+def test_damaged_bytes_raise_only_dataset_errors(tmp_path):
     print("seed", SEED)
     generator = np.random.default_rng(SEED)
-    # Texts of fixed length: HDF5 2.0 itself never returns from a damaged global heap, where the others stand.
-    plain = {
+    # Texts of fixed length: HDF5 2.0 does not return from a damaged global heap, in which it stores other texts.
+    items = {
         name: np.array(item, "S") if isinstance(item, str | list) else item for name, item in contents("sim").items()
     }
-    path = write(tmp_path / "x.h5", plain)
-    whole = np.frombuffer(path.read_bytes(), np.uint8)
+    path = write(tmp_path / "x.h5", items)
+    content = np.frombuffer(path.read_bytes(), np.uint8)
     for _ in range(60):
-        damaged = whole.copy()
-        damaged[generator.integers(0, whole.size, 20)] = generator.integers(0, 256, 20)
+        damaged = content.copy()
+        damaged[generator.integers(0, content.size, 20)] = generator.integers(0, 256, 20)
         path.write_bytes(damaged.tobytes())
         with suppress(DatasetError), GraspDataset(path) as data:
             data.check()

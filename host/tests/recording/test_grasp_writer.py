@@ -1,4 +1,4 @@
-"""What goes in comes out, mistakes are refused before anything is written, and a kill costs one grasp at most."""
+"""Writing of grasp datasets: round trip, refusal of errors before writing, and recovery after a kill."""
 
 import ctypes
 import os
@@ -16,6 +16,7 @@ from h5py._objects import phil
 
 from taxel.recording import (
     DatasetError,
+    DatasetHeader,
     GraspDataset,
     GraspDatasetWriter,
     GraspRecord,
@@ -26,7 +27,7 @@ from taxel.recording import (
     grasp_writer,
 )
 from taxel.recording.grasp_format import GRASP
-from taxel.recording.grasp_storage import PAGE_BYTES, ROOM_FOR_GRASPS, create_file, write_array
+from taxel.recording.grasp_storage import PAGE_BYTES, RESERVED_GRASPS, create_file, write_array
 
 SEED = 7
 N, S, T = 40, 2, 30
@@ -45,8 +46,8 @@ def table():
     )
 
 
-def header(source="real"):
-    return {
+def header(source="real", **changes):
+    fields = {
         "source": source,
         "hand": "two boards",
         "taxels": table(),
@@ -56,11 +57,12 @@ def header(source="real"):
         "created": CREATED,
         "sensor_model": SensorModel(np.full(N, 3e4), 4e3, 2.0, layer="coupled") if source == "sim" else None,
     }
+    return DatasetHeader(**fields | changes)
 
 
 @cache
 def record(number, source="real", full=False):
-    """A grasp whose values follow from its number alone."""
+    """A grasp whose values depend only on its number."""
     generator = np.random.default_rng([SEED, number])
     grasp = GraspRecord(
         object="cube",
@@ -88,15 +90,15 @@ def assert_same(grasp, expected):
     for name in ("object", "approach", "iteration", "session"):
         assert getattr(grasp, name) == getattr(expected, name)
     for name in GRASP:
-        found, wanted = getattr(grasp, name), getattr(expected, name)
-        assert (found is None) == (wanted is None), name
-        if wanted is not None:
-            assert found.dtype == wanted.dtype
-            assert np.array_equal(found, wanted), name
+        array, expected_array = getattr(grasp, name), getattr(expected, name)
+        assert (array is None) == (expected_array is None), name
+        if expected_array is not None:
+            assert array.dtype == expected_array.dtype
+            assert np.array_equal(array, expected_array), name
 
 
 def write(path, count=3, source="real", **changes):
-    with GraspDatasetWriter.create(path, **header(source) | changes) as out:
+    with GraspDatasetWriter.create(path, header(source, **changes)) as out:
         for number in range(count):
             out.add(record(number, source))
     return path
@@ -104,15 +106,15 @@ def write(path, count=3, source="real", **changes):
 
 @pytest.mark.parametrize("source", ["real", "sim"])
 @pytest.mark.parametrize("full", [False, True], ids=["required arrays", "all arrays"])
-def test_what_goes_in_comes_out(tmp_path, source, full):
-    given = header(source)
-    with GraspDatasetWriter.create(tmp_path / "x.h5", **given) as out:
+def test_written_dataset_is_read_back(tmp_path, source, full):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", header(source)) as out:
         ids = [out.add(record(number, source, full)) for number in range(3)]
         assert out.ids == tuple(ids) == ("0001", "0002", "0003")
     with GraspDataset(tmp_path / "x.h5") as data:
         data.check()
         assert (data.source, data.hand, data.generator, data.created) == (source, "two boards", "a test", CREATED)
-        assert data.taxels.equal_to(given["taxels"])
+        for name, array in vars(table()).items():
+            assert np.array_equal(getattr(data.taxels, name), array)
         assert data.sensors.name == ("a", "b")
         assert np.array_equal(data.sensors.rate_hz, [6.0, 6.5])
         assert np.array_equal(data.objects["cube"].vertices, np.eye(3))
@@ -123,7 +125,7 @@ def test_what_goes_in_comes_out(tmp_path, source, full):
             assert (data.sensor_model.half_force_n, data.sensor_model.layer) == (2.0, "coupled")
 
 
-def test_the_file_is_plain_hdf5_as_the_page_says(tmp_path):
+def test_file_has_the_hdf5_layout_of_the_format_page(tmp_path):
     with h5py.File(write(tmp_path / "x.h5", 1, "sim")) as file:
         assert set(file) == {"taxels", "sensors", "objects", "grasps", "sensor_model"}
         assert file.attrs["format"] == "taxel-grasp-dataset"
@@ -133,15 +135,15 @@ def test_the_file_is_plain_hdf5_as_the_page_says(tmp_path):
         assert file["sensors/name"].asstr()[()].tolist() == ["a", "b"]
 
 
-def test_the_same_content_gives_the_same_bytes(tmp_path):
+def test_same_content_gives_the_same_bytes(tmp_path):
     one = write(tmp_path / "one.h5", 3, "sim").read_bytes()
     time.sleep(1.1)  # HDF5's own time stamps have a resolution of one second
     assert write(tmp_path / "two.h5", 3, "sim").read_bytes() == one
     assert write(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != one
 
 
-def test_a_profiler_that_keeps_frames_does_not_change_the_bytes(tmp_path):
-    """What holds a function's frame holds its datasets: a Dask worker's profiler does, now and then."""
+def test_profiler_that_keeps_stack_frames_does_not_change_the_bytes(tmp_path):
+    """A profiler, such as that of a Dask worker, that keeps the stack frame of a function keeps its datasets open."""
 
     def two_large_arrays(path):
         with create_file(path) as file:
@@ -149,66 +151,65 @@ def test_a_profiler_that_keeps_frames_does_not_change_the_bytes(tmp_path):
                 write_array(file, name, np.zeros((4096, 3)))
         return path.read_bytes()
 
-    plain, held = two_large_arrays(tmp_path / "one.h5"), []
-    sys.setprofile(lambda frame, event, argument: held.append(frame))
+    expected, stack_frames = two_large_arrays(tmp_path / "one.h5"), []
+    sys.setprofile(lambda frame, event, argument: stack_frames.append(frame))
     try:
-        beside = two_large_arrays(tmp_path / "two.h5")
+        profiled = two_large_arrays(tmp_path / "two.h5")
     finally:
         sys.setprofile(None)
-    assert beside == plain
+    assert profiled == expected
 
 
-def test_hdf5_is_called_by_one_thread_at_a_time(tmp_path, monkeypatch):
-    """Files made by two threads at once are whole and the same: the calls beside h5py hold its lock too."""
-    free = []
+def test_direct_calls_of_hdf5_hold_the_lock_of_h5py(tmp_path, monkeypatch):
+    lock_states = []
 
     def is_free():
-        taken = phil.acquire(False)
-        if taken:
+        is_acquired = phil.acquire(False)
+        if is_acquired:
             phil.release()
-        return taken
+        return is_acquired
 
-    class Watched:
+    class WatchedFunction:
         def __init__(self, function):
             self._function = function
 
         def __call__(self, *arguments):
             self._function.argtypes = self.argtypes
-            free.append(others.submit(is_free).result())
+            lock_states.append(other_thread.submit(is_free).result())
             return self._function(*arguments)
 
-    class Library:
+    class WatchedLibrary:
         def __init__(self, name):
             self._library = load(name)
 
         def __getattr__(self, name):
-            return Watched(getattr(self._library, name))
+            return WatchedFunction(getattr(self._library, name))
 
     load = ctypes.CDLL
-    monkeypatch.setattr(ctypes, "CDLL", Library)
-    with ThreadPoolExecutor(1) as others:
+    monkeypatch.setattr(ctypes, "CDLL", WatchedLibrary)
+    with ThreadPoolExecutor(1) as other_thread:
         write(tmp_path / "x.h5")
-    assert free == [False, False]
+    assert lock_states == [False, False]
 
 
-def test_an_existing_file_is_not_overwritten_unasked(tmp_path):
+def test_existing_file_is_not_overwritten_without_request(tmp_path):
     path = write(tmp_path / "x.h5")
     before = path.read_bytes()
     with pytest.raises(DatasetError, match=r"x\.h5: /: expected a new file, found an existing one") as caught:
-        GraspDatasetWriter.create(path, **header())
+        GraspDatasetWriter.create(path, header())
     assert "\n" not in str(caught.value)
     assert path.read_bytes() == before
-    GraspDatasetWriter.create(path, **header(), overwrite=True).close()
+    GraspDatasetWriter.create(path, header(), overwrite=True).close()
     with GraspDataset(path) as data:
         assert len(data) == 0
     assert os.listdir(tmp_path) == ["x.h5"]
 
 
-def test_a_folder_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(DatasetError, match="make the folder first"):
-        GraspDatasetWriter.create(tmp_path / "none" / "x.h5", **header())
+def test_missing_folder_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match="create the folder first"):
+        GraspDatasetWriter.create(tmp_path / "none" / "x.h5", header())
     with pytest.raises(DatasetError, match="expected a new file"):
-        GraspDatasetWriter.create(tmp_path, **header(), overwrite=True)
+        GraspDatasetWriter.create(tmp_path, header(), overwrite=True)
 
 
 @pytest.mark.parametrize(
@@ -224,13 +225,13 @@ def test_a_folder_that_is_not_there_is_refused(tmp_path):
         ("/objects/cube/faces", {"objects": {"cube": ObjectMesh(np.eye(3), np.array([[0, 1, 3]]))}}),
         ("/objects", {"objects": {"a/b": ObjectMesh(np.eye(3), np.array([[0, 1, 2]]))}}),
         ("/sensor_model", {"sensor_model": SensorModel(3e4, 4e3, 2.0)}),
-        ("/sensor_model", {"source": "sim"}),
+        ("/sensor_model", {"source": "sim", "sensor_model": None}),
         ("/sensor_model/half_force_n", {"source": "sim", "sensor_model": SensorModel(3e4, 4e3, 0.0)}),
     ],
 )
-def test_a_wrong_table_is_refused_and_no_file_is_made(tmp_path, field, changes):
+def test_wrong_header_is_refused_and_no_file_is_created(tmp_path, field, changes):
     with pytest.raises(DatasetError) as caught:
-        GraspDatasetWriter.create(tmp_path / "x.h5", **header() | changes)
+        GraspDatasetWriter.create(tmp_path / "x.h5", header(**changes))
     assert caught.value.field == field
     assert os.listdir(tmp_path) == []
 
@@ -253,8 +254,8 @@ def test_a_wrong_table_is_refused_and_no_file_is_made(tmp_path, field, changes):
         ("contact_force", np.zeros((T, N))),
     ],
 )
-def test_a_wrong_grasp_is_refused_before_anything_is_written(tmp_path, name, value):
-    with GraspDatasetWriter.create(tmp_path / "x.h5", **header()) as out:
+def test_wrong_grasp_is_refused_before_anything_is_written(tmp_path, name, value):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", header()) as out:
         out.add(record(0))
         before = out.path.read_bytes()
         with pytest.raises(DatasetError) as caught:
@@ -266,8 +267,8 @@ def test_a_wrong_grasp_is_refused_before_anything_is_written(tmp_path, name, val
         assert_same(data["0002"], record(1))
 
 
-def test_ids_sort_in_order_of_time(tmp_path):
-    with GraspDatasetWriter.create(tmp_path / "x.h5", **header()) as out:
+def test_ids_must_sort_in_order_of_time(tmp_path):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", header()) as out:
         assert out.add(record(0), "0005") == "0005"
         for wrong in ("0005", "0004", None):
             with pytest.raises(DatasetError, match="sorts after '0005'"):
@@ -280,9 +281,9 @@ def test_ids_sort_in_order_of_time(tmp_path):
         out.add(record(2))
 
 
-def test_a_campaign_goes_on(tmp_path):
+def test_extend_adds_grasps_to_an_existing_file(tmp_path):
     path = write(tmp_path / "x.h5", 2)
-    (tmp_path / ".x.h5.part").write_bytes(b"left by a program that was killed")
+    (tmp_path / ".x.h5.part").write_bytes(b"part of a file of a killed program")
     with GraspDatasetWriter.extend(path) as out:
         assert out.ids == ("0001", "0002")
         assert out.add(record(2)) == "0003"
@@ -296,7 +297,9 @@ def test_a_campaign_goes_on(tmp_path):
 
 
 def assert_prefix(path, last=None):
-    """The file holds the first grasps, whole (or only the last few are compared); returns how many."""
+    """Check that the file contains the first grasps completely, and return their number. last: compare only the last
+    ones.
+    """
     with GraspDataset(path) as data:
         assert data.ids == tuple(f"{number + 1:04}" for number in range(len(data)))
         for number in range(0 if last is None else max(0, len(data) - last), len(data)):
@@ -304,13 +307,13 @@ def assert_prefix(path, last=None):
         return len(data)
 
 
-def test_after_every_single_write_the_file_holds_the_finished_grasps(tmp_path, monkeypatch):
-    before, after = 7, 10  # HDF5 by itself keeps 8 links in a header, and more of them in several places
+def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, monkeypatch):
+    before, after = 7, 10  # by default HDF5 keeps 8 links in a header, and more links in several places
     path = write(tmp_path / "x.h5", before)
     states = []
 
-    class Recorded:
-        """A file that keeps a copy of itself after each write that reaches it."""
+    class RecordedFile:
+        """A file that stores a copy of its content after each write."""
 
         def __init__(self):
             self.raw = open(path, "r+b", buffering=0)  # noqa: SIM115
@@ -319,7 +322,7 @@ def test_after_every_single_write_the_file_holds_the_finished_grasps(tmp_path, m
             )
 
         def __repr__(self):
-            return str(path)  # h5py takes this for the file's name
+            return str(path)  # h5py uses this text as the name of the file
 
         def write(self, data):
             states.append(path.read_bytes())
@@ -335,28 +338,28 @@ def test_after_every_single_write_the_file_holds_the_finished_grasps(tmp_path, m
             pass
 
     monkeypatch.setattr(
-        grasp_writer, "open_hdf5", lambda path, mode, libver: h5py.File(Recorded(), mode, libver=libver)
+        grasp_writer, "open_hdf5", lambda path, mode, libver: h5py.File(RecordedFile(), mode, libver=libver)
     )
-    finished = []
+    completed = []
     with GraspDatasetWriter.extend(path) as out:
         for number in range(before, after):
             out.add(record(number))
-            finished.append(len(states))
-    found = before
-    cut = tmp_path / "cut.h5"
+            completed.append(len(states))
+    previous = before
+    copy = tmp_path / "copy.h5"
     for index, state in enumerate(states):
         if index and state == states[index - 1]:
             continue
-        cut.write_bytes(state)
-        count = assert_prefix(cut, last=1)
-        assert count >= found
-        assert count >= before + sum(end <= index for end in finished)
-        found = count
-    assert assert_prefix(cut) == after
+        copy.write_bytes(state)
+        count = assert_prefix(copy, last=1)
+        assert count >= previous
+        assert count >= before + sum(end <= index for end in completed)
+        previous = count
+    assert assert_prefix(copy) == after
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_killed_writer_leaves_the_grasps_that_were_finished(tmp_path):
+def test_killed_writer_leaves_the_completed_grasps(tmp_path):
     print("seed", SEED)
     generator = np.random.default_rng(SEED)
     lengths = []
@@ -366,9 +369,9 @@ def test_a_killed_writer_leaves_the_grasps_that_were_finished(tmp_path):
         child = os.fork()
         if child == 0:
             try:
-                with GraspDatasetWriter.create(path, **header()) as out:
+                with GraspDatasetWriter.create(path, header()) as out:
                     os.write(writing, b"x")
-                    for number in range(ROOM_FOR_GRASPS):
+                    for number in range(RESERVED_GRASPS):
                         out.add(record(number))
                     time.sleep(60)
             finally:
@@ -379,7 +382,7 @@ def test_a_killed_writer_leaves_the_grasps_that_were_finished(tmp_path):
                 GraspDataset(path)
         time.sleep(delay)
         os.kill(child, signal.SIGKILL)
-        assert os.WIFSIGNALED(os.waitpid(child, 0)[1]), "the child ended by itself"
+        assert os.WIFSIGNALED(os.waitpid(child, 0)[1]), "the child ended before the kill"
         os.close(reading)
         os.close(writing)
         lengths.append(assert_prefix(path))
@@ -389,30 +392,30 @@ def test_a_killed_writer_leaves_the_grasps_that_were_finished(tmp_path):
     assert max(lengths) > 0
 
 
-def test_killed_while_it_is_made_there_is_no_half_file(tmp_path, monkeypatch):
-    def killed(*_):
+def test_kill_during_creation_leaves_no_incomplete_file(tmp_path, monkeypatch):
+    def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(grasp_writer, "create_grasps_group", killed)
+    monkeypatch.setattr(grasp_writer, "create_grasps_group", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        GraspDatasetWriter.create(tmp_path / "x.h5", **header())
+        GraspDatasetWriter.create(tmp_path / "x.h5", header())
     assert os.listdir(tmp_path) == [".x.h5.part"]
     monkeypatch.undo()
     write(tmp_path / "x.h5", 1)
     assert os.listdir(tmp_path) == ["x.h5"]
 
 
-def test_the_links_of_the_grasps_stand_in_the_first_page(tmp_path):
+def test_links_of_the_grasps_are_in_the_first_page(tmp_path):
     path = write(tmp_path / "x.h5", 1)
     with h5py.File(path) as file:
         info = h5py.h5o.get_info(file["grasps"].id)
         print(info.addr, info.hdr.space.total)
         assert info.hdr.nchunks == 1
         assert 1000 < info.addr + info.hdr.space.total <= PAGE_BYTES
-        assert info.hdr.space.free >= 19 * (ROOM_FOR_GRASPS - 1)
+        assert info.hdr.space.free >= 19 * (RESERVED_GRASPS - 1)
 
 
-def test_more_grasps_than_the_header_has_room_for(tmp_path, monkeypatch):
-    monkeypatch.setattr("taxel.recording.grasp_storage.ROOM_FOR_GRASPS", 2)
+def test_more_grasps_than_the_header_has_space_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("taxel.recording.grasp_storage.RESERVED_GRASPS", 2)
     path = write(tmp_path / "x.h5", 30)
     assert assert_prefix(path) == 30

@@ -1,4 +1,4 @@
-"""The measured touches are those of the source text, cell by cell."""
+"""The measured touches in the package, compared with the source text, and the importer of that text."""
 
 import importlib.util
 import sys
@@ -30,12 +30,12 @@ def line(task="TAP", seconds="1508925142", nanoseconds="30093394", cells=None, e
     return ";".join(["2", "right", "index", task, "-1", ",".join([seconds, nanoseconds, *cells, end])])
 
 
-def test_two_recordings_come_with_the_library():
+def test_package_contains_two_recordings():
     assert recordings() == ["P20_thumb_right", "P2_index_right"]
 
 
 @pytest.mark.parametrize(("name", "frames"), [("P2_index_right", 4232), ("P20_thumb_right", 3728)])
-def test_every_frame_of_the_source_is_there(name, frames):
+def test_recording_has_every_frame_of_the_source(name, frames):
     recording = load_recording(name)
     assert recording.values.shape == (frames, 27, 15)
     assert recording.values.dtype == np.int16
@@ -43,7 +43,7 @@ def test_every_frame_of_the_source_is_there(name, frames):
     assert set(recording.task) == {"TAP", "SCROLL", "DRAG", "PAUSE"}
 
 
-def test_cells_of_the_index_finger_are_those_of_the_text():
+def test_values_of_the_index_finger_equal_the_source_text():
     recording = load_recording("P2_index_right")
     assert recording.values[0, 0].tolist() == [0, -1, 0, -1, -1, 0, 1, 1, 0, 2, -3, 1, -2, 0, 1]
     assert recording.values[1999, 0, :8].tolist() == [181, 2, 1, 1, -2, 1, 2, 4]  # line 2000
@@ -53,45 +53,45 @@ def test_cells_of_the_index_finger_are_those_of_the_text():
     assert recording.time_s[1999] == (1508925257_917572777 - 1508925142_030093394) / 1e9
 
 
-def test_cells_of_the_thumb_are_those_of_the_text():
+def test_values_of_the_thumb_equal_the_source_text():
     recording = load_recording("P20_thumb_right")
     assert recording.values[0, 0].tolist() == [0, -2, -1, -1, 0, 0, -3, 0, 0, 0, -2, -5, -2, -2, -2]
     assert recording.values[0, 4, 11] == 104
     assert recording.time_s[-1] == (1510666040_256491154 - 1510665822_285039572) / 1e9
 
 
-def test_the_data_is_small_and_carries_its_licence():
+def test_data_file_is_small_and_has_its_licence():
     data = files("taxel.recording").joinpath("data")
     assert len(data.joinpath("capfingerid.npz").read_bytes()) < 2e6
     assert data.joinpath("capfingerid.LICENSE").read_text().startswith("MIT License")
     assert "10.1145/3301275.3302295" in data.joinpath("capfingerid.ORIGIN").read_text()
 
 
-def test_an_unknown_recording_is_named_with_the_known_ones():
+def test_error_for_an_unknown_recording_lists_the_available_ones():
     with pytest.raises(RecordingError, match=r"'P3'.*P20_thumb_right, P2_index_right"):
         load_recording("P3")
 
 
-def test_a_part_keeps_its_times():
+def test_selected_frames_keep_their_times():
     part = load_recording("P2_index_right").between(10.0, 20.0)
     assert part.time_s[0] >= 10.0
     assert part.time_s[-1] < 20.0
     assert len(part.time_s) == len(part.values) == len(part.task) > 100
 
 
-def test_times_that_go_back_are_refused():
-    with pytest.raises(ValueError, match="goes back"):
+def test_decreasing_times_are_refused():
+    with pytest.raises(ValueError, match="do not decrease"):
         TouchRecording("x", np.array([1.0, 0.0]), np.zeros((2, 27, 15), np.int16), np.array(["TAP", "TAP"]))
 
 
-def test_the_importer_reads_empty_and_dash_as_zero(importer):
+def test_importer_reads_empty_and_dash_as_zero(importer):
     parsed = importer.parse_line(line(cells=["", "-", "-7", *["0"] * 402]))
     assert parsed.values[:3] == [0, 0, -7]
     assert parsed.time_ns == 1508925142_030093394
 
 
 @pytest.mark.parametrize("cells", [["0"] * 404, ["0"] * 406, []])
-def test_the_importer_skips_and_counts_frames_of_another_length(importer, tmp_path, cells):
+def test_importer_skips_and_counts_frames_of_another_length(importer, tmp_path, cells):
     path = tmp_path / "CapMatrix_x.txt"
     path.write_text(line() + "\n" + line(cells=cells) + "\n")
     recording = importer.read_recording(path)
@@ -103,16 +103,16 @@ def test_the_importer_skips_and_counts_frames_of_another_length(importer, tmp_pa
     [
         (line() + ";", "line 2: expected 6 fields"),
         (line(task="NAP"), "line 2: task: expected one of TAP"),
-        (line(nanoseconds="1000000000"), "line 2: nanoseconds: expected a whole number"),
-        (line(cells=["1.5", *["0"] * 404]), "line 2: value 0: expected a whole number"),
-        (line(cells=["40000", *["0"] * 404]), "line 2: value 0: expected a whole number from -32768"),
+        (line(nanoseconds="1000000000"), "line 2: nanoseconds: expected an integer"),
+        (line(cells=["1.5", *["0"] * 404]), "line 2: value 0: expected an integer"),
+        (line(cells=["40000", *["0"] * 404]), "line 2: value 0: expected an integer from -32768"),
         (line(end="7"), "line 2: expected nothing after the last comma"),
-        (line(seconds="1508925141"), "line 2: its time lies before"),
+        (line(seconds="1508925141"), "line 2: expected a time at or after"),
         (line().replace("index", "thumb"), "line 2: expected .*index.*found.*thumb"),
         ("", "line 2: expected 6 fields"),
     ],
 )
-def test_the_importer_names_the_line_that_does_not_fit(importer, tmp_path, broken, message):
+def test_importer_names_the_invalid_line(importer, tmp_path, broken, message):
     path = tmp_path / "CapMatrix_x.txt"
     path.write_text(line() + "\n" + broken + "\n")
     with pytest.raises(importer.FormatError, match=message) as failure:
@@ -120,7 +120,7 @@ def test_the_importer_names_the_line_that_does_not_fit(importer, tmp_path, broke
     assert str(path) in str(failure.value)
 
 
-def test_what_the_importer_writes_holds_the_same_values(importer, tmp_path):
+def test_importer_writes_the_values_of_the_text(importer, tmp_path):
     source, data = tmp_path / "source", tmp_path / "data"
     source.mkdir()
     data.mkdir()

@@ -1,4 +1,4 @@
-"""A capture as arrays a board: what the skin delivers frame by frame, and what is active after the baseline."""
+"""The boards of a capture as arrays, compared with the frames of the skin, and their activation."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pytest
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link import run_emulator, write_stimulus
-from taxel.recording import activity_of, read_boards
+from taxel.recording import read_activity, read_boards
 from taxel.signal import Activation, compute_baseline
 from taxel.skin import open_skin
 from taxel.stream.start_script import START_S, write_start_script
 
 SAMPLES = 20
 CLOCKS_S = 1.6
-PRESSED = 5
+TOUCHED_TAXEL = 5
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def capture(tmp_path_factory):
     folder = tmp_path_factory.mktemp("capture")
     hand = load_hand("allegro")
     forces = np.zeros((3, hand.n_taxels))
-    forces[2, PRESSED] = 2.0
+    forces[2, TOUCHED_TAXEL] = 2.0
     write_stimulus(folder / "press.stm", [0.0, 2.5, 2.6], forces)
     write_start_script(folder / "start.bin")
     path = folder / "capture.bin"
@@ -31,44 +31,44 @@ def capture(tmp_path_factory):
     return path
 
 
-def whole(path):
+def read_all_boards(path):
     boards = {}
-    for piece in read_boards(path):
-        for address, frames in piece.items():
-            boards[address] = boards[address].then(frames) if address in boards else frames
+    for block in read_boards(path):
+        for address, frames in block.items():
+            boards[address] = boards[address].concatenate(frames) if address in boards else frames
     return boards
 
 
-def test_arrays_say_what_the_skin_says_frame_by_frame(capture):
-    wanted = {}
+def test_arrays_equal_the_frames_of_the_skin(capture):
+    expected = {}
     with open_skin(f"file:{capture}") as skin:
         for frame in skin:
-            wanted.setdefault(frame.address, []).append(frame)
-    boards = whole(capture)
-    assert sorted(boards) == sorted(wanted)
+            expected.setdefault(frame.address, []).append(frame)
+    boards = read_all_boards(capture)
+    assert sorted(boards) == sorted(expected)
     for address, frames in boards.items():
-        assert frames.raw_counts.tolist() == [frame.raw_counts.tolist() for frame in wanted[address]]
-        assert frames.sequence.tolist() == [frame.sequence for frame in wanted[address]]
-        assert frames.cycle.tolist() == [frame.cycle for frame in wanted[address]]
-        # The line between the clocks is drawn anew with every piece that comes: the earlier ones knew less of it, and
-        # before a board's clock was read for the first time (17 boards take turns), only when its frames came.
-        apart = np.abs(frames.time_s - [frame.time_s for frame in wanted[address]])
-        assert apart.max() < 0.05
-        assert apart[frames.time_s > START_S + CLOCKS_S].max() < 1e-3
+        assert frames.raw_counts.tolist() == [frame.raw_counts.tolist() for frame in expected[address]]
+        assert frames.sequence.tolist() == [frame.sequence for frame in expected[address]]
+        assert frames.cycle.tolist() == [frame.cycle for frame in expected[address]]
+        # The clock map is fitted again with every block, so that early times differ. Before the first reading of a
+        # board's clock (the 17 boards take turns), only the arrival times are available.
+        difference_s = np.abs(frames.time_s - [frame.time_s for frame in expected[address]])
+        assert difference_s.max() < 0.05
+        assert difference_s[frames.time_s > START_S + CLOCKS_S].max() < 1e-3
 
 
-def test_after_its_baseline_a_board_says_what_is_active(capture):
+def test_activity_starts_after_the_baseline_of_a_board(capture):
     board = load_hand("allegro").boards[0]
-    raw = whole(capture)[board.address].raw_counts
-    pieces = [piece[board.address] for piece in activity_of(capture, SAMPLES)]
-    active = np.concatenate([piece.activation.active for piece in pieces])
+    raw = read_all_boards(capture)[board.address].raw_counts
+    blocks = [block[board.address] for block in read_activity(capture, SAMPLES)]
+    active = np.concatenate([block.activation.active for block in blocks])
     baseline = compute_baseline(raw[:SAMPLES], samples=SAMPLES)
-    assert np.array_equal(pieces[0].baseline.mean, baseline.mean)
+    assert np.array_equal(blocks[0].baseline.mean, baseline.mean)
     assert np.array_equal(active, Activation(baseline.mean)(raw[SAMPLES:]).active)
-    assert np.flatnonzero(active.any(axis=0)).tolist() == [PRESSED]
-    assert active[-1, PRESSED]
+    assert np.flatnonzero(active.any(axis=0)).tolist() == [TOUCHED_TAXEL]
+    assert active[-1, TOUCHED_TAXEL]
     assert not active[0].any()
 
 
-def test_a_board_with_too_few_frames_says_nothing(capture):
-    assert list(activity_of(capture, 10_000)) == []
+def test_board_with_too_few_frames_has_no_activity(capture):
+    assert list(read_activity(capture, 10_000)) == []

@@ -1,4 +1,4 @@
-"""A score says what was right, what was wrong, and what could not be decided."""
+"""Scoring of decoded touches: correct, wrong and undecidable samples, detected and spurious touches."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ def source_of(values):
 
 
 def decoded(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample_s=SAMPLE_S):
-    """A board that samples its taxels every `sample_s`, 1 ms apart, and shows the source as it was `delay_s` before."""
+    """A board that converts its taxels 1 ms apart every `sample_s` and shows the source of `delay_s` earlier."""
     n = taxels.stop - taxels.start
     start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
     sampled_s = start_s[:, None] + 1e-3 * np.arange(n)
@@ -28,7 +28,7 @@ def decoded(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample
 
 @pytest.fixture
 def two_touches():
-    """Taxel 1 for 2 frames, then taxels 3 and 4 (4 stays a frame longer); taxel 5 never exceeds the threshold."""
+    """Touch of taxel 1 for 2 frames, then of taxels 3 (2 frames) and 4 (3 frames); taxel 5 stays at the threshold."""
     values = np.zeros((12, TAXELS), dtype=int)
     values[2:4, 1] = 200
     values[6:8, 3] = 180
@@ -42,22 +42,22 @@ def test_touches_are_runs_of_frames_with_an_active_taxel(two_touches):
     assert two_touches.onset_s.tolist() == pytest.approx([0.2, 0.6])
 
 
-def test_a_value_at_the_threshold_is_no_touch():
+def test_value_at_the_threshold_is_no_touch():
     assert source_of([[150], [151], [150]]).onset_s.tolist() == pytest.approx([0.1])
 
 
-def test_a_touch_in_the_first_frame_begins_there():
+def test_touch_in_the_first_frame_has_its_onset_there():
     source = source_of([[200], [0]])
     assert source.onset_s.tolist() == [0.0]
     assert not source.active[source.row_at(np.array([-0.01]))].any()
 
 
-def test_of_frames_with_one_time_the_last_counts():
+def test_last_of_several_frames_with_the_same_time_is_used():
     source = SourceTouches(np.array([0.0, 0.1, 0.1, 0.2]), np.array([[0], [200], [0], [0]]), 150.0)
     assert source.n_touches == 0
 
 
-def test_a_perfect_decode_scores_one(two_touches):
+def test_perfect_decoding_has_score_one(two_touches):
     score = score_replay(two_touches, [decoded(two_touches)])
     assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
     assert score.precision == score.recall == score.f1 == 1.0
@@ -67,7 +67,7 @@ def test_a_perfect_decode_scores_one(two_touches):
     assert (score.onset_delay_s <= SAMPLE_S).all()
 
 
-def test_samples_are_counted_one_by_one():
+def test_each_sample_is_counted():
     source = source_of([[0, 0], [200, 0], [0, 0]])
     at = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
     active = np.array([[False, False], [True, False], [False, True], [False, True]])
@@ -83,17 +83,17 @@ def test_samples_are_counted_one_by_one():
     assert score.f1 == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("shows", [True, False])
-def test_at_a_step_either_frame_is_right(shows):
+@pytest.mark.parametrize("is_active", [True, False])
+def test_both_values_are_correct_at_a_step(is_active):
     source = source_of([[0], [200], [0]])
     at = np.array([[0.0995], [0.15], [0.2014]])
-    active = np.array([[shows], [True], [shows]])
+    active = np.array([[is_active], [True], [is_active]])
     score = score_replay(source, [DecodedBoard(slice(0, 1), np.arange(3), at, 200.0 * active, active)])
     assert (score.at_steps, score.true_positives) == (2, 1)
     assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
 
 
-def test_beyond_the_tolerance_a_step_is_decided():
+def test_sample_outside_the_step_tolerance_is_decided():
     source = source_of([[0], [200], [0]])
     at = np.array([[0.098], [0.15], [0.202]])
     score = score_replay(
@@ -102,7 +102,7 @@ def test_beyond_the_tolerance_a_step_is_decided():
     assert (score.at_steps, score.true_positives, score.false_positives) == (0, 1, 2)
 
 
-def test_a_decode_shifted_by_one_taxel_scores_badly(two_touches):
+def test_decoding_shifted_by_one_taxel_has_a_low_score(two_touches):
     good = decoded(two_touches)
     shifted = replace(
         good, signal_counts=np.roll(good.signal_counts, 1, axis=1), active=np.roll(good.active, 1, axis=1)
@@ -112,10 +112,10 @@ def test_a_decode_shifted_by_one_taxel_scores_badly(two_touches):
     assert score.false_positives > 0
     assert score.false_negatives > 0
     assert score.wrong_counts > 0
-    assert (score.touches_found, score.touches_missed) == (1, 1)  # of two neighbours one lands on the other
+    assert (score.touches_found, score.touches_missed) == (1, 1)  # the shift moves one of two neighbours onto the other
 
 
-def test_a_decode_a_frame_late_scores_badly(two_touches):
+def test_decoding_one_frame_late_has_a_low_score(two_touches):
     score = score_replay(two_touches, [decoded(two_touches, delay_s=FRAME_S)])
     assert score.f1 < 0.8
     assert score.false_positives > 0
@@ -141,7 +141,7 @@ def test_activity_far_from_any_touch_is_spurious(two_touches):
     assert score.recall == 1.0
 
 
-def test_a_touch_between_two_samples_is_missed_and_said_to_be_unsampled(two_touches):
+def test_touch_between_two_samples_is_counted_as_unsampled(two_touches):
     score = score_replay(two_touches, [decoded(two_touches, sample_s=0.5)])
     assert (score.touches_found, score.touches_missed, score.touches_unsampled) == (0, 2, 2)
     assert score.f1 == 1.0
@@ -155,18 +155,18 @@ def test_boards_are_scored_together(two_touches):
     assert score.map_signal.tolist() == [0.0, 0.0, 0.0, 180.0, 151.0, 150.0]
 
 
-def test_a_board_without_a_frame_is_missing_in_the_map(two_touches):
+def test_board_without_a_frame_is_missing_in_the_map(two_touches):
     board = decoded(two_touches, taxels=slice(3, 6))
     score = score_replay(two_touches, [board])
     assert np.isnan(score.map_signal).tolist() == [True, True, True, False, False, False]
 
 
-def test_nothing_to_score_is_refused(two_touches):
+def test_scoring_without_frames_is_refused(two_touches):
     with pytest.raises(ValueError, match="at least one board frame"):
         score_replay(two_touches, [])
 
 
-def test_a_score_is_one_line(two_touches):
+def test_text_of_a_score_is_one_line(two_touches):
     text = str(score_replay(two_touches, [decoded(two_touches)]))
     assert "\n" not in text
     assert "F1 1.0000" in text

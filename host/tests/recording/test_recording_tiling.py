@@ -1,4 +1,4 @@
-"""The panel's cells lie on different taxels of several boards, and counts come back as values."""
+"""Assignment of the panel's cells to taxels, and conversion of panel values to raw counts."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from taxel.hand import Board, Hand, load_hand
 from taxel.recording import RecordingError, Tiling, load_recording
-from taxel.recording.tiling import REST_COUNTS
+from taxel.recording.tiling import UNTOUCHED_COUNTS
 
 ALLEGRO = load_hand("allegro")
 
@@ -20,20 +20,25 @@ def flat_hand(boards):
     return replace(flat8, boards=tuple(Board(f"board_{i}", kind, 0x20 + i) for i in range(boards)))
 
 
+def panel_values(tiling, counts):
+    """Panel values [T, 27, 15] of raw counts [T, n_taxels]."""
+    return (UNTOUCHED_COUNTS - counts[:, tiling.taxel_of_cell].astype(int)).reshape(-1, 27, 15)
+
+
 @pytest.mark.parametrize("hand", [ALLEGRO, flat_hand(12)], ids=["allegro", "12 x flat8"])
-def test_every_cell_has_a_taxel_of_its_own_on_at_least_four_boards(hand: Hand):
-    tiling = Tiling.of(hand)
+def test_cells_have_different_taxels_on_at_least_four_boards(hand: Hand):
+    tiling = Tiling.for_hand(hand)
     assert len(set(tiling.taxel_of_cell.tolist())) == 27 * 15
     assert len(set(hand.sensor[tiling.taxel_of_cell].tolist())) >= 4
 
 
-def test_the_same_hand_gives_the_same_tiling():
-    assert np.array_equal(Tiling.of(ALLEGRO).taxel_of_cell, Tiling.of(load_hand("allegro")).taxel_of_cell)
+def test_tiling_of_a_hand_is_deterministic():
+    assert np.array_equal(Tiling.for_hand(ALLEGRO).taxel_of_cell, Tiling.for_hand(load_hand("allegro")).taxel_of_cell)
 
 
 @pytest.mark.parametrize("hand", [ALLEGRO, flat_hand(12)], ids=["allegro", "12 x flat8"])
 def test_neighbours_within_a_tile_are_neighbours_on_a_board(hand: Hand):
-    tiling = Tiling.of(hand)
+    tiling = Tiling.for_hand(hand)
     taxel = tiling.taxel_of_cell.reshape(27, 15)
     rows, columns = tiling.tile_shape
     for top in range(0, 27, rows):
@@ -45,49 +50,47 @@ def test_neighbours_within_a_tile_are_neighbours_on_a_board(hand: Hand):
 
 
 @pytest.mark.parametrize("boards", [1, 3, 6])
-def test_a_hand_that_is_too_small_is_refused(boards):
+def test_hand_that_is_too_small_is_refused(boards):
     with pytest.raises(RecordingError, match=r"'flat8' is too small.*expected 405 taxels.*found"):
-        Tiling.of(flat_hand(boards))
+        Tiling.for_hand(flat_hand(boards))
 
 
-def test_touch_lowers_the_count_and_taxels_without_a_cell_rest():
-    tiling = Tiling.of(ALLEGRO)
+def test_touch_lowers_the_count_and_taxels_without_a_cell_are_untouched():
+    tiling = Tiling.for_hand(ALLEGRO)
     values = np.zeros((1, 27, 15), np.int16)
     values[0, 3, 4] = 200
     counts = tiling.to_counts(values)
     assert counts.dtype == np.uint16
-    assert counts[0, tiling.taxel_of_cell[3 * 15 + 4]] == REST_COUNTS - 200
-    assert (np.delete(counts[0], tiling.taxel_of_cell[3 * 15 + 4]) == REST_COUNTS).all()
+    assert counts[0, tiling.taxel_of_cell[3 * 15 + 4]] == UNTOUCHED_COUNTS - 200
+    assert (np.delete(counts[0], tiling.taxel_of_cell[3 * 15 + 4]) == UNTOUCHED_COUNTS).all()
 
 
 def test_counts_are_clipped_to_16_bits():
-    tiling = Tiling.of(ALLEGRO)
+    tiling = Tiling.for_hand(ALLEGRO)
     values = np.full((1, 27, 15), 200, np.int16)
-    assert tiling.to_counts(values, rest=100)[0, tiling.taxel_of_cell].tolist() == [0] * 405
-    assert tiling.to_counts(-values, rest=65_500)[0, tiling.taxel_of_cell].tolist() == [65_535] * 405
+    assert tiling.to_counts(values, untouched=100)[0, tiling.taxel_of_cell].tolist() == [0] * 405
+    assert tiling.to_counts(-values, untouched=65_500)[0, tiling.taxel_of_cell].tolist() == [65_535] * 405
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_values_come_back_from_counts(seed):
+def test_counts_contain_the_panel_values(seed):
     values = np.random.default_rng(seed).integers(-300, 300, (3, 27, 15))
-    tiling = Tiling.of(ALLEGRO)
-    assert np.array_equal(tiling.from_counts(tiling.to_counts(values)), values)
+    tiling = Tiling.for_hand(ALLEGRO)
+    assert np.array_equal(panel_values(tiling, tiling.to_counts(values)), values)
 
 
-def test_a_whole_recording_comes_back_from_counts():
+def test_counts_contain_the_values_of_a_whole_recording():
     values = load_recording("P2_index_right").values
-    tiling = Tiling.of(ALLEGRO)
-    assert np.array_equal(tiling.from_counts(tiling.to_counts(values)), values)
+    tiling = Tiling.for_hand(ALLEGRO)
+    assert np.array_equal(panel_values(tiling, tiling.to_counts(values)), values)
 
 
-def test_shapes_that_do_not_fit_are_refused():
-    tiling = Tiling.of(ALLEGRO)
+def test_invalid_shapes_and_counts_are_refused():
+    tiling = Tiling.for_hand(ALLEGRO)
     with pytest.raises(ValueError, match="values: expected integers"):
         tiling.to_counts(np.zeros((2, 15, 27), np.int16))
-    with pytest.raises(ValueError, match="counts: expected"):
-        tiling.from_counts(np.zeros((2, 405), np.uint16))
-    with pytest.raises(ValueError, match="rest: expected"):
-        tiling.to_counts(np.zeros((2, 27, 15), np.int16), rest=-1)
+    with pytest.raises(ValueError, match="untouched: expected"):
+        tiling.to_counts(np.zeros((2, 27, 15), np.int16), untouched=-1)
     with pytest.raises(ValueError, match="different taxels"):
         Tiling(1073, np.zeros(405, np.int64), (9, 5))

@@ -1,4 +1,4 @@
-"""A subscriber of ROS 1, run by the system's Python: what it has heard, as JSON, once its standard input is closed."""
+"""A ROS 1 subscriber, run by the system's Python. Prints the received messages as JSON after its input is closed."""
 
 import json
 import struct
@@ -9,44 +9,44 @@ import rospy
 import tf2_ros
 from sensor_msgs.msg import JointState, PointCloud2
 
-heard = {"clouds": [], "scans": {}, "joints": [], "transforms": {}}
+received = {"clouds": [], "scans": {}, "joints": [], "transforms": {}}
 classes = {}
 
 
-def take_cloud(message):
-    """The first floats of every point."""
+def store_cloud(message):
+    """Store the first seven floats of every point."""
     points = [message.data[at : at + 28] for at in range(0, len(message.data), message.point_step)]
-    heard["clouds"].append([struct.unpack("<7f", point) for point in points])
+    received["clouds"].append([struct.unpack("<7f", point) for point in points])
 
 
-def take_scan(message):
-    """Any message: its class is made from what the connection says, as rostopic and rosbag do."""
+def store_scan(message):
+    """Store a message of any type. The class is generated from the connection header, as rostopic and rosbag do."""
     header = message._connection_header
-    kind = header["type"]
-    if kind not in classes:
-        classes[kind] = genpy.dynamic.generate_dynamic(kind, header["message_definition"])[kind]
-    scan = classes[kind]().deserialize(message._buff)
+    type_name = header["type"]
+    if type_name not in classes:
+        classes[type_name] = genpy.dynamic.generate_dynamic(type_name, header["message_definition"])[type_name]
+    scan = classes[type_name]().deserialize(message._buff)
     if scan.valid:
-        heard["scans"].setdefault(header["topic"], []).append([scan.sequence, *scan.raw_counts])
+        received["scans"].setdefault(header["topic"], []).append([scan.sequence, *scan.raw_counts])
 
 
 def main():
-    """Listen until nobody wants to know more."""
+    """Listen until standard input is closed."""
     rospy.init_node("listener", disable_signals=True)
     buffer = tf2_ros.Buffer()
     tf2_ros.TransformListener(buffer)
-    rospy.Subscriber("/taxel/contact_cloud", PointCloud2, take_cloud)
-    rospy.Subscriber("/joint_states", JointState, lambda message: heard["joints"].append(list(message.position)))
+    rospy.Subscriber("/taxel/contact_cloud", PointCloud2, store_cloud)
+    rospy.Subscriber("/joint_states", JointState, lambda message: received["joints"].append(list(message.position)))
     for topic in sys.argv[1].split(","):
-        rospy.Subscriber(topic, rospy.AnyMsg, take_scan)
+        rospy.Subscriber(topic, rospy.AnyMsg, store_scan)
     print("ready", flush=True)
     sys.stdin.read()
     for frame in sys.argv[2].split(","):
-        found = buffer.lookup_transform("world", frame, rospy.Time(0)).transform
-        t, q = found.translation, found.rotation
-        heard["transforms"][frame] = [t.x, t.y, t.z, q.w, q.x, q.y, q.z]
-    heard["topics"] = sorted(name for name, _ in rospy.get_published_topics())
-    print(json.dumps(heard), flush=True)
+        transform = buffer.lookup_transform("world", frame, rospy.Time(0)).transform
+        t, q = transform.translation, transform.rotation
+        received["transforms"][frame] = [t.x, t.y, t.z, q.w, q.x, q.y, q.z]
+    received["topics"] = sorted(name for name, _ in rospy.get_published_topics())
+    print(json.dumps(received), flush=True)
 
 
 main()

@@ -1,4 +1,4 @@
-"""docs/how-to-record.md: its commands run in order; and each command's --help has an example that runs."""
+"""docs/how-to-record.md: its commands run in order, and the help of each command has an example that runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from host.tests.command_line import exit_status
 from taxel.cli import main as cli
 from taxel.hand import load_hand
-from taxel.hand.kinematics import kinematics_of
+from taxel.hand.kinematics import build_kinematics
 from taxel.recording.grasp_dataset import GraspDataset
 
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "how-to-record.md"
@@ -21,56 +21,56 @@ BLOCK = re.compile(r"(<!-- run: no.*?-->\n)?```(\w+)\n(.*?)```", re.DOTALL)
 EXAMPLE = re.compile(r"Example: (taxel .*?)\s*(?:│|╭|\n\s*\n|$)")
 
 
-def commands(kind):
-    """Every line of the guide's blocks of a kind."""
+def block_lines(language):
+    """Every line of the guide's code blocks of a language, without the blocks marked as not to be run."""
     return [
         line
-        for left_out, found, text in BLOCK.findall(GUIDE.read_text())
-        if found == kind and not left_out
+        for is_excluded, block_language, text in BLOCK.findall(GUIDE.read_text())
+        if block_language == language and not is_excluded
         for line in text.splitlines()
     ]
 
 
-def example(command):
+def example_words(command):
     """The words of the example in a command's help."""
-    text = CliRunner().invoke(cli.app_of(command), [command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(cli.build_app(command), [command, "--help"], env={"COLUMNS": "200"}).output
     return shlex.split(EXAMPLE.search(text)[1])[1:]
 
 
-def touch(path):
-    """Add four taxels of the palm that were active."""
+def add_active_taxels(path):
+    """Append four active taxels of the palm to a file of active taxels."""
     hand = load_hand("allegro")
-    places = kinematics_of(hand).taxel_positions(np.zeros(22))[hand.slice_of(0x20)][:4]
+    centres = build_kinematics(hand).compute_taxel_positions(np.zeros(22))[hand.get_slice(0x20)][:4]
     with path.open("a") as file:
-        file.writelines(f"1,cylinder,side_1,6.0,{x},{y},{z},1\n" for x, y, z in places.tolist())
+        file.writelines(f"1,cylinder,side_1,6.0,{x},{y},{z},1\n" for x, y, z in centres.tolist())
 
 
-def test_the_commands_of_the_guide_and_of_the_help_run(tmp_path, monkeypatch, capsys):
-    """One after the other: each finds what those before it have written. Recordings end after a second."""
+def test_commands_of_the_guide_and_of_the_help_run(tmp_path, monkeypatch, capsys):
+    """The commands run in the order of the guide and use each other's files. Recordings end after one second."""
     pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "joints.csv").write_text("\n".join(commands("csv")) + "\n")
-    for line in commands("sh"):
+    (tmp_path / "joints.csv").write_text("\n".join(block_lines("csv")) + "\n")
+    for line in block_lines("sh"):
         words = shlex.split(line)[1:]
         if "speed=max" in line:
             words[1] += "&duration_s=1"
-        if words[0] == "import":  # nothing was pressed in a second
-            touch(Path("skin.csv/active.csv"))
+        if words[0] == "import":  # a recording of one second has no contact
+            add_active_taxels(Path("skin.csv/active.csv"))
         status = exit_status(*words)
         assert status == 0, (line, capsys.readouterr().err)
     with GraspDataset("active.h5") as data:
-        assert data["0001"].active()[0].sum() == 4
+        assert data["0001"].active_taxels()[0].sum() == 4
     for command in ("record", "replay", "convert"):
-        words = example(command)
+        words = example_words(command)
         assert words[0] == command
         assert exit_status(*words, *([] if command == "replay" else ["--overwrite"])) == 0, capsys.readouterr().err
 
 
-def test_the_help_of_ros_has_the_example_that_the_test_of_nodes_runs():
-    assert example("ros") == ["ros", "emulator:", "--seconds", "1"]
+def test_help_of_ros_has_the_example_that_test_ros_nodes_runs():
+    assert example_words("ros") == ["ros", "emulator:", "--seconds", "1"]
 
 
-def test_the_guide_names_every_topic():
+def test_guide_names_every_topic():
     text = GUIDE.read_text()
     for name in ("activations", "contact_cloud", "baseline", "hub_bytes", "NAME/scan"):
         assert f"/taxel/{name}`" in text

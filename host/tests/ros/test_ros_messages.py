@@ -1,4 +1,4 @@
-"""Definitions and CDR: other people's libraries read what is written here."""
+"""Message definitions and CDR encoding, checked against independent libraries."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rosbags.typesys import Stores, get_typestore
 from taxel.ros.cdr import CdrError, decode, encode
 from taxel.ros.contacts import POINT, point_fields
 from taxel.ros.definitions import definition, fields, parse_fields, ros1_schema, ros2_schema
-from taxel.ros.find import RosError, import_ros1
+from taxel.ros.ros_import import RosError, import_ros1
 
 STANDARD = (
     "std_msgs/Header", "std_msgs/String", "geometry_msgs/TransformStamped", "tf2_msgs/TFMessage",
     "sensor_msgs/JointState", "sensor_msgs/PointField", "sensor_msgs/PointCloud2", "diagnostic_msgs/DiagnosticArray",
 )  # fmt: skip
-CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # Debian's ros-core has it not
+CHECKSUMS = {"diagnostic_msgs/DiagnosticArray": "60810da900de1dd6ddd437c3503511da"}  # not part of Debian's ros-core
 OWN = ("TaxelScan", "Activations", "Baseline", "HubBytes")
 HEADER = {"stamp": {"sec": 12, "nanosec": 345_678_901}, "frame_id": "palm"}
 MESSAGES = {
@@ -42,41 +42,42 @@ MESSAGES = {
 }  # fmt: skip
 
 
-def plain(value):
-    """A decoded message, of whichever library, as dicts, lists and numbers."""
+def to_builtin(value):
+    """A message of any library as dicts, lists and numbers."""
     if isinstance(value, dict):
-        return {key: plain(each) for key, each in value.items()}
+        return {key: to_builtin(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(each) for each in value]
+        return [to_builtin(each) for each in value]
     if isinstance(value, bytes | np.ndarray):
         return np.frombuffer(value, np.uint8).tolist() if isinstance(value, bytes) else value.tolist()
     names = getattr(value, "__slots__", None) or getattr(value, "__dataclass_fields__", None)
-    if names:
-        return {name: plain(getattr(value, name)) for name in names if not name.startswith("__")}
+    if names:  # rosbags lists the constants of a message, which have upper-case names, among the fields
+        names = [name for name in names if name.islower() and not name.startswith("__")]
+        return {name: to_builtin(getattr(value, name)) for name in names}
     return value
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_a_message_comes_back_from_our_own_and_the_reference_decoder(name):
+def test_encoded_message_is_read_back_and_by_the_reference_decoder(name):
     data = encode(name, MESSAGES[name])
-    wanted = repr(plain(MESSAGES[name]))
-    assert repr(plain(decode(name, data))) == wanted
+    expected = repr(to_builtin(MESSAGES[name]))
+    assert repr(to_builtin(decode(name, data))) == expected
     schema = Schema(1, ros2_schema(name).encode(), "ros2msg", name.replace("/", "/msg/"))
     reference = DecoderFactory().decoder_for("cdr", schema)
     assert reference is not None
-    assert repr(plain(reference(data))) == wanted
+    assert repr(to_builtin(reference(data))) == expected
 
 
 @pytest.mark.parametrize("name", STANDARD)
-def test_a_standard_message_has_the_fields_of_ros_2(name):
+def test_standard_message_has_the_fields_of_ros_2(name):
     store = get_typestore(Stores.ROS2_HUMBLE)
-    theirs = store.fielddefs[name.replace("/", "/msg/")][1]
-    assert [field.name for field in fields(name)] == [each[0] for each in theirs]
+    reference = store.fielddefs[name.replace("/", "/msg/")][1]
+    assert [field.name for field in fields(name)] == [each[0] for each in reference]
 
 
 @pytest.mark.parametrize("name", STANDARD)
-def test_a_standard_message_has_the_checksum_of_ros_1(name):
-    """Else a subscriber with the standard class would refuse the topic."""
+def test_standard_message_has_the_checksum_of_ros_1(name):
+    """A subscriber with the standard class refuses a topic with another checksum."""
     try:
         import_ros1()
     except RosError as error:
@@ -84,12 +85,12 @@ def test_a_standard_message_has_the_checksum_of_ros_1(name):
     from genpy.dynamic import generate_dynamic
     from roslib.message import get_message_class
 
-    made = generate_dynamic(name, ros1_schema(name))[name]
-    theirs = get_message_class(name)
-    assert made._md5sum == (theirs._md5sum if theirs is not None else CHECKSUMS[name])
+    generated = generate_dynamic(name, ros1_schema(name))[name]
+    reference = get_message_class(name)
+    assert generated._md5sum == (reference._md5sum if reference is not None else CHECKSUMS[name])
 
 
-def test_the_ros_package_builds_every_message_that_is_in_it():
+def test_cmake_list_of_the_ros_package_has_every_message_file():
     package = resources.files("taxel.ros") / "taxel_msgs"
     names = sorted(file.name.removesuffix(".msg") for file in (package / "msg").iterdir())
     listed = re.search(r"set\(messages ([\w ]+)\)", (package / "CMakeLists.txt").read_text())
@@ -99,27 +100,27 @@ def test_the_ros_package_builds_every_message_that_is_in_it():
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_every_field_of_our_own_messages_says_what_it_is(name):
+def test_every_field_of_the_own_messages_has_a_comment(name):
     text = definition(f"taxel_msgs/{name}")
     assert text.startswith("# ")
-    plain_names = {"data", "threshold_counts", "active_count"}
+    self_explanatory = {"data", "threshold_counts", "active_count"}
     for line in filter(parse_fields, text.splitlines()):
-        assert "#" in line or parse_fields(line)[0].name in plain_names, line
+        assert "#" in line or parse_fields(line)[0].name in self_explanatory, line
 
 
-def test_the_contact_clouds_fields_lie_where_the_points_have_them():
-    places = {field["name"]: field["offset"] for field in point_fields()}
-    assert places == {name: POINT.fields[name][1] for name in POINT.names}
+def test_point_fields_have_the_offsets_of_the_point_type():
+    offsets = {field["name"]: field["offset"] for field in point_fields()}
+    assert offsets == {name: POINT.fields[name][1] for name in POINT.names}
 
 
-@pytest.mark.parametrize("cut", [0, 3, 20, -1])
-def test_a_message_that_is_cut_short_is_refused(cut):
+@pytest.mark.parametrize("size", [0, 3, 20, -1])
+def test_truncated_message_is_refused(size):
     data = encode("taxel_msgs/TaxelScan", MESSAGES["taxel_msgs/TaxelScan"])
     with pytest.raises(CdrError):
-        decode("taxel_msgs/TaxelScan", data[:cut])
+        decode("taxel_msgs/TaxelScan", data[:size])
 
 
-def test_a_length_that_no_file_can_hold_is_refused():
+def test_length_beyond_the_end_of_the_message_is_refused():
     data = encode("std_msgs/String", {"data": "x"})
     with pytest.raises(CdrError):
         decode("std_msgs/String", data[:4] + b"\xff\xff\xff\xff" + data[8:])

@@ -1,4 +1,4 @@
-"""The skin in ROS 1, as a real master, rospy and tf2 have it; in ROS 2 against a stand-in; and without either."""
+"""ROS nodes: ROS 1 with a real master, rospy and tf2; ROS 2 with a substitute for rclpy; and without any ROS."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ import pytest
 
 from host.tests.command_line import refusal
 from taxel.cli.ros import publish_skin
-from taxel.hand.kinematics import kinematics_of
-from taxel.hand.transforms import pose
-from taxel.ros import find
+from taxel.hand.kinematics import build_kinematics
+from taxel.hand.transforms import make_pose
+from taxel.ros import ros_import
 from taxel.ros.pace import Pace
 from taxel.ros.ros2 import Ros2Node
 from taxel.skin import open_skin
@@ -35,32 +35,37 @@ from taxel.skin import open_skin
 node = open_node(1)
 with open_skin("file:" + sys.argv[1]) as skin:
     publish_skin(skin, node, joint_angles(sys.argv[2]), None, 0.0, Pace(3.0))
-input()  # latched topics are there as long as the node
+input()  # latched topics exist as long as the node
 node.close()
 """
 EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', None, '', '', 1, 1.0)"  # taxel ros "emulator:" --seconds 1
 
 
-def missing_for_ros1():
-    """What this test needs and the machine lacks; "" for nothing."""
+def missing_ros1_part():
+    """Text that names the missing part of ROS 1 for pytest.skip; "" if nothing is missing."""
     if shutil.which("roscore") is None:
         return "no roscore here (apt-get install ros-core)"
-    asked = subprocess.run([PYTHON, "-c", "import rospy, tf2_ros, sensor_msgs"], capture_output=True, text=True)
-    return asked.stderr.strip().splitlines()[-1] if asked.returncode else ""
+    check = subprocess.run([PYTHON, "-c", "import rospy, tf2_ros, sensor_msgs"], capture_output=True, text=True)
+    return check.stderr.strip().splitlines()[-1] if check.returncode else ""
 
 
 @pytest.fixture(scope="module")
 def master(tmp_path_factory):
-    """The environment of a roscore of our own, on a free port of loopback."""
-    lacking = missing_for_ros1()
-    if lacking:
-        pytest.skip(lacking)
+    """Environment variables for a roscore that this fixture starts on a free loopback port."""
+    missing = missing_ros1_part()
+    if missing:
+        pytest.skip(missing)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     home = str(tmp_path_factory.mktemp("ros"))
-    own = {"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1", "ROS_HOME": home, "ROS_LOG_DIR": home}
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | own
+    variables = {
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": home,
+        "ROS_LOG_DIR": home,
+    }
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | variables
     core = subprocess.Popen(
         ["roscore", "-p", str(port)], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
@@ -79,8 +84,8 @@ def master(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def heard(master, recorded):
-    """What a subscriber hears of the recording, played at three times its speed."""
+def received(master, recorded):
+    """The messages that a subscriber receives while the recording is played at three times its speed."""
     topics = "/taxel/palm/scan,/taxel/fingertip_index/scan"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": master}
     angles = ",".join(map(str, np.linspace(-0.2, 0.2, 22)))
@@ -89,75 +94,75 @@ def heard(master, recorded):
     try:
         assert listener.stdout.readline() == "ready\n"
         assert publisher.stdout.readline() == f"{len(recorded.frames)} frames published\n"
-        told, _ = listener.communicate(timeout=20.0)
+        output, _ = listener.communicate(timeout=20.0)
         publisher.communicate("\n", timeout=20.0)
-        return json.loads(told)
+        return json.loads(output)
     finally:
         listener.kill()
         publisher.kill()
 
 
-def test_ros_has_a_topic_for_each_sensor(heard, recorded):
-    wanted = {f"/taxel/{board.name}/scan" for board in recorded.hand.boards}
-    wanted |= {"/tf", "/tf_static", "/joint_states", "/taxel/activations", "/taxel/contact_cloud", "/taxel/baseline"}
-    assert wanted | {"/diagnostics", "/robot_description"} <= set(heard["topics"])
+def test_ros_1_has_a_topic_for_each_board(received, recorded):
+    expected = {f"/taxel/{board.name}/scan" for board in recorded.hand.boards}
+    expected |= {"/tf", "/tf_static", "/joint_states", "/taxel/activations", "/taxel/contact_cloud", "/taxel/baseline"}
+    assert expected | {"/diagnostics", "/robot_description"} <= set(received["topics"])
 
 
-def test_a_subscriber_hears_the_scans_as_they_were(heard, recorded):
+def test_subscriber_receives_the_recorded_scans(received, recorded):
     for name in ("palm", "fingertip_index"):
-        address = recorded.hand.board_named(name).address
+        address = recorded.hand.find_board(name).address
         frames = {frame.sequence: frame.raw_counts.tolist() for frame in recorded.frames if frame.address == address}
-        scans = heard["scans"][f"/taxel/{name}/scan"]
+        scans = received["scans"][f"/taxel/{name}/scan"]
         assert len(scans) > len(frames) // 2
         assert all(frames[sequence] == counts for sequence, *counts in scans)
 
 
-def test_tf2_finds_the_brackets_where_the_kinematics_have_them(heard, recorded):
+def test_tf2_gives_the_bracket_poses_of_the_kinematics(received, recorded):
     angles = np.linspace(-0.2, 0.2, 22)
-    assert np.allclose(heard["joints"][-1], angles)
-    poses = kinematics_of(recorded.hand).sensor_poses(angles)
-    for frame, (*place, w, x, y, z) in heard["transforms"].items():
-        board = recorded.hand.board_named(frame.removesuffix("_bracket"))
-        wanted = poses[recorded.hand.boards.index(board)]
-        assert np.allclose(pose(place, [w, x, y, z]), wanted, atol=1e-9)
+    assert np.allclose(received["joints"][-1], angles)
+    poses = build_kinematics(recorded.hand).compute_sensor_poses(angles)
+    for frame, (*position, w, x, y, z) in received["transforms"].items():
+        board = recorded.hand.find_board(frame.removesuffix("_bracket"))
+        expected = poses[recorded.hand.boards.index(board)]
+        assert np.allclose(make_pose(position, [w, x, y, z]), expected, atol=1e-9)
 
 
-def test_a_subscriber_hears_a_cloud_at_taxels_of_the_pressed_board(heard, recorded):
-    points = np.array(heard["clouds"][-1])
+def test_subscriber_receives_a_cloud_at_taxels_of_the_indented_board(received, recorded):
+    points = np.array(received["clouds"][-1])
     assert len(points) > 3
     assert (points[:, 6] > 150.0).all()
-    places = kinematics_of(recorded.hand).taxel_positions(np.linspace(-0.2, 0.2, 22))
-    palm = places[recorded.hand.slice_of(recorded.hand.board_named("palm").address)]
+    centres = build_kinematics(recorded.hand).compute_taxel_positions(np.linspace(-0.2, 0.2, 22))
+    palm = centres[recorded.hand.get_slice(recorded.hand.find_board("palm").address)]
     assert np.linalg.norm(points[:, None, :3] - palm, axis=2).min(axis=1).max() < 1e-6
 
 
-def test_the_example_of_the_help_runs(master):
-    done = subprocess.run([sys.executable, "-c", EXAMPLE], env=master, capture_output=True, text=True, timeout=60.0)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("frames published\n")
+def test_example_of_the_help_runs(master):
+    result = subprocess.run([sys.executable, "-c", EXAMPLE], env=master, capture_output=True, text=True, timeout=60.0)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.endswith("frames published\n")
 
 
-def test_a_missing_master_is_one_line(monkeypatch, capsys):
-    lacking = missing_for_ros1()
-    if lacking:
-        pytest.skip(lacking)
+def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
+    missing = missing_ros1_part()
+    if missing:
+        pytest.skip(missing)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     monkeypatch.setattr(sys, "path", list(sys.path))
-    told = refusal(capsys, "ros", "emulator:", "--ros", "1")
-    assert "no ROS master answers at http://127.0.0.1:9; start one (roscore)" in told
+    message = refusal(capsys, "ros", "emulator:", "--ros-version", "1")
+    assert "no ROS master answers at http://127.0.0.1:9; start one (roscore)" in message
 
 
-def test_without_any_ros_there_is_one_line(monkeypatch, capsys):
+def test_missing_ros_gives_an_error_of_one_line(monkeypatch, capsys):
     for name in ("rospy", "rclpy"):
         monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.setattr(find, "PLACES", ())
+    monkeypatch.setattr(ros_import, "SYSTEM_FOLDERS", ())
     assert "neither rclpy (ROS 2) nor rospy (ROS 1) can be imported" in refusal(capsys, "ros", "emulator:")
 
 
 @pytest.fixture
 def rclpy(monkeypatch):
-    """A stand-in for rclpy and its message packages that keeps what is published."""
-    sent = []
+    """A substitute for rclpy and its message packages; returns the list of published messages."""
+    published = []
 
     class Message(types.SimpleNamespace):
         pass
@@ -168,36 +173,38 @@ def rclpy(monkeypatch):
                 raise AttributeError(name)
             return type(name, (Message,), {})
 
-    def node(name):
-        made = types.SimpleNamespace(destroy_node=lambda: None)
-        made.create_publisher = lambda kind, topic, qos: types.SimpleNamespace(
-            publish=lambda message: sent.append((topic, qos.durability, message))
+    def create_node(name):
+        node = types.SimpleNamespace(destroy_node=lambda: None)
+        node.create_publisher = lambda message_class, topic, qos: types.SimpleNamespace(
+            publish=lambda message: published.append((topic, qos.durability, message))
         )
-        made.create_subscription = lambda kind, topic, take, depth: take(Message(name=["elbow"], position=[0.5]))
-        return made
+        node.create_subscription = lambda message_class, topic, callback, depth: callback(
+            Message(name=["elbow"], position=[0.5])
+        )
+        return node
 
     policy = types.SimpleNamespace(TRANSIENT_LOCAL="latched", VOLATILE="volatile")
     qos = types.ModuleType("rclpy.qos")
     qos.DurabilityPolicy, qos.QoSProfile = policy, lambda **options: types.SimpleNamespace(**options)
     module = types.ModuleType("rclpy")
     module.init = module.shutdown = lambda: None
-    module.ok, module.create_node, module.spin_once = lambda: True, node, lambda node, timeout_sec: None
+    module.ok, module.create_node, module.spin_once = lambda: True, create_node, lambda node, timeout_sec: None
     packages = ("std", "sensor", "geometry", "tf2", "diagnostic", "taxel")
     names = {"rclpy": module, "rclpy.qos": qos, "builtin_interfaces.msg": Package("builtin_interfaces.msg")}
     names |= {f"{package}_msgs.msg": Package(f"{package}_msgs.msg") for package in packages}
     for name, each in names.items():
         monkeypatch.setitem(sys.modules, name, each)
-    return sent
+    return published
 
 
-def test_ros_2_gets_the_same_topics_and_joint_angles_of_a_topic(rclpy, recorded, capsys):
+def test_ros_2_node_publishes_the_topics_with_joint_angles_from_a_topic(rclpy, recorded, capsys):
     node = Ros2Node()
     with open_skin(f"file:{recorded.path}") as skin:
         publish_skin(skin, node, None, "/arm/joint_states", 0.5, Pace(None))
     node.close()
     assert capsys.readouterr().out.endswith("frames published\n")
     by_topic = {topic: (durability, message) for topic, durability, message in rclpy}
-    assert "/joint_states" not in by_topic  # they come from a topic: nobody else's are published again
+    assert "/joint_states" not in by_topic  # joint states from another node are not published again
     assert by_topic["/tf_static"][0] == by_topic["/robot_description"][0] == "latched"
     durability, scan = by_topic["/taxel/palm/scan"]
     assert durability == "volatile"
@@ -207,9 +214,9 @@ def test_ros_2_gets_the_same_topics_and_joint_angles_of_a_topic(rclpy, recorded,
     assert by_topic["/diagnostics"][1].status[0].level == b"\0"
 
 
-def test_a_ros_2_without_our_messages_says_how_to_build_them(rclpy, recorded, monkeypatch):
+def test_ros_2_without_taxel_msgs_gives_the_build_command(rclpy, recorded, monkeypatch):
     monkeypatch.setitem(sys.modules, "taxel_msgs.msg", None)
     node = Ros2Node()
-    told = pytest.raises(find.RosError, match="colcon build --packages-select taxel_msgs")
-    with told, open_skin(f"file:{recorded.path}") as skin:
+    raises = pytest.raises(ros_import.RosError, match="colcon build --packages-select taxel_msgs")
+    with raises, open_skin(f"file:{recorded.path}") as skin:
         publish_skin(skin, node, None, None, 0.5, Pace(None))

@@ -1,4 +1,4 @@
-"""A recording behind a pseudo-terminal: a host opens it as a hub, and a program that only listens gets the bytes."""
+"""Playback of a recording on a pseudo-terminal, to a host that opens it as a hub and to a program that only reads."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import serial
 
 import taxel
 from host.tests.command_line import exit_status, refusal
-from host.tests.recordings import KEPT, differences
+from host.tests.recordings import TABLE_FIELDS, differing_fields
 from taxel.link import CaptureError, CaptureWriter
-from taxel.recording.forms import convert, open_recording
-from taxel.recording.forms.virtual_port import VirtualPort
+from taxel.recording.formats import convert, open_recording
+from taxel.recording.formats.virtual_port import VirtualPort
 
 
 class Player:
-    """Plays a recording on a thread of its own."""
+    """Plays a recording in a separate thread."""
 
     def __init__(self, path, hand, speed=None):
         self.port = VirtualPort(lambda: open_recording(path)[0], hand, speed)
@@ -37,8 +37,8 @@ class Player:
         self.port.close()
 
 
-def read_all(skin, count):
-    """Frames until there are as many, or none come for a while."""
+def read_frames_of(skin, count):
+    """Up to `count` frames of a skin, within 20 seconds."""
     frames = []
     deadline = time.monotonic() + 20.0
     while len(frames) < count and time.monotonic() < deadline:
@@ -47,77 +47,79 @@ def read_all(skin, count):
 
 
 @pytest.mark.parametrize("name", ["x.bin", "x.csv"])
-def test_a_host_opens_the_port_as_a_hub_and_gets_every_frame(small, tmp_path, name):
+def test_host_opens_the_port_as_a_hub_and_receives_every_frame(recorded_rig, tmp_path, name):
     path = tmp_path / name
-    convert(small.path, path)
-    with Player(path, small.hand) as player, taxel.open(f"serial://{player.port.device}", small.hand) as skin:
+    convert(recorded_rig.path, path)
+    with (
+        Player(path, recorded_rig.hand) as player,
+        taxel.open(f"serial://{player.port.device}", recorded_rig.hand) as skin,
+    ):
         assert skin.missing_boards == []
-        frames = read_all(skin, len(small.frames))
+        frames = read_frames_of(skin, len(recorded_rig.frames))
         assert skin.losses.lost_on_wire == 0
-    assert differences(frames, small.frames, *KEPT) == []
+    assert differing_fields(frames, recorded_rig.frames, *TABLE_FIELDS) == []
     assert player.has_ended
 
 
-def test_a_program_that_only_listens_gets_the_recorded_bytes(small, monkeypatch):
-    monkeypatch.setattr("taxel.recording.forms.virtual_port.PATIENCE_S", 0.1)
-    with Player(small.path, small.hand) as player, serial.Serial(player.port.device, timeout=0.5) as port:
+def test_program_that_only_reads_receives_the_recorded_bytes(recorded_rig, monkeypatch):
+    monkeypatch.setattr("taxel.recording.formats.virtual_port.HANDSHAKE_TIMEOUT_S", 0.1)
+    with Player(recorded_rig.path, recorded_rig.hand) as player, serial.Serial(player.port.device, timeout=0.5) as port:
         data = b"".join(iter(lambda: port.read(65_536), b""))
-    link, _ = open_recording(small.path)
-    whole = b""
+    link, _ = open_recording(recorded_rig.path)
+    recorded_bytes = b""
     try:
         while True:
-            whole += link.read().data
+            recorded_bytes += link.read().data
     except EOFError:
         link.close()
-    assert len(data) > 0.9 * len(whole)
-    assert whole.endswith(data[-50_000:])
+    assert len(data) > 0.9 * len(recorded_bytes)
+    assert recorded_bytes.endswith(data[-50_000:])
 
 
-def test_a_port_that_is_closed_early_ends_the_play(small):
-    player = Player(small.path, small.hand, speed=1.0)
-    with player, taxel.open(f"serial://{player.port.device}", small.hand) as skin:
-        assert len(read_all(skin, 5)) >= 5
+def test_closing_the_port_early_ends_the_playback(recorded_rig):
+    player = Player(recorded_rig.path, recorded_rig.hand, speed=1.0)
+    with player, taxel.open(f"serial://{player.port.device}", recorded_rig.hand) as skin:
+        assert len(read_frames_of(skin, 5)) >= 5
     assert player.has_ended is False
 
 
-def test_the_play_keeps_the_recordings_time(small, monkeypatch):
-    """Not how long it takes, which depends on the machine: never earlier than it is due."""
-    monkeypatch.setattr("taxel.recording.forms.virtual_port.PATIENCE_S", 0.1)
-    begun = time.monotonic()
+def test_playback_is_never_ahead_of_the_recorded_time(recorded_rig, monkeypatch):
+    monkeypatch.setattr("taxel.recording.formats.virtual_port.HANDSHAKE_TIMEOUT_S", 0.1)
+    started_s = time.monotonic()
     with (
-        Player(small.path, small.hand, speed=16.0) as player,
+        Player(recorded_rig.path, recorded_rig.hand, speed=16.0) as player,
         serial.Serial(player.port.device, timeout=1.0) as port,
     ):
         while port.read(65_536):
             pass
-    span_s = small.frames[-1].time_s - small.frames[0].time_s
-    assert time.monotonic() - begun > span_s / 16.0
+    span_s = recorded_rig.frames[-1].time_s - recorded_rig.frames[0].time_s
+    assert time.monotonic() - started_s > span_s / 16.0
 
 
-def test_a_recording_without_frames_and_a_strange_speed_are_one_line(tmp_path, small, capsys):
+def test_recording_without_frames_and_an_invalid_speed_are_refused(tmp_path, recorded_rig, capsys):
     CaptureWriter(tmp_path / "empty.bin").close()
     with pytest.raises(CaptureError, match="has no taxel frame to play"):
-        VirtualPort(lambda: open_recording(tmp_path / "empty.bin")[0], small.hand)
-    assert "--speed: expected max or a number" in refusal(capsys, "replay", small.path, "--speed", "fast")
+        VirtualPort(lambda: open_recording(tmp_path / "empty.bin")[0], recorded_rig.hand)
+    assert "--speed: expected max or a number" in refusal(capsys, "replay", recorded_rig.path, "--speed", "fast")
 
 
-def test_the_command_prints_the_port_and_what_became_of_it(small, monkeypatch, capsys):
-    made = queue.Queue()
+def test_command_prints_the_port_and_the_result_of_the_playback(recorded_rig, monkeypatch, capsys):
+    devices = queue.Queue()
 
-    class Told(VirtualPort):
+    class ReportingPort(VirtualPort):
         def __init__(self, *arguments):
             super().__init__(*arguments)
-            made.put(self.device)
+            devices.put(self.device)
 
-    monkeypatch.setattr("taxel.cli.replay.VirtualPort", Told)
+    monkeypatch.setattr("taxel.cli.replay.VirtualPort", ReportingPort)
     status = []
     command = threading.Thread(
-        target=lambda: status.append(exit_status("replay", small.path, "--to", "pty", "--speed", "max"))
+        target=lambda: status.append(exit_status("replay", recorded_rig.path, "--to", "pty", "--speed", "max"))
     )
     command.start()
-    device = made.get(timeout=20.0)
-    with taxel.open(f"serial://{device}", small.hand) as skin:
-        assert len(read_all(skin, len(small.frames))) == len(small.frames)
+    device = devices.get(timeout=20.0)
+    with taxel.open(f"serial://{device}", recorded_rig.hand) as skin:
+        assert len(read_frames_of(skin, len(recorded_rig.frames))) == len(recorded_rig.frames)
     command.join(timeout=20.0)
     assert status == [0]
     lines = capsys.readouterr().out.splitlines()

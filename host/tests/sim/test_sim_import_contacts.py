@@ -101,7 +101,7 @@ def test_contact_points_of_the_simulator_activate_the_same_taxels_as_cone_sensin
         np.testing.assert_allclose(grasp.timestamp[own], made.time_s)
         geometry = separations(HAND, CYLINDER.shape, made.sensor_poses, made.object_pose)
         np.testing.assert_allclose(grasp.separation[own], geometry, atol=1e-8)
-        active, known = grasp.active()
+        active, known = grasp.active_taxels()
         hold = made.phase == Phase.HOLD
         np.testing.assert_array_equal(active, expected[hold].mean(axis=0) > 0.15)
         assert known.all()
@@ -200,7 +200,7 @@ def test_without_phases_all_contacts_are_of_the_closed_hand(tmp_path):
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert data["0001"].phase.tolist() == [0] * 100 + [2]
         expected = CONES.active(HAND, CYLINDER.shape, made.sensor_poses, made.object_pose)[end]
-        np.testing.assert_array_equal(data["0001"].active()[0], expected)
+        np.testing.assert_array_equal(data["0001"].active_taxels()[0], expected)
     assert report.frames == 101
 
 
@@ -258,7 +258,7 @@ def test_joints_of_the_whole_robot_put_the_world_into_its_base(tmp_path):
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
         np.testing.assert_allclose(data["a"].sensor_pose, sensors, atol=1e-12)
-        assert np.flatnonzero(data["a"].active()[0]).tolist() == [7]
+        assert np.flatnonzero(data["a"].active_taxels()[0]).tolist() == [7]
         assert data["a"].joint_position.shape == (101, 22)
 
 
@@ -289,7 +289,7 @@ def test_lists_of_active_taxels_come_back(tmp_path):
     import_active(points, tmp_path / "sim.h5", joints=write(tmp_path / "j.csv", header, joints), options=STANDING)
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
-        np.testing.assert_array_equal(data["g"].active()[0], active)
+        np.testing.assert_array_equal(data["g"].active_taxels()[0], active)
 
 
 def test_ids_of_grasps_sort_in_the_order_of_the_file(tmp_path):
@@ -364,4 +364,4 @@ def test_a_hand_without_an_arm_stands_at_the_root_of_its_robot(tmp_path):
     options = ImportOptions(plate, object_poses={"cylinder": standing_pose()}, baseline_frames=100)
     import_active(points, tmp_path / "sim.h5", joints=joints, options=options)
     with GraspDataset(tmp_path / "sim.h5") as data:
-        assert np.flatnonzero(data["a"].active()[0]).tolist() == [3]
+        assert np.flatnonzero(data["a"].active_taxels()[0]).tolist() == [3]

@@ -93,7 +93,7 @@ def test_a_rollout_of_our_own_scene_gives_the_forces_of_our_own_simulator(tmp_pa
         np.testing.assert_allclose(data["0001"].separation[own], expected.separation, rtol=0, atol=1e-9)
         np.testing.assert_allclose(data["0001"].sensor_pose_t[own], motion.sensor_poses, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(data["0001"].phase[own], motion.phase)
-        assert data["0001"].active()[0].sum() > 10
+        assert data["0001"].active_taxels()[0].sum() > 10
         assert data.sensor_model.layer == "uncoupled"
     assert report.contacts == len(motion.contacts.board)
 
@@ -124,7 +124,7 @@ def test_mesh_objects_keep_their_faces(tmp_path, name):
 
 def test_bodies_and_sites_find_the_contacts_that_geoms_do(tmp_path, model, states):
     """Boards on one body share its contacts out by nearness."""
-    links = {board.name: {"body": f"link:{board.link}"} for board in HAND.boards}
+    links = {board.name: {"body": f"link:{board.link_name}"} for board in HAND.boards}
     for name, parts in (("geoms", KNOWN), ("bodies", {**KNOWN, "boards": links})):
         import_rollout(model, states, tmp_path / f"{name}.h5", parts=parts, options=OPTIONS)
     with GraspDataset(tmp_path / "geoms.h5") as geoms, GraspDataset(tmp_path / "bodies.h5") as bodies:
@@ -176,7 +176,7 @@ def test_grasps_are_told_apart_by_their_labels(tmp_path):
 
 def small_model(prefix="rh_", extra=""):
     """All links as bodies of one plate that a motor pushes against a box; the palm's board is a site that faces it."""
-    links = sorted({board.link for board in HAND.boards} - {"palm"})
+    links = sorted({board.link_name for board in HAND.boards} - {"palm"})
     others = "".join(f'<body name="{prefix}{link}" pos="0 {k + 1} -3"/>' for k, link in enumerate(links))
     return f"""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>{others}
 <body name="{prefix}palm" pos="0 0 -0.0012"><joint name="up" type="slide" axis="0 0 1" damping="20"/>

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from taxel.cloud.models import models
-from taxel.recording import GraspDatasetWriter, GraspRecord, ObjectMesh, SensorModel, SensorTable, TaxelTable
+from taxel.recording import (
+    DatasetHeader,
+    GraspDatasetWriter,
+    GraspRecord,
+    ObjectMesh,
+    SensorModel,
+    SensorTable,
+    TaxelTable,
+)
 
 SIDE = 8
 N = SIDE * SIDE
@@ -47,13 +55,15 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
     meshes = {name: ObjectMesh(shapes[name].vertices, shapes[name].faces.astype(np.int32)) for name in OBJECTS}
     with GraspDatasetWriter.create(
         path,
-        source=source,
-        hand="one board",
-        taxels=board(),
-        sensors=sensors,
-        objects=meshes,
-        generator="a test",
-        sensor_model=MODEL if source == "sim" else None,
+        DatasetHeader(
+            source=source,
+            hand="one board",
+            taxels=board(),
+            sensors=sensors,
+            objects=meshes,
+            generator="a test",
+            sensor_model=MODEL if source == "sim" else None,
+        ),
     ) as out:
         for number in range(grasps * len(OBJECTS)):
             name = OBJECTS[number % len(OBJECTS)]

@@ -20,9 +20,9 @@ from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
-from taxel.recording.grasp_storage import check_target, part_of, put_in_place, writing_errors
+from taxel.recording.grasp_storage import check_target, part_path, put_in_place, writing_errors
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 from taxel.sim.importers.errors import Source
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.separation import MISS_M
@@ -92,13 +92,15 @@ def new_dataset(
     try:
         with GraspDatasetWriter.create(
             whole,
-            source="sim",
-            hand=options.hand.name,
-            taxels=_taxel_table(options.hand),
-            sensors=_sensor_table(options.hand, rate_hz),
-            objects=meshes,
-            generator=f"taxel {version('taxel')}; {what}, seed {options.seed}",
-            sensor_model=model,
+            DatasetHeader(
+                source="sim",
+                hand=options.hand.name,
+                taxels=_taxel_table(options.hand),
+                sensors=_sensor_table(options.hand, rate_hz),
+                objects=meshes,
+                generator=f"taxel {version('taxel')}; {what}, seed {options.seed}",
+                sensor_model=model,
+            ),
             overwrite=True,
         ) as out:
             yield out
@@ -110,7 +112,7 @@ def new_dataset(
         raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
         whole.unlink(missing_ok=True)
-        part_of(whole).unlink(missing_ok=True)
+        part_path(whole).unlink(missing_ok=True)
 
 
 def record_of(felt: FeltGrasp, options: ImportOptions, source: Source, report: ImportReport) -> GraspRecord:

@@ -1,7 +1,8 @@
-"""A recording as a folder of CSV: a file for each board, a row for each frame, and the active taxels in space.
+"""A recording as a folder of CSV files.
 
-The thesis's message has a board's address, a timestamp and its raw counts (3.2, Figure 3.10), one topic a board; its
-simulator wrote active taxels as 3-D coordinates (4.2, Figure 4.6). `NAME.csv` is the first, `active.csv` the second.
+`NAME.csv` contains the frames of one board, one in a row: address, time and raw counts, as the messages of the thesis
+(section 3.2, Figure 3.10). `active.csv` contains the coordinates of the active taxels, as the output of the thesis's
+simulator (section 4.2, Figure 4.6).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.link import CaptureError
-from taxel.recording.forms.frame_table import HEADER_MAX, checked_frame, fail, header_text, parse_header
+from taxel.recording.formats.frame_table import HEADER_MAX, checked_frame, fail, header_text, parse_header
 from taxel.ros.contacts import POINT
 from taxel.ros.topics import SkinTopics
 from taxel.stream import TaxelFrame
@@ -28,16 +29,16 @@ HEADER_FILE = "recording.json"
 ACTIVE_FILE = "active.csv"
 COLUMNS = ("frame", "address", "time_s", "sequence", "cycle", "board_time_us", "hub_time_us")
 ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active")
-"""Those that `taxel import active` reads."""
+"""Columns of `active.csv`, which `taxel import active` reads."""
 
 _LINE_MAX = 1 << 16
 
 
 class CsvSink:
-    """Writes a folder of CSV.
+    """Writes a folder of CSV files.
 
-    `topics` give the contact cloud; None: no `active.csv`. `grasp`: object and approach in it. The folder stands under
-    another name until it is whole.
+    topics: source of the contact cloud; None: no `active.csv`. grasp: object and approach in `active.csv`. The folder
+    gets its final name when it is complete.
     """
 
     def __init__(
@@ -58,19 +59,21 @@ class CsvSink:
         self._frames = 0
         self._topics = topics
         self._grasp = ",".join(grasp)
-        self._active = self._open(ACTIVE_FILE, ACTIVE_COLUMNS) if topics is not None and topics.tree.is_known else None
+        has_active = topics is not None and topics.tree.has_geometry
+        self._active = self._create_file(ACTIVE_FILE, ACTIVE_COLUMNS) if has_active else None
 
-    def _open(self, name: str, columns: tuple[str, ...]) -> TextIO:
+    def _create_file(self, name: str, columns: tuple[str, ...]) -> TextIO:
         file = (self._part / name).open("w", newline="")
         file.write(",".join(columns) + "\n")
         return file
 
     def take(self, frame: TaxelFrame) -> None:
-        """Append a row to the board's file."""
+        """Append a row to the file of the board, and the active taxels to `active.csv`."""
         file = self._files.get(frame.address)
         if file is None:
             taxels = tuple(f"taxel_{index}" for index in range(len(frame.raw_counts)))
-            file = self._files[frame.address] = self._open(f"{self._names[frame.address]}.csv", COLUMNS + taxels)
+            name = f"{self._names[frame.address]}.csv"
+            file = self._files[frame.address] = self._create_file(name, COLUMNS + taxels)
         numbers = (frame.sequence, frame.cycle, frame.board_time_us, frame.hub_time_us, *frame.raw_counts.tolist())
         file.write(f"{self._frames},{frame.address},{frame.time_s!r}," + ",".join(map(str, numbers)) + "\n")
         self._frames += 1
@@ -83,11 +86,11 @@ class CsvSink:
         for point in np.frombuffer(data, POINT):
             file.write(f"1,{self._grasp},{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
 
-    def close(self, is_whole: bool) -> None:
-        """Give the folder its name; only another recording's folder is replaced."""
+    def close(self, is_complete: bool) -> None:
+        """Rename the folder to its final name. An existing folder is replaced only if it is a recording."""
         for file in (*self._files.values(), *([self._active] if self._active else [])):
             file.close()
-        if not is_whole:
+        if not is_complete:
             shutil.rmtree(self._part, ignore_errors=True)
             return
         if self._path.exists():
@@ -98,27 +101,30 @@ class CsvSink:
 
 
 def open_csv(path: Path) -> FramesLink:
-    """The recording in a folder of CSV. Raises RecordingFormError for the first mistake, when it is come to."""
+    """The recording in a folder of CSV files.
+
+    Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
+    """
     header_file = path / HEADER_FILE
     if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
-        fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder that it made")
+        fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder from taxel convert")
     header = parse_header(header_file.read_text(errors="replace"), header_file)
     files = sorted(file for file in path.glob("*.csv") if file.name != ACTIVE_FILE)
-    rows = heapq.merge(*(_rows(file) for file in files), key=lambda row: row[0])
+    rows = heapq.merge(*(_read_rows(file) for file in files), key=lambda row: row[0])
     link = FramesLink(os.fspath(path), (frame for _, frame in rows))
     link.header = header
     return link
 
 
-def _rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
+def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
     with path.open(newline="") as file:
         lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
         heading = tuple(next(lines, ()))
         if heading[: len(COLUMNS)] != COLUMNS:
-            fail(path, "line 1", ",".join(COLUMNS), ",".join(heading)[:80], "keep the columns as they were written")
+            fail(path, "line 1", ",".join(COLUMNS), ",".join(heading)[:80], "restore the original columns")
         for number, line in enumerate(lines, 2):
             if len(line) != len(heading):
-                fail(path, f"line {number}", f"{len(heading)} columns", len(line), "is the file whole?")
+                fail(path, f"line {number}", f"{len(heading)} columns", len(line), "check that the file is complete")
             try:
                 values: dict[str, float] = {name: int(text) for name, text in zip(COLUMNS, line, strict=False)
                                             if name != "time_s"}  # fmt: skip

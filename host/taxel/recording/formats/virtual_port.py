@@ -1,4 +1,4 @@
-"""A recording behind a pseudo-terminal: any program opens it as the hub's serial port, and the hub's frames come."""
+"""Playback of a recording on a pseudo-terminal, which any program can open as the serial port of the hub."""
 
 from __future__ import annotations
 
@@ -17,34 +17,39 @@ from typing import Any, Final, Self
 from taxel.hand import Board, Hand
 from taxel.link import CaptureError, Link
 from taxel.stream.encoder import encode_on_wire
-from taxel.stream.timed import Beginning, beginning_of, timed_bytes
+from taxel.stream.timed import StreamStart, find_stream_start, read_timed_bytes
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, ReferenceDecoder
-from taxel_protocol.frames import FRAMES, BoardInfo, HubHello, Log, Reply
+from taxel_protocol.frames import FRAMES, BoardInfo, HubHandshake, Log, Reply
 from taxel_protocol.layout import fields_of, pack, unpack
 from taxel_protocol.limits import REGISTER_MAP_VERSION, SNAPSHOT_OVERHEAD
 from taxel_protocol.registers import Identity
 
-PATIENCE_S: Final = 1.0
-"""Who has opened the port and said nothing for so long only listens: then the recording begins."""
-
-REPLIES: Final = 64
-"""Numbers kept free before the first recorded frame's, for answers; those left over go to empty log frames, so that no
-frame seems lost.
+HANDSHAKE_TIMEOUT_S: Final = 1.0
+"""A program that sends nothing for this time after it has opened the port only reads; then the playback starts. A
+larger value delays the playback for such programs; a smaller one may miss the handshake of a slow host.
 """
-_TICK_S: Final = 0.02
-_NUMBERS: Final = 1 << 16
+
+RESERVED_SEQUENCES: Final = 64
+"""Number of sequence numbers before the first recorded frame that are reserved for replies. Empty log frames use the
+remaining ones, so that the host counts no frame as lost.
+"""
+_POLL_PERIOD_S: Final = 0.02
+_SEQUENCE_MODULUS: Final = 1 << 16
 
 
-class PortGoneError(Exception):
-    """Nobody has the port open any more."""
+class PortClosedError(Exception):
+    """The program has closed the port."""
 
 
 class VirtualPort:
-    """A pseudo-terminal on which a recording plays. `device` is its name, such as /dev/pts/3.
+    """A pseudo-terminal on which a recording is played.
 
-    `open_link` opens the recording anew at each call. To a host that greets, it answers as the hub did: greeting,
-    boards, settings, start; after the start it only plays. `speed`: times real time; None: as fast as the program
-    reads. Raises `CaptureError` for a recording without a taxel frame.
+    open_link: opens the recording from its start; called several times. A host that opens the port gets the replies of
+    a
+    hub: handshake, boards, settings, start. After the start the port only plays. speed: factor on the recorded speed;
+    None: as fast as the program reads. The attribute `device` is the name of the port, such as /dev/pts/3.
+
+    Raises `CaptureError` for a recording without a taxel frame.
     """
 
     def __init__(self, open_link: Callable[[], Link], hand: Hand, speed: float | None = 1.0) -> None:
@@ -52,38 +57,38 @@ class VirtualPort:
         self._hand = hand
         self._speed = speed
         with closing(open_link()) as link:
-            beginning = beginning_of(link)
-            if beginning is None:
+            start = find_stream_start(link)
+            if start is None:
                 raise CaptureError(link.name, "has no taxel frame to play")
-        self._beginning: Beginning = beginning
-        self._sequence = (beginning.sequence - REPLIES) % _NUMBERS
+        self._start: StreamStart = start
+        self._sequence = (start.sequence - RESERVED_SEQUENCES) % _SEQUENCE_MODULUS
         self._decoder = ReferenceDecoder()
         self._is_started = False
         self._master, slave = os.openpty()
         tty.setraw(slave)
         self.device = os.ttyname(slave)
-        os.close(slave)  # whether somebody has it open is seen on the other end
+        os.close(slave)  # the master then reports a hang-up as long as no program has the port open
         os.set_blocking(self._master, False)
 
     def play(self, wait_s: float | None = None) -> bool:
-        """Wait for a program to open the port, at most `wait_s` (None: for ever), and play the recording to it.
+        """Wait until a program opens the port, at most `wait_s` (None: without limit), and play the recording.
 
-        Returns whether the recording came to its end before the program closed the port. Raises what the recording
-        raises.
+        Returns whether the recording was played to its end before the program closed the port. Raises the errors of the
+        recording.
         """
         deadline = None if wait_s is None else time.monotonic() + wait_s
         while not self._is_open():
             if deadline is not None and time.monotonic() > deadline:
                 return False
-            time.sleep(_TICK_S)
+            time.sleep(_POLL_PERIOD_S)
         try:
-            self._greet()
-            self._fill()
+            self._answer_handshake()
+            self._send_padding()
             self._play()
-        except PortGoneError:
+        except PortClosedError:
             return False
-        with contextlib.suppress(PortGoneError):
-            self._drain()
+        with contextlib.suppress(PortClosedError):
+            self._wait_until_closed()
         return True
 
     def _is_open(self) -> bool:
@@ -91,12 +96,12 @@ class VirtualPort:
         poll.register(self._master, select.POLLIN)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
-    def _greet(self) -> None:
-        """Answer until START, or until a silent listener's patience has been shown."""
-        silent_until_s = time.monotonic() + PATIENCE_S
+    def _answer_handshake(self) -> None:
+        """Answer the host until it sends START, or until `HANDSHAKE_TIMEOUT_S` without any frame from it."""
+        deadline_s = time.monotonic() + HANDSHAKE_TIMEOUT_S
         is_silent = True
-        while not self._is_started and (not is_silent or time.monotonic() < silent_until_s):
-            for kind, _, payload in self._decoder.push(self._read(_TICK_S)):
+        while not self._is_started and (not is_silent or time.monotonic() < deadline_s):
+            for kind, _, payload in self._decoder.push(self._read(_POLL_PERIOD_S)):
                 is_silent = False
                 self._answer(FrameType(kind), payload)
 
@@ -109,70 +114,71 @@ class VirtualPort:
             return b""
         except OSError as error:
             if error.errno == errno.EIO:
-                raise PortGoneError from None
+                raise PortClosedError from None
             raise
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
-        if kind is FrameType.HOST_HELLO:
-            fields: dict[str, Any] = {field.name: 0 for field in fields_of(HubHello)}
+        if kind is FrameType.HOST_HANDSHAKE:
+            fields: dict[str, Any] = {field.name: 0 for field in fields_of(HubHandshake)}
             fields |= {"tag": payload[0], "unique_id": bytes(8), "version_chosen": PROTOCOL_VERSION}
             fields |= {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
-            self._send(FrameType.HUB_HELLO, pack(HubHello, fields))
+            self._send(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields))
         elif kind is FrameType.COMMAND:
-            asked, _ = unpack(FRAMES[kind].payload, payload)
-            if asked["command"] == Command.GET_BOARD_INFO:
+            request, _ = unpack(FRAMES[kind].payload, payload)
+            if request["command"] == Command.GET_BOARD_INFO:
                 for board in self._hand.boards:
                     self._send(FrameType.BOARD_INFO, pack(BoardInfo, _board_info(board)))
-            self._is_started = asked["command"] == Command.START
-            fields = {"tag": asked["tag"], "command": asked["command"], "status": 0}
+            self._is_started = request["command"] == Command.START
+            fields = {"tag": request["tag"], "command": request["command"], "status": 0}
             self._send(FrameType.REPLY, pack(Reply, fields))
 
-    def _fill(self) -> None:
+    def _send_padding(self) -> None:
+        """Send empty log frames up to the sequence number before the first recorded frame."""
         empty = pack(Log, {field.name: 0 for field in fields_of(Log)})
-        while 0 < (self._beginning.sequence - self._sequence) % _NUMBERS <= REPLIES:
+        while 0 < (self._start.sequence - self._sequence) % _SEQUENCE_MODULUS <= RESERVED_SEQUENCES:
             self._send(FrameType.LOG, empty)
 
     def _send(self, kind: FrameType, payload: bytes) -> None:
         self._write(encode_on_wire(kind, self._sequence, payload))
-        self._sequence = (self._sequence + 1) % _NUMBERS
+        self._sequence = (self._sequence + 1) % _SEQUENCE_MODULUS
 
     def _write(self, data: bytes) -> None:
         while data:
             if not self._is_open():
-                raise PortGoneError
+                raise PortClosedError
             try:
                 data = data[os.write(self._master, data) :]
             except BlockingIOError:
-                self._read(0.0)  # what the host says meanwhile has no answer
-                select.select([], [self._master], [], _TICK_S)
+                self._read(0.0)  # frames of the host are discarded during the playback
+                select.select([], [self._master], [], _POLL_PERIOD_S)
 
     def _play(self) -> None:
-        skip = self._beginning.skip
+        skip = self._start.skip
         origin: tuple[float, float] | None = None
         with closing(self._open_link()) as link:
-            for data, time_s in timed_bytes(link):
+            for data, time_s in read_timed_bytes(link):
                 if skip >= len(data):
                     skip -= len(data)
                     continue
-                piece, skip = data[skip:], 0
+                data_to_send, skip = data[skip:], 0
                 if self._speed is not None:
                     origin = origin or (time_s, time.monotonic())
                     self._wait_until(origin[1] + (time_s - origin[0]) / self._speed)
-                self._write(piece)
+                self._write(data_to_send)
 
     def _wait_until(self, due_s: float) -> None:
-        while (left_s := due_s - time.monotonic()) > 0.0:
-            self._read(min(left_s, _TICK_S))
+        while (remaining_s := due_s - time.monotonic()) > 0.0:
+            self._read(min(remaining_s, _POLL_PERIOD_S))
             if not self._is_open():
-                raise PortGoneError
+                raise PortClosedError
 
-    def _drain(self) -> None:
-        """Let the program read what is still in the terminal: closing it would take that away."""
+    def _wait_until_closed(self) -> None:
+        """Wait for the program to close the port: closing the master would discard bytes that it has not read."""
         while self._is_open():
-            self._read(_TICK_S)
+            self._read(_POLL_PERIOD_S)
 
     def close(self) -> None:
-        """Take the port away."""
+        """Remove the port."""
         if self._master >= 0:
             os.close(self._master)
             self._master = -1
@@ -187,6 +193,7 @@ class VirtualPort:
 
 
 def _board_info(board: Board) -> dict[str, Any]:
+    """The BOARD_INFO fields of a board that the hub would report."""
     kind = board.kind
     fields: dict[str, Any] = {field.name: field.constant or 0 for field in fields_of(Identity)}
     fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}

@@ -1,10 +1,9 @@
-"""A recording as one grasp of a grasp dataset: a row for each poll cycle, written and read a block at a time."""
+"""A recording as the only grasp of a grasp dataset: one row for each poll cycle, written and read in blocks."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,13 @@ from numpy.typing import NDArray
 from taxel.grasp.objects import thesis_objects
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
-from taxel.hand.errors import shown
-from taxel.hand.kinematics import kinematics_of
-from taxel.recording.errors import DatasetError
-from taxel.recording.forms.frame_table import fail
+from taxel.hand.errors import format_value
+from taxel.hand.kinematics import build_kinematics
+from taxel.recording.formats.frame_table import fail
+from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
 from taxel.recording.grasp_checks import Place
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import BASELINE_FRAMES, REAL
+from taxel.recording.grasp_format import REAL
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import (
     LIBVER,
@@ -32,16 +31,14 @@ from taxel.recording.grasp_storage import (
     writing_errors,
 )
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-from taxel.recording.grasp_writer import GraspDatasetWriter
+from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 from taxel.stream import TaxelFrame
 from taxel.stream.cycles import CycleSorter
 from taxel.stream.encoder import FramesLink
+from taxel.types import FloatArray
 
-BLOCK = 256
-"""Rows that are in memory at one time."""
-
-UNKNOWN = "unknown"
-"""Name of the object when none was told: the format wants one, so this one is a triangle of a micrometre."""
+BLOCK_ROWS = 256
+"""Rows in memory at one time, and rows of a chunk in the file."""
 
 _WRAP_US = 1 << 32
 _TYPES = {
@@ -49,32 +46,10 @@ _TYPES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class GraspOptions:
-    """What a dataset says of a grasp and a recording does not.
-
-    `object`: one of the thesis's, or "unknown"; it and `approach` are words without commas. `baseline_frames`: so many
-    of the first rows are phase 0 (nothing touched the skin), the others hold. Raises DatasetError for such a word.
-    """
-
-    object: str = UNKNOWN
-    approach: str = "recording"
-    session: int = 0
-    baseline_frames: int = BASELINE_FRAMES
-
-    def __post_init__(self) -> None:
-        for name in ("object", "approach"):
-            value = getattr(self, name)
-            if not value.isprintable() or not value or set(value) & set(',"/'):
-                raise DatasetError(
-                    f"--{name}", "word", "one without commas, quotes and slashes", shown(value), "rename it"
-                )
-
-
 class Hdf5Sink:
-    """Writes a dataset with one grasp. `joint_position`: radians [j]; None: all 0.
+    """Writes a dataset with one grasp. joint_position: radians [j]; None: all 0.
 
-    Raises DatasetError for an unknown object, HandGeometryError for a hand that is described without places.
+    Raises DatasetError for an unknown object, HandGeometryError for a hand description without geometry.
     """
 
     def __init__(
@@ -83,33 +58,16 @@ class Hdf5Sink:
         hand: Hand,
         generator: str,
         options: GraspOptions,
-        joint_position: NDArray[np.float64] | None,
+        joint_position: FloatArray | None,
         overwrite: bool,
     ) -> None:
         self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
         self._place = Place(str(path))
         self._part = path.with_name(f".{path.name}.part")
-        kinematics = kinematics_of(hand)
+        kinematics = build_kinematics(hand)
         self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
-        self._pose = kinematics.sensor_poses(self._joints)
-        objects = _objects(options.object, self._place)
-        GraspDatasetWriter.create(
-            self._part,
-            source=REAL,
-            hand=hand.name,
-            taxels=TaxelTable(
-                hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, np.full(hand.n_taxels, hand.size_m)
-            ),
-            sensors=SensorTable(
-                np.array([board.address for board in hand.boards], np.uint8),
-                tuple(board.name for board in hand.boards),
-                tuple(board.kind.name for board in hand.boards),
-                np.ones(len(hand.boards)),  # measured at the end
-            ),
-            objects=objects,
-            generator=generator,
-            overwrite=True,
-        ).close()
+        self._pose = kinematics.compute_sensor_poses(self._joints)
+        _create_dataset(self._part, hand, generator, _objects(options.object, self._place))
         self._file = open_hdf5(self._part, "r+", LIBVER)
         self._group = create_group(self._file, None)
         self._columns = {board.address: column for column, board in enumerate(hand.boards)}
@@ -123,11 +81,11 @@ class Hdf5Sink:
         self._last_us: dict[int, int] = {}
 
     def take(self, frame: TaxelFrame) -> None:
-        """Add a frame to the row of its cycle."""
+        """Add a frame to the row of its poll cycle."""
         self._sorter.add(frame)
-        self._take_cycles(is_end=False)
+        self._write_cycles(is_end=False)
 
-    def _take_cycles(self, is_end: bool) -> None:
+    def _write_cycles(self, is_end: bool) -> None:
         while (frames := self._sorter.pop(is_end)) is not None:
             self._add_row(frames)
 
@@ -136,8 +94,8 @@ class Hdf5Sink:
         for frame in frames:
             column = self._columns[frame.address]
             valid[column] = True
-            self._counts[self._hand.slice_of(frame.address)] = frame.raw_counts
-            self._clock[column] += self._step_us(frame) * 1e-6
+            self._counts[self._hand.get_slice(frame.address)] = frame.raw_counts
+            self._clock[column] += self._elapsed_us(frame) * 1e-6
         time_s = max(min(frame.time_s for frame in frames), self._span[1] if self._count else 0.0)
         self._span = [time_s if not self._count else self._span[0], time_s]
         phase = Phase.BASELINE if self._count < self._options.baseline_frames else Phase.HOLD
@@ -153,18 +111,18 @@ class Hdf5Sink:
             }
         )
         self._count += 1
-        if len(self._rows) >= BLOCK:
-            self._append()
+        if len(self._rows) >= BLOCK_ROWS:
+            self._write_block()
 
-    def _step_us(self, frame: TaxelFrame) -> int:
-        """How far the board's clock has gone since its last frame; its first reading is where it begins."""
+    def _elapsed_us(self, frame: TaxelFrame) -> int:
+        """Time on the board's clock since its last frame, microseconds; the clock's reading for the first frame."""
         last = self._last_us.get(frame.address)
         self._last_us[frame.address] = frame.board_time_us
         if last is None:
             return frame.board_time_us
         return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
-    def _append(self) -> None:
+    def _write_block(self) -> None:
         with writing_errors(self._place):
             for name, dtype in _TYPES.items():
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
@@ -173,7 +131,7 @@ class Hdf5Sink:
                         name,
                         data=block,
                         maxshape=(None, *block.shape[1:]),
-                        chunks=(BLOCK, *block.shape[1:]),
+                        chunks=(BLOCK_ROWS, *block.shape[1:]),
                         compression="gzip",
                         compression_opts=1,
                         shuffle=True,
@@ -185,13 +143,13 @@ class Hdf5Sink:
                     data[-len(block) :] = block
         self._rows.clear()
 
-    def close(self, is_whole: bool) -> None:
-        """Link the grasp, and give the file its name once the reader takes it."""
+    def close(self, is_complete: bool) -> None:
+        """Link the grasp, check the file with the reader, and rename the file to its final name."""
         try:
-            if is_whole:
+            if is_complete:
                 self._finish()
             self._file.close()
-            if is_whole:
+            if is_complete:
                 GraspDataset(self._part).close()
                 put_in_place(self._part, self._path, self._overwrite, self._place)
         finally:
@@ -199,11 +157,11 @@ class Hdf5Sink:
             self._part.unlink(missing_ok=True)
 
     def _finish(self) -> None:
-        self._take_cycles(is_end=True)
+        self._write_cycles(is_end=True)
         if not self._count:
-            self._place.fail("at least one frame", "none", "there is nothing to convert")
+            self._place.fail("at least one frame", "none", "give a recording with frames")
         if self._rows:
-            self._append()
+            self._write_block()
         with writing_errors(self._place):
             write_array(self._group, "sensor_pose", self._pose)
             write_array(self._group, "object_pose", np.eye(4))
@@ -212,58 +170,76 @@ class Hdf5Sink:
             write_attributes(self._group, {**names, "iteration": 0, "session": options.session})
             span_s = self._span[1] - self._span[0]
             rates = (self._frames - 1) / span_s if span_s > 0 else self._frames
-            self._file["sensors/rate_hz"][...] = np.maximum(rates, 1e-6)  # a board that was silent has no rate of 0
+            # The format requires a rate above 0, also for a board without frames.
+            self._file["sensors/rate_hz"][...] = np.maximum(rates, 1e-6)
             link_grasp(self._file, self._group, "0001")
 
 
+def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, ObjectMesh]) -> None:
+    """A dataset without grasps. The rates of the sensors are replaced at the end, when they are measured."""
+    taxels = TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, np.full(hand.n_taxels, hand.size_m))
+    sensors = SensorTable(
+        np.array([board.address for board in hand.boards], np.uint8),
+        tuple(board.name for board in hand.boards),
+        tuple(board.kind.name for board in hand.boards),
+        np.ones(len(hand.boards)),
+    )
+    header = DatasetHeader(REAL, hand.name, taxels, sensors, objects, generator)
+    GraspDatasetWriter.create(path, header, overwrite=True).close()
+
+
 def _objects(name: str, place: Place) -> dict[str, ObjectMesh]:
-    if name == UNKNOWN:
+    if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
-        return {UNKNOWN: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
+        return {UNKNOWN_OBJECT: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
     known = thesis_objects()
     if name not in known:
-        place.key("objects").fail(f"one of {', '.join([*known, UNKNOWN])}", shown(name), "correct --object")
+        place.key("objects").fail(
+            f"one of {', '.join([*known, UNKNOWN_OBJECT])}", format_value(name), "correct --object"
+        )
     vertices, faces = known[name].shape.mesh()
     return {name: ObjectMesh(vertices, faces.astype(np.int32))}
 
 
 def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
-    """One grasp of a dataset; `grasp`: its id, which may be None where there is only one.
+    """The frames of one grasp of a dataset. grasp: its id; None only for a dataset with one grasp.
 
     Raises DatasetError for a damaged dataset or an unknown grasp.
     """
     with GraspDataset(path) as data:
         if grasp is None and len(data) != 1:
-            fail(path, "/grasps", "one grasp", f"{len(data)}", "say which with --grasp ID")
-        chosen = data[data.ids[0] if grasp is None else grasp]
-        link = FramesLink(os.fspath(path), _frames(path, chosen.id, data.sensors.address, _parts(data)))
+            fail(path, "/grasps", "one grasp", f"{len(data)}", "select one with --grasp ID")
+        selected = data[data.ids[0] if grasp is None else grasp]
+        link = FramesLink(
+            os.fspath(path), _read_frames(path, selected.id, data.sensors.address, _taxels_of_sensors(data))
+        )
         link.header = {"hand": data.hand}
         return link
 
 
-def _parts(data: GraspDataset) -> list[NDArray[np.intp]]:
-    """Where the taxels of each sensor stand on the taxel axis."""
+def _taxels_of_sensors(data: GraspDataset) -> list[NDArray[np.intp]]:
+    """For each sensor, the indices of its taxels on the taxel axis."""
     return [np.flatnonzero(data.taxels.sensor == address) for address in data.sensors.address]
 
 
-def _frames(
-    path: Path, grasp: str, addresses: NDArray[np.uint8], parts: list[NDArray[np.intp]]
+def _read_frames(
+    path: Path, grasp: str, addresses: NDArray[np.uint8], taxels: list[NDArray[np.intp]]
 ) -> Iterator[TaxelFrame]:
     with open_hdf5(path, "r") as file:
         group: Mapping[str, Any] = file["grasps"][grasp]
-        for start in range(0, len(group["timestamp"]), BLOCK):
-            rows = slice(start, start + BLOCK)
+        for start in range(0, len(group["timestamp"]), BLOCK_ROWS):
+            rows = slice(start, start + BLOCK_ROWS)
             times, valid, counts = (group[name][rows] for name in ("timestamp", "valid", "raw_counts"))
             if not np.isfinite(times).all() or (times < 0.0).any():
-                fail(path, f"/grasps/{grasp}/timestamp", "seconds, 0 or more", "others", "correct it")
+                fail(path, f"/grasps/{grasp}/timestamp", "seconds, 0 or more", "other values", "correct them")
             has_clock = "sensor_time" in group
             clock = group["sensor_time"][rows] if has_clock else np.repeat(times[:, None], len(addresses), axis=1)
-            ticks = np.nan_to_num(np.round(clock * 1e6)).astype(np.int64) % _WRAP_US
+            board_us = np.nan_to_num(np.round(clock * 1e6)).astype(np.int64) % _WRAP_US
             for row, time_s in enumerate(times.tolist()):
                 number = (start + row) % 65_536
                 hub_us = round(time_s * 1e6) % _WRAP_US
                 for column in np.flatnonzero(valid[row]).tolist():
                     yield TaxelFrame(
-                        int(addresses[column]), number, number, time_s, int(ticks[row, column]), hub_us,
-                        counts[row, parts[column]].astype(np.uint16),
+                        int(addresses[column]), number, number, time_s, int(board_us[row, column]), hub_us,
+                        counts[row, taxels[column]].astype(np.uint16),
                     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What every table of frames has: its columns, and the checks of a row that comes from a file."""
+"""Common parts of the formats that store a table of frames: header, columns, and checks of a row from a file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 
 from taxel.errors import FieldError
-from taxel.hand.errors import shown, shown_path
+from taxel.hand.errors import format_path, format_value
 from taxel.link import CaptureError
 from taxel.link.capture import EXISTS
 from taxel.stream import TaxelFrame
@@ -19,36 +19,40 @@ from taxel.stream import TaxelFrame
 FORMAT = "taxel-recording"
 VERSION = 1
 HEADER_MAX = 1 << 22
-LARGEST_TIME_S = 1e11  # beyond it, microseconds are lost in a float64
-NUMBERS: Mapping[str, int] = {
+"""Largest size of a header, bytes."""
+
+LARGEST_TIME_S = 1e11
+"""Largest time of a frame, seconds. A float64 above this value does not resolve 1 microsecond safely."""
+
+INTEGER_COLUMNS: Mapping[str, int] = {
     "address": 127, "sequence": 65_535, "cycle": 65_535, "board_time_us": 2**32 - 1, "hub_time_us": 2**32 - 1,
 }  # fmt: skip
-"""Whole-number columns of a frame, and the largest value of each."""
+"""Integer columns of a frame, and the largest value of each."""
 
 
-class RecordingFormError(FieldError):
+class RecordingFormatError(FieldError):
     """A recording in CSV, Parquet or HDF5 that cannot be read."""
 
 
 class FrameSink(Protocol):
-    """Something that frames are written to."""
+    """Writer of the frames of a recording."""
 
     def take(self, frame: TaxelFrame) -> None:
-        """One frame, in the order of arrival."""
+        """Write one frame. Frames come in the order of their arrival."""
         ...
 
-    def close(self, is_whole: bool) -> None:
-        """No more frames come. `is_whole` False: something failed; what was written is removed."""
+    def close(self, is_complete: bool) -> None:
+        """Complete the file. is_complete False: an error occurred; the written data are removed."""
         ...
 
 
 def fail(file: str | os.PathLike[str], field: str, expected: str, found: object, remedy: str) -> NoReturn:
-    """Raise RecordingFormError for a place in a file."""
-    raise RecordingFormError(shown_path(os.fspath(file)), field, expected, shown(found), remedy)
+    """Raise RecordingFormatError for a field of a file."""
+    raise RecordingFormatError(format_path(os.fspath(file)), field, expected, format_value(found), remedy)
 
 
 def check_free(path: Path, overwrite: bool) -> None:
-    """Refuse a name that is taken, and one in a folder that is not there."""
+    """Raise CaptureError if `path` exists and `overwrite` is False, or if its folder does not exist."""
     if path.exists() and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
     if not path.parent.is_dir():
@@ -56,12 +60,12 @@ def check_free(path: Path, overwrite: bool) -> None:
 
 
 def header_text(header: Mapping[str, Any]) -> str:
-    """A recording's header as JSON, with the form's name."""
+    """The header of a recording as JSON, with the name and the version of the format."""
     return json.dumps({"format": FORMAT, "version": VERSION, **header}, indent=1)
 
 
 def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
-    """The header of such a text. Raises RecordingFormError for another form or version."""
+    """The header in a text that `header_text` wrote. Raises RecordingFormatError for another format or version."""
     try:
         header = json.loads(text)
     except (ValueError, RecursionError):
@@ -72,17 +76,20 @@ def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, A
     return header
 
 
-def checked_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], place: str) -> TaxelFrame:
-    """The frame of a row. `values`: numbers by column, `time_s` among them; `counts`: sequence of whole numbers."""
-    for name, largest in NUMBERS.items():
+def checked_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], row: str) -> TaxelFrame:
+    """The frame of a row; raises RecordingFormatError for a value outside its range.
+
+    values: numbers by column, including `time_s`. counts: sequence of integers. row: the row in messages, "line 7".
+    """
+    for name, largest in INTEGER_COLUMNS.items():
         if not 0 <= values[name] <= largest:
-            fail(file, f"{place}, {name}", f"0 to {largest}", values[name], "correct the row")
+            fail(file, f"{row}, {name}", f"0 to {largest}", values[name], "correct the row")
     time_s = values["time_s"]
     if not 0.0 <= time_s <= LARGEST_TIME_S:
-        fail(file, f"{place}, time_s", "seconds, 0 or more", time_s, "correct the row")
+        fail(file, f"{row}, time_s", "seconds, 0 or more", time_s, "correct the row")
     array = np.asarray(counts, dtype=np.int64)
     if array.ndim != 1 or not len(array) or array.min() < 0 or array.max() > 65_535:
-        fail(file, f"{place}, raw counts", "0 to 65535", f"{array.min()} to {array.max()}" if array.size else "none",
+        fail(file, f"{row}, raw counts", "0 to 65535", f"{array.min()} to {array.max()}" if array.size else "none",
              "correct the row")  # fmt: skip
-    numbers = {name: int(values[name]) for name in NUMBERS}
+    numbers = {name: int(values[name]) for name in INTEGER_COLUMNS}
     return TaxelFrame(time_s=float(time_s), raw_counts=array.astype(np.uint16), **numbers)

@@ -1,4 +1,4 @@
-"""A recording as Parquet: a row for each frame, its counts as a list. Needs pyarrow (pip install 'taxel[parquet]')."""
+"""A recording as a Parquet file: one row for each frame, with the raw counts as a list. Needs pyarrow."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.recording.forms.frame_table import checked_frame, fail, header_text, parse_header
+from taxel.optional import optional_import
+from taxel.recording.formats.frame_table import checked_frame, fail, header_text, parse_header
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
-ROWS_AT_ONCE = 4096
+BLOCK_ROWS = 4096
+"""Rows in memory at one time, and rows of a row group in the file."""
+
 METADATA_KEY = b"taxel"
 
 
-def _pyarrow() -> tuple[Any, Any]:
-    try:
+def _import_pyarrow() -> tuple[Any, Any]:
+    with optional_import("pyarrow", "a Parquet recording"):
         import pyarrow
         import pyarrow.parquet
-    except ImportError:
-        raise TaxelError("Parquet needs pyarrow, which is not installed: pip install 'taxel[parquet]'") from None
     return pyarrow, pyarrow.parquet
 
 
@@ -42,10 +42,10 @@ def _schema(arrow: Any) -> Any:
 
 
 class ParquetSink:
-    """Writes a Parquet file, row group by row group; it stands under another name until it is whole."""
+    """Writes a Parquet file in row groups. The file gets its final name when it is complete."""
 
     def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any]) -> None:
-        self._arrow, parquet = _pyarrow()
+        self._arrow, parquet = _import_pyarrow()
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
         self._schema = _schema(self._arrow)
@@ -57,10 +57,10 @@ class ParquetSink:
     def take(self, frame: TaxelFrame) -> None:
         """Append a row."""
         self._rows.append(frame)
-        if len(self._rows) >= ROWS_AT_ONCE:
-            self._write()
+        if len(self._rows) >= BLOCK_ROWS:
+            self._write_block()
 
-    def _write(self) -> None:
+    def _write_block(self) -> None:
         columns: dict[str, Any] = {name: [getattr(frame, name) for frame in self._rows] for name in self._schema.names
                                    if name != "name"}  # fmt: skip
         columns["name"] = [self._names[frame.address] for frame in self._rows]
@@ -68,40 +68,40 @@ class ParquetSink:
         self._writer.write_table(self._arrow.Table.from_arrays(arrays, schema=self._schema))
         self._rows.clear()
 
-    def close(self, is_whole: bool) -> None:
-        """Write what is left and give the file its name."""
+    def close(self, is_complete: bool) -> None:
+        """Write the last rows and rename the file to its final name."""
         try:
-            if is_whole and self._rows:
-                self._write()
+            if is_complete and self._rows:
+                self._write_block()
             self._writer.close()
-            if is_whole:
+            if is_complete:
                 os.replace(self._part, self._path)
         finally:
             self._part.unlink(missing_ok=True)
 
 
 def open_parquet(path: Path) -> FramesLink:
-    """The recording in a Parquet file. Raises RecordingFormError for what is not one."""
-    arrow, parquet = _pyarrow()
+    """The recording in a Parquet file. Raises RecordingFormatError for a file that is no recording."""
+    arrow, parquet = _import_pyarrow()
     try:
         file = parquet.ParquetFile(path)
     except (arrow.ArrowException, OSError) as error:
-        fail(path, "file", "a whole Parquet file", str(error).partition("\n")[0][:80], "give one of taxel convert")
+        fail(path, "file", "a complete Parquet file", str(error).partition("\n")[0][:80], "give one of taxel convert")
     metadata = file.schema_arrow.metadata or {}
     if METADATA_KEY not in metadata:
-        fail(path, "metadata", "the header that taxel convert writes", "none", "give a file that it made")
+        fail(path, "metadata", "the header that taxel convert writes", "none", "give a file from taxel convert")
     missing = set(_schema(arrow).names) - set(file.schema_arrow.names)
     if missing:
-        fail(path, "columns", ", ".join(_schema(arrow).names), f"no {min(missing)}", "keep the columns")
-    link = FramesLink(os.fspath(path), _frames(path, file))
+        fail(path, "columns", ", ".join(_schema(arrow).names), f"no {min(missing)}", "restore the original columns")
+    link = FramesLink(os.fspath(path), _read_frames(path, file))
     link.header = parse_header(metadata[METADATA_KEY], path)
     return link
 
 
-def _frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
+def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
     number = 0
     with file:
-        for batch in file.iter_batches(batch_size=ROWS_AT_ONCE):
+        for batch in file.iter_batches(batch_size=BLOCK_ROWS):
             for row in batch.to_pylist():
                 number += 1
                 empty = [name for name, value in row.items() if value is None]

@@ -1,0 +1,212 @@
+"""Conversion of a recording from one format to another.
+
+The source is opened as a skin. The target is written from the frames of this skin.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from taxel.errors import TaxelError
+from taxel.hand import Hand, load_hand
+from taxel.link import CaptureError, Link
+from taxel.recording.formats.csv_format import CsvSink, open_csv
+from taxel.recording.formats.frame_table import FrameSink, check_free
+from taxel.recording.formats.grasp_options import GraspOptions
+from taxel.ros.topics import SkinTopics
+from taxel.skin import Skin, open_source, recorded_hand
+from taxel.skin.recorder import record_link
+from taxel.skin.recording_link import recording_header
+from taxel.stream.encoder import FramesLink
+from taxel.types import FloatArray
+
+FORMATS = {
+    "capture": (".bin",), "mcap": (".mcap",), "hdf5": (".h5", ".hdf5"), "parquet": (".parquet",), "csv": (".csv", "/"),
+}  # fmt: skip
+"""Formats of a recording and the endings of their names. CSV is a folder."""
+
+_NAMES = "x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet or x.csv (a folder)"
+
+LOSSES = {
+    "capture": "",
+    "mcap": "",
+    "csv": "CSV contains frames only: not the hub's messages, its bytes, or the number of frames lost on the wire",
+    "parquet": "Parquet contains frames only: not the hub's messages, its bytes, or the number of frames lost on the "
+    "wire",
+    "hdf5": "a grasp dataset contains one row for each poll cycle: not the time of arrival of each board, the numbers "
+    "of cycles and scans, or cycles in which no board answered",
+}
+"""Information that a format does not contain, as a sentence for the user; "" for a complete format."""
+
+ENCODED_NOTE = (
+    "the bytes are encoded from the frames: times have a resolution of 1 us, and the hub's clock is the clock of the "
+    "recording"
+)
+"""Sentence for the user when a complete format is written from a source that contains frames only."""
+
+
+@dataclass(frozen=True)
+class ConversionResult:
+    """Result of a conversion.
+
+    frames: converted frames. missing: frames that are missing according to the cycle numbers. lost_on_wire: frames
+    lost between hub and host. seconds: duration of the recording. notes: sentences about information that the target
+    does not contain.
+    """
+
+    frames: int
+    missing: int
+    lost_on_wire: int
+    seconds: float
+    notes: list[str] = field(default_factory=list)
+
+
+def format_of(path: str | os.PathLike[str]) -> str:
+    """The format of a file by its name, a key of `FORMATS`. Raises TaxelError for another name."""
+    text = os.fspath(path)
+    if Path(text).is_dir():
+        return "csv"
+    for name, endings in FORMATS.items():
+        if text.endswith(endings):
+            return name
+    raise TaxelError(f"{text}: expected a name such as {_NAMES}")
+
+
+def open_recording(
+    path: str | os.PathLike[str], hand: Hand | str | os.PathLike[str] | None = None, grasp: str | None = None
+) -> tuple[Link, Hand]:
+    """The link of a recording in any format, and its hand.
+
+    hand: None: the hand that the recording contains or names. grasp: id of the grasp in a dataset with several. Raises
+    TaxelError for a file that is no recording.
+    """
+    text = os.fspath(path)
+    table_formats = {ending: name for name in ("hdf5", "parquet") for ending in FORMATS[name]}
+    format_name = "csv" if Path(text).is_dir() else table_formats.get(Path(text).suffix)
+    if format_name is None:
+        return open_source(f"file:{text}", hand)
+    if not Path(text).exists():
+        raise CaptureError(text, "cannot be read (No such file or directory)")
+    link = _open_frames(Path(text), format_name, grasp)
+    if hand is None:
+        return link, recorded_hand(link)
+    return link, hand if isinstance(hand, Hand) else load_hand(hand)
+
+
+def _open_frames(path: Path, format_name: str, grasp: str | None) -> FramesLink:
+    if format_name == "csv":
+        return open_csv(path)
+    if format_name == "parquet":
+        from taxel.recording.formats.parquet_format import open_parquet
+
+        return open_parquet(path)
+    from taxel.recording.formats.hdf5_format import open_hdf5_recording  # needs h5py, which is optional
+
+    return open_hdf5_recording(path, grasp)
+
+
+def convert(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    hand: Hand | str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    joint_position: npt.ArrayLike | None = None,
+    grasp: str | None = None,
+    options: GraspOptions | None = None,
+    progress: Callable[[float], None] = lambda seconds: None,
+) -> ConversionResult:
+    """Write the recording `source` as `target`, in the format of the target's name, with constant memory.
+
+    joint_position: angles of the hand's robot, radians [j], for formats with taxel positions; None: as recorded, or 0.
+    options: grasp properties for a grasp dataset and for the active taxels in CSV. progress: called with the converted
+    seconds. A truncated source is converted up to the truncation; then its `CaptureError` is raised. Raises TaxelError
+    if the target exists and `overwrite` is False.
+    """
+    format_name = format_of(target)
+    path = Path(os.fspath(target).rstrip("/") or "/")
+    check_free(path, overwrite)
+    link, description = open_recording(source, hand, grasp)
+    try:
+        header = recording_header(f"file:{os.fspath(source)}", link, description, hand)
+    except BaseException:
+        link.close()
+        raise
+    has_bytes = not isinstance(link, FramesLink)
+    joints = header.get("joint_position") if joint_position is None else joint_position
+    angles = None if joints is None else np.asarray(joints, dtype=np.float64)
+    if format_name in ("capture", "mcap"):
+        skin = record_link(link, description, header, path, overwrite, angles)
+        return _convert_frames(skin, None, [] if has_bytes else [ENCODED_NOTE], progress)
+    skin = Skin(link, description)
+    if angles is not None:
+        header["joint_position"] = angles.tolist()
+    try:
+        sink = _open_sink(format_name, path, skin, header, options or GraspOptions(), angles, overwrite)
+    except BaseException:
+        skin.close()
+        raise
+    return _convert_frames(skin, sink, [LOSSES[format_name]], progress)
+
+
+def _open_sink(
+    format_name: str,
+    path: Path,
+    skin: Skin,
+    header: dict[str, object],
+    options: GraspOptions,
+    angles: FloatArray | None,
+    overwrite: bool,
+) -> FrameSink:
+    if format_name == "csv":
+        topics = SkinTopics(skin.hand, skin.hub, 0, None if angles is None else lambda: angles)
+        return CsvSink(path, skin.hand, header, topics, (options.object, options.approach))
+    if format_name == "parquet":
+        from taxel.recording.formats.parquet_format import ParquetSink
+
+        return ParquetSink(path, skin.hand, header)
+    from taxel.recording.formats.hdf5_format import Hdf5Sink  # needs h5py, which is optional
+
+    generator = f"taxel convert {importlib.metadata.version('taxel')}"
+    return Hdf5Sink(path, skin.hand, generator, options, angles, overwrite)
+
+
+def _convert_frames(
+    skin: Skin, sink: FrameSink | None, notes: list[str], progress: Callable[[float], None]
+) -> ConversionResult:
+    """Pass all frames of the skin to the sink. The target is completed also if the source is truncated."""
+    count, first, last = 0, float("inf"), 0.0
+    truncation: CaptureError | None = None
+    is_complete = False
+    try:
+        with skin:
+            try:
+                for frame in skin:
+                    if sink is not None:
+                        sink.take(frame)
+                    count += 1
+                    first, last = min(first, frame.time_s), max(last, frame.time_s)
+                    if count % 1000 == 0:
+                        progress(last - first)
+            except CaptureError as error:
+                if error.name != skin.link.name:
+                    raise
+                truncation = error
+            losses = skin.losses
+            missing = sum(board.missing for board in losses.boards.values())
+            notes = [note for note in notes if note]
+            result = ConversionResult(count, missing, losses.lost_on_wire, max(0.0, last - first), notes)
+        is_complete = True
+    finally:
+        if sink is not None:
+            sink.close(is_complete)
+    if truncation is not None:
+        raise truncation
+    return result

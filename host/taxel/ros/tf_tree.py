@@ -1,0 +1,151 @@
+"""The TF tree of a hand on its robot, the joint states, and the taxel centres as ROS messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from taxel.hand import Hand
+from taxel.hand.errors import HandGeometryError
+from taxel.hand.kinematics import Kinematics, build_kinematics
+from taxel.hand.transforms import inverse, to_quaternion
+from taxel.hand.urdf import format_urdf
+from taxel.types import FloatArray
+
+
+def stamp_of(time_ns: int) -> dict[str, int]:
+    """Nanoseconds since the Unix epoch as a ROS time; a negative time becomes 0, because ROS times are unsigned."""
+    sec, nanosec = divmod(max(time_ns, 0), 1_000_000_000)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def header(time_ns: int, frame: str) -> dict[str, Any]:
+    """A std_msgs/Header message."""
+    return {"stamp": stamp_of(time_ns), "frame_id": frame}
+
+
+class FrameTree:
+    """Coordinate frames of a hand: links from parent to child, and one bracket for each board, named as in the URDF.
+
+    joints: returns the joint angles, radians [j] in the order of the robot's `joint_names`; None: all 0. The poses are
+    computed again only when the angles have changed. Raises `JointCountError` for another number of angles.
+    """
+
+    def __init__(self, hand: Hand, joints: Callable[[], npt.ArrayLike] | None = None) -> None:
+        self._hand = hand
+        self._kinematics = _kinematics(hand)
+        self._names = _bracket_names(hand, self._kinematics)
+        self._joints = joints
+        self._angles: FloatArray = np.zeros(0)
+        self._poses: FloatArray = np.zeros((0, 4, 4))
+        self._moving: list[dict[str, Any]] = []
+        self._taxels: tuple[FloatArray, FloatArray] | None = None
+        if self._kinematics is not None:
+            self._update()
+
+    @property
+    def has_geometry(self) -> bool:
+        """Whether the hand description contains the poses of the boards."""
+        return self._kinematics is not None
+
+    @property
+    def root(self) -> str:
+        """Name of the root frame; "" without geometry."""
+        return self._kinematics.robot.root if self._kinematics is not None else ""
+
+    @property
+    def urdf(self) -> str:
+        """The robot and its brackets as URDF text."""
+        return format_urdf(self._require_kinematics().robot, self._hand)
+
+    def bracket_frame(self, address: int) -> str:
+        """Name of the frame of a board's bracket."""
+        return self._names[address]
+
+    def _require_kinematics(self) -> Kinematics:
+        if self._kinematics is None:
+            raise HandGeometryError(self._hand.name)
+        return self._kinematics
+
+    def _update(self) -> None:
+        kinematics = self._require_kinematics()
+        count = len(kinematics.robot.joint_names)
+        angles = np.zeros(count) if self._joints is None else np.asarray(self._joints(), dtype=np.float64)
+        if not len(self._poses) or not np.array_equal(angles, self._angles):
+            self._poses = kinematics.compute_link_poses(angles)
+            self._angles = angles.copy()
+            self._moving = list(self._joint_transforms())
+            self._taxels = None
+
+    def _joint_transforms(self) -> Iterator[dict[str, Any]]:
+        robot = self._require_kinematics().robot
+        for index, joint in enumerate(robot.joints):
+            if joint.axis is not None:
+                parent = self._poses[robot.get_link_index(joint.parent)]
+                yield _transform(joint.parent, joint.child, inverse(parent) @ self._poses[index + 1])
+
+    def static_transforms(self, time_ns: int) -> dict[str, Any]:
+        """A tf2_msgs/TFMessage message of the transforms that never change: fixed joints and brackets."""
+        robot = self._require_kinematics().robot
+        edges = [(joint.parent, joint.child, joint.origin) for joint in robot.joints if joint.axis is None]
+        for board in self._hand.boards:
+            if board.link_name is not None and board.pose is not None:
+                edges.append((board.link_name, self._names[board.address], board.pose))
+        return _stamped([_transform(*edge) for edge in edges], time_ns)
+
+    def moving_transforms(self, time_ns: int) -> dict[str, Any]:
+        """A tf2_msgs/TFMessage message of the links behind moving joints, at the current angles."""
+        self._update()
+        return _stamped(self._moving, time_ns)
+
+    def joint_states(self, time_ns: int) -> dict[str, Any]:
+        """A sensor_msgs/JointState message of the current angles."""
+        self._update()
+        names = list(self._require_kinematics().robot.joint_names)
+        return {"header": header(time_ns, ""), "name": names, "position": self._angles, "velocity": [], "effort": []}
+
+    def taxel_centres_and_normals(self) -> tuple[FloatArray, FloatArray]:
+        """Centres (metres) and outward unit normals of all taxels at the current angles, root frame, f64[n, 3]."""
+        self._update()
+        if self._taxels is None:
+            kinematics = self._require_kinematics()
+            self._taxels = (
+                kinematics.compute_taxel_positions(self._angles),
+                kinematics.compute_taxel_normals(self._angles),
+            )
+        return self._taxels
+
+
+def _transform(parent: str, child: str, matrix: FloatArray) -> dict[str, Any]:
+    """A geometry_msgs/TransformStamped whose header is replaced by the name of the parent frame (see `_stamped`)."""
+    w, x, y, z = to_quaternion(matrix).tolist()
+    translation = dict(zip("xyz", matrix[:3, 3].tolist(), strict=True))
+    pose = {"translation": translation, "rotation": {"x": x, "y": y, "z": z, "w": w}}
+    return {"header": parent, "child_frame_id": child, "transform": pose}
+
+
+def _stamped(transforms: list[dict[str, Any]], time_ns: int) -> dict[str, Any]:
+    return {"transforms": [each | {"header": header(time_ns, each["header"])} for each in transforms]}
+
+
+def _kinematics(hand: Hand) -> Kinematics | None:
+    try:
+        return build_kinematics(hand)
+    except HandGeometryError:
+        return None
+
+
+def _bracket_names(hand: Hand, kinematics: Kinematics | None) -> dict[int, str]:
+    """Frame names by address, as in `Kinematics.publish` and the URDF: a board with a link's name is NAME_bracket."""
+    used = set(kinematics.robot.link_names) if kinematics is not None else set()
+    names = {}
+    for board in hand.boards:
+        name = board.name
+        while name in used:
+            name += "_bracket"
+        used.add(name)
+        names[board.address] = name
+    return names
