@@ -1,12 +1,12 @@
-"""How strong the causes are that the blind check draws: gap over floor of every form, from weakest to strongest.
+"""Gap over floor of every cause type of the blind check, from the weakest to the strongest.
 
-    python tools/blind/strengths.py [--forms "spread film,noise pink"] [--strengths 0,0.5,1] [--worlds 2] [--seed 0]
+    python tools/blind/strengths.py --emulator-effects "spread film,noise pink" --strengths 0,0.5,1 --worlds 2
 
-Worlds of `host/taxel/blind/kinds.py` hold one cause each and are pressed as a blind check presses them; nothing is
-diagnosed. `FLOORS` in `drawing.py` says how far a gap is to lie above the floor at strength 0 and 1: gap over floor is
-the root of one more than its square, 1.1 and 6.1. Where a form is far from that, its range in `kinds.py` is wrong.
-A cause that acts on one board or line hangs on whether presses reach it: look at the median of several worlds. A world
-takes about 8 s of one core.
+Each world has one cause and the indentations of a blind check; nothing is diagnosed. `FLOORS` in
+`host/taxel/blind/sampling.py` states the intended excess in floors at strength 0 and 1; the intended ratio of gap to
+floor is the root of 1 plus its square: 1.1 and 6.1. A cause type with a different ratio needs another parameter range.
+The ratio of a cause on one board or line depends on the load of this location: use the median of several worlds. A
+world takes about 8 s on one core.
 """
 
 from __future__ import annotations
@@ -22,70 +22,72 @@ from typing import Final
 
 import numpy as np
 
-from taxel.blind.drawing import SMALL, World
-from taxel.blind.form import Form
-from taxel.blind.hidden import Hidden
-from taxel.blind.kinds import INSIDE, nuisances
-from taxel.blind.making import make_world
-from taxel.blind.strangers import LOOKALIKES, OUTSIDE
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, nuisances
+from taxel.blind.hidden import HiddenCauses
+from taxel.blind.out_of_catalogue import LOOKALIKES, OUT_OF_CATALOGUE
+from taxel.blind.world import World
+from taxel.blind.world_datasets import make_world
 from taxel.errors import TaxelError
 from taxel.gap.metric import measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.hand import load_hand
 
-FORMS: Final = {form.form: form for form in (*INSIDE, *OUTSIDE, *LOOKALIKES)}
+CAUSE_TYPES: Final = {
+    cause_type.emulator_effect: cause_type for cause_type in (*CATALOGUE_CAUSES, *OUT_OF_CATALOGUE, *LOOKALIKES)
+}
 HAND: Final = "rig4"
 
 
 def main(arguments: list[str]) -> int:
-    """The table on standard output."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--forms", help="separated by commas; else all")
+    parser.add_argument("--emulator-effects", help="separated by commas; default: all")
     parser.add_argument("--strengths", default="0,0.5,1", help="between 0 and 1, separated by commas")
-    parser.add_argument("--worlds", type=int, default=2, help="of each form and strength")
-    parser.add_argument("--seed", type=int, default=0, help="of the draws")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="worlds at a time")
-    given = parser.parse_args(arguments)
-    names = list(FORMS) if given.forms is None else [name.strip() for name in given.forms.split(",")]
+    parser.add_argument("--worlds", type=int, default=2, help="worlds per cause type and strength")
+    parser.add_argument("--seed", type=int, default=0, help="random seed")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="parallel worlds")
+    options = parser.parse_args(arguments)
+    requested = options.emulator_effects
+    names = list(CAUSE_TYPES) if requested is None else [name.strip() for name in requested.split(",")]
     for name in names:
-        if name not in FORMS:
-            parser.error(f"--forms: no form '{name}'; choose from: {', '.join(FORMS)}")
+        if name not in CAUSE_TYPES:
+            parser.error(f"--emulator-effects: expected {', '.join(CAUSE_TYPES)}, found '{name}'")
     try:
-        strengths = [float(word) for word in given.strengths.split(",")]
+        strengths = [float(word) for word in options.strengths.split(",")]
     except ValueError:
         strengths = []
     if not strengths or not all(0.0 <= strength <= 1.0 for strength in strengths):
-        parser.error(f"--strengths: expected numbers from 0 to 1, separated by commas, found '{given.strengths}'")
-    if min(given.worlds, given.jobs) < 1:
+        parser.error(f"--strengths: expected numbers from 0 to 1, separated by commas, found '{options.strengths}'")
+    if min(options.worlds, options.jobs) < 1:
         parser.error("--worlds, --jobs: expected at least 1")
-    found: dict[tuple[str, float], list[float]] = {}
-    with ProcessPoolExecutor(given.jobs) as pool:
+    ratios: dict[tuple[str, float], list[float]] = {}
+    with ProcessPoolExecutor(options.jobs) as pool:
         jobs = {
-            pool.submit(ratio_of, name, strength, [given.seed, number, zlib.crc32(name.encode())]): (name, strength)
+            pool.submit(ratio_of, name, strength, [options.seed, number, zlib.crc32(name.encode())]): (name, strength)
             for name in names
             for strength in strengths
-            for number in range(given.worlds)
+            for number in range(options.worlds)
         }
-        for place, job in enumerate(as_completed(jobs), 1):
-            found.setdefault(jobs[job], []).append(job.result())
-            print(f"\r{place} of {len(jobs)} worlds", end="", file=sys.stderr, flush=True)
+        for finished, job in enumerate(as_completed(jobs), 1):
+            ratios.setdefault(jobs[job], []).append(job.result())
+            print(f"\r{finished} of {len(jobs)} worlds", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    print("| form | " + " | ".join(f"{strength:g}" for strength in strengths) + " |")
+    print("| emulator effect | " + " | ".join(f"{strength:g}" for strength in strengths) + " |")
     print("|---" * (len(strengths) + 1) + "|")
     for name in names:
-        rows = [sorted(found[name, strength]) for strength in strengths]
-        cells = [f"{np.median(own):.1f} ({own[0]:.1f} to {own[-1]:.1f})" for own in rows]
-        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+        rows = [sorted(ratios[name, strength]) for strength in strengths]
+        columns = [f"{np.median(row):.1f} ({row[0]:.1f} to {row[-1]:.1f})" for row in rows]
+        print(f"| {name} | " + " | ".join(columns) + " |", flush=True)
     return 0
 
 
 def ratio_of(name: str, strength: float, seed: list[int]) -> float:
-    """Gap over floor of one world; NaN where no plan could be pressed."""
+    """Gap over floor of one world; NaN if no plan has an equilibrium."""
     rng = np.random.default_rng(seed)
-    form: Form = FORMS[name]
-    hidden = Hidden("single", (form.draw(rng, load_hand(HAND), strength),), nuisances(rng))
-    world = World(0, HAND, int(rng.integers(2**62)), hidden, "", shape=SMALL)
+    cause = CAUSE_TYPES[name].sample(rng, load_hand(HAND), strength)
+    hidden = HiddenCauses("single", (cause,), nuisances(rng))
+    world = World(0, HAND, int(rng.integers(2**62)), hidden, "")
     with tempfile.TemporaryDirectory() as folder:
         real, sim = Path(folder, "real.h5"), Path(folder, "sim.h5")
         try:

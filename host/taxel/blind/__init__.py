@@ -1,1 +1,1 @@
-"""The blind check: worlds with hidden causes, sealed, diagnosed by another process, opened and scored."""
+"""The blind check: worlds with hidden causes, sealed, diagnosed by a sandboxed process, opened and scored."""

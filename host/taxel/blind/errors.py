@@ -1,4 +1,4 @@
-"""What can go wrong with a blind check's folder."""
+"""Errors of a blind check's folder."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from taxel.errors import TaxelError
 
 
 class BlindRunError(TaxelError):
-    """A folder that is no blind check, or one of another."""
+    """A folder or file that does not belong to this blind check, or a diagnosing process that ended."""
 
     def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:
         super().__init__(where, expected, found, remedy)

@@ -1,4 +1,4 @@
-"""What a world hides, and what a right answer is."""
+"""The causes that a world hides, and the correct verdict."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where something does not answer: a board (axis ""), a line of it (axis "tx" or "rx"), or a taxel ("taxel").
+class FaultLocation:
+    """Location of a fault: a board (axis ""), a line of a board (axis "tx" or "rx"), or a taxel (axis "taxel").
 
-    index: of the line; of a taxel in the hand's order.
+    index: number of the line on the board, or of the taxel in the order of the hand.
     """
 
     address: int
@@ -24,26 +24,43 @@ class Place:
 
 @dataclass(frozen=True)
 class Cause:
-    """One departure from the ideal sensor.
+    """One deviation of the emulated skin from the ideal sensor.
 
-    name: as the report page has it, or "unknown" for one outside the catalogue. form: the emulator's words for it.
-    lines: of the world file. places: where, if it is local. parameters: truth in the report's terms, such as
-    {"spread_mm": 2.0, "seconds@81": 0.1}; those that no definition fixes are absent.
+    name: effect of the catalogue, or "unknown" for a cause outside the catalogue. emulator_effect: effect and variant
+    in the emulator, such as "spread film". lines: effect lines of the world file. locations: of a local cause.
+    parameters: true values in the terms of a report, such as {"spread_mm": 2.0, "seconds@81": 0.1}; parameters that no
+    definition fixes are absent.
     """
 
     name: str
-    form: str
+    emulator_effect: str
     lines: tuple[str, ...]
-    places: tuple[Place, ...] = ()
+    locations: tuple[FaultLocation, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The cause as it is sealed."""
+        return {
+            "name": self.name,
+            "form": self.emulator_effect,
+            "lines": list(self.lines),
+            "places": [asdict(location) for location in self.locations],
+            "parameters": dict(self.parameters),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Cause:
+        """Inverse of `to_json`."""
+        locations = tuple(FaultLocation(**location) for location in data["places"])
+        return cls(data["name"], data["form"], tuple(data["lines"]), locations, dict(data["parameters"]))
 
 
 @dataclass(frozen=True)
-class Hidden:
-    """All that a world hides. kind: "none", "single", "several", "outside", "lookalike".
+class HiddenCauses:
+    """All hidden causes of a world. kind: "none", "single", "several", "outside" or "lookalike".
 
-    nuisances: lines of the world file, small, and the same in every world but for their numbers: that one is missing
-    would tell what hides it.
+    nuisances: effect lines of small, unavoidable deviations. Every world has the same ones with other values, because a
+    missing nuisance would reveal the cause that replaces it.
     """
 
     kind: str
@@ -52,38 +69,33 @@ class Hidden:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Right answer, in no order."""
+        """Names of the correct verdict, in no particular order."""
         return tuple(cause.name for cause in self.causes)
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """For the emulator."""
+        """Effect lines of the emulator's world file."""
         return (*(line for cause in self.causes for line in cause.lines), *self.nuisances)
 
-    def truth(self, cause: Cause) -> dict[str, float]:
-        """A cause's parameters as a report can find them: a spread adds in quadrature to a nuisance of its form."""
-        found = dict(cause.parameters)
+    def true_parameters(self, cause: Cause) -> dict[str, float]:
+        """Parameters of a cause as a report can estimate them.
+
+        The variance of a nuisance of the same emulator effect is added to that of the cause.
+        """
+        parameters = dict(cause.parameters)
         for line in self.nuisances:
-            form, _, spread = line.partition(" log_std=")
-            if form == cause.form and "log_std" in found:
-                found["log_std"] = math.hypot(found["log_std"], float(spread))
-        return found
+            emulator_effect, _, log_std = line.partition(" log_std=")
+            if emulator_effect == cause.emulator_effect and "log_std" in parameters:
+                parameters["log_std"] = math.hypot(parameters["log_std"], float(log_std))
+        return parameters
 
     def to_json(self) -> dict[str, Any]:
-        """For the seal."""
-        return asdict(self)
+        """The causes as they are sealed."""
+        causes = [cause.to_json() for cause in self.causes]
+        return {"kind": self.kind, "causes": causes, "nuisances": list(self.nuisances)}
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Hidden:
-        """What `to_json` gave."""
-        causes = tuple(
-            Cause(
-                one["name"],
-                one["form"],
-                tuple(one["lines"]),
-                tuple(Place(**place) for place in one["places"]),
-                dict(one["parameters"]),
-            )
-            for one in data["causes"]
-        )
+    def from_json(cls, data: Mapping[str, Any]) -> HiddenCauses:
+        """Inverse of `to_json`."""
+        causes = tuple(Cause.from_json(cause) for cause in data["causes"])
         return cls(data["kind"], causes, tuple(data["nuisances"]))

@@ -1,7 +1,7 @@
-"""Linux' Landlock: from a call on, this process opens, runs and connects to nothing but what is listed.
+"""Landlock of the Linux kernel: restricts this process to listed files, without programs and network connections.
 
-Unlike an audit hook it holds for C code too, such as HDF5's. System calls and constants: linux/landlock.h and
-Documentation/userspace-api/landlock.rst of the kernel.
+Unlike an audit hook, Landlock also restricts C code, such as HDF5. Source of the system calls and constants:
+linux/landlock.h and Documentation/userspace-api/landlock.rst of the kernel.
 """
 
 from __future__ import annotations
@@ -20,45 +20,45 @@ VERSION_FLAG, PATH_BENEATH, NO_NEW_PRIVILEGES = 1, 1, 38
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
 
 FILE_RIGHTS: Final = (13, 14, 15, 15, 16)
-"""How many rights over files there are, from version 1 of the interface to 5 and above."""
+"""Number of file access rights in versions 1 to 5 of the interface; version 5 and above have the last value."""
 
 NETWORK, SCOPES = 0b11, 0b11
-"""Binding and connecting TCP (version 4); abstract sockets and signals that leave the process (version 6)."""
+"""Rights to bind and connect TCP sockets (version 4); scopes of abstract sockets and signals (version 6)."""
 
 ON_FILES: Final = WRITE_FILE | READ_FILE | TRUNCATE
-"""Rights that a rule about a single file may grant."""
+"""Rights that a rule for a single file can grant."""
 
 
 def version() -> int:
-    """Of the kernel's interface; 0 where there is none."""
+    """Version of the kernel's interface; 0 if there is none."""
     if sys.platform != "linux":
         return 0
     return max(_call(CREATE_RULESET, None, 0, VERSION_FLAG), 0)
 
 
 def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
-    """Whether from here on only `readable` is read, only `writable` besides written, and no program started.
+    """Restrict this thread and its future threads irrevocably; returns whether the kernel supports it.
 
-    Folders with all below them, or files; what does not exist is left out. False, and nothing has changed, where the
-    kernel cannot do it. It cannot be undone, and holds for this thread and those that it starts.
+    readable: files, and folders with their content, that can be read. writable: those that can also be written.
+    Nonexistent paths are ignored. No program can be started. Nothing changes if the result is False.
     """
-    known = version()
-    if not known:
+    interface = version()
+    if not interface:
         return False
-    every = (1 << FILE_RIGHTS[min(known, len(FILE_RIGHTS)) - 1]) - 1
-    attributes = [every, *([NETWORK] if known >= 4 else []), *([SCOPES] if known >= 6 else [])]
+    all_rights = (1 << FILE_RIGHTS[min(interface, len(FILE_RIGHTS)) - 1]) - 1
+    attributes = [all_rights, *([NETWORK] if interface >= 4 else []), *([SCOPES] if interface >= 6 else [])]
     packed = struct.pack(f"={len(attributes)}Q", *attributes)
     rules = _call(CREATE_RULESET, packed, len(packed), 0)
     if rules < 0:
         return False
     try:
-        granted = all(
+        is_granted = all(
             (
                 *(_grant(rules, path, READ_FILE | READ_DIR) for path in readable),
-                *(_grant(rules, path, every & ~1) for path in writable),
+                *(_grant(rules, path, all_rights & ~1) for path in writable),
             )
         )
-        return granted and _prctl() and _call(RESTRICT_SELF, rules, 0) == 0
+        return is_granted and _set_no_new_privileges() and _call(RESTRICT_SELF, rules, 0) == 0
     finally:
         os.close(rules)
 
@@ -68,18 +68,18 @@ def _grant(rules: int, path: Path, rights: int) -> bool:
         return True
     beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
     try:
-        own = rights if path.is_dir() else rights & ON_FILES
-        return _call(ADD_RULE, rules, PATH_BENEATH, struct.pack("=Qi", own, beneath), 0) == 0
+        applicable = rights if path.is_dir() else rights & ON_FILES
+        return _call(ADD_RULE, rules, PATH_BENEATH, struct.pack("=Qi", applicable, beneath), 0) == 0
     finally:
         os.close(beneath)
 
 
-def _prctl() -> bool:
-    """An unprivileged process must give up ever gaining privileges first."""
+def _set_no_new_privileges() -> bool:
+    """Give up the possibility to gain privileges, which Landlock requires of an unprivileged process."""
     return int(ctypes.CDLL(None).prctl(NO_NEW_PRIVILEGES, *map(ctypes.c_ulong, (1, 0, 0, 0)))) == 0
 
 
 def _call(number: int, *arguments: int | bytes | None) -> int:
-    """A system call that the C library has no name for; -1 if it fails."""
-    words = [ctypes.c_long(one) if isinstance(one, int) else one for one in arguments]
-    return int(ctypes.CDLL(None, use_errno=True).syscall(ctypes.c_long(number), *words))
+    """Result of a system call without a C library wrapper; -1 on failure."""
+    converted = [ctypes.c_long(argument) if isinstance(argument, int) else argument for argument in arguments]
+    return int(ctypes.CDLL(None, use_errno=True).syscall(ctypes.c_long(number), *converted))

@@ -1,4 +1,4 @@
-"""Answers as lines of JSON: what a score was made of, for whoever looks into it, and to score several runs as one."""
+"""File of the results of a check, for inspection and for the common score of several runs."""
 
 from __future__ import annotations
 
@@ -6,82 +6,151 @@ import gzip
 import json
 import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from taxel.blind.answers import Answer, Compared, Named
-from taxel.blind.drawing import World
 from taxel.blind.errors import BlindRunError
+from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
+from taxel.blind.world import World
 
 RECORDS: Final = "answers.jsonl.gz"
-"""In a run's folder."""
-
-_PLAIN: Final = ("gap", "floor", "runtime_s", "simpler", "found_places", "error", "blindfold", "diagnosis")
-"""Fields that JSON holds as they are."""
+"""Name of the file in the folder of a check."""
 
 
-def write_records(path: Path, answers: Iterable[Answer]) -> None:
-    """One JSON object a line, gzipped: the world as it was sealed, and the answer, to six digits. The same answers make
-    the same bytes.
-    """
-    lines = [json.dumps(_shorter(asdict(one)) | {"world": one.world.to_json()}) + "\n" for one in answers]
+def write_records(path: Path, results: Iterable[WorldResult]) -> None:
+    """Write one JSON object per line, compressed by gzip; numbers have six digits. Equal results give equal bytes."""
+    lines = [json.dumps(_result_to_json(result)) + "\n" for result in results]
     path.write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
 
 
-def read_records(path: Path) -> list[Answer]:
-    """What `write_records` wrote. Raises BlindRunError."""
+def read_records(path: Path) -> list[WorldResult]:
+    """The results in a file of `write_records`. Raises BlindRunError."""
     try:
         lines = gzip.decompress(path.read_bytes()).decode().splitlines()
         if not lines:
-            raise ValueError("no answer in it")
-        return [_answer(json.loads(line)) for line in lines]
+            raise ValueError("no result in the file")
+        return [_result_from_json(json.loads(line)) for line in lines]
     except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
         found = f"{type(error).__name__}: {error}"
-        raise BlindRunError(str(path), "the answers of a blind check", found, "give its answers.jsonl.gz") from None
+        remedy = "give the answers.jsonl.gz of a check"
+        raise BlindRunError(str(path), "the results of a blind check", found, remedy) from None
 
 
-def together(own: Sequence[Answer], others: Sequence[Answer], where: str) -> list[Answer]:
-    """Answers of two runs. where: the other's, for the message. Raises BlindRunError if they are of two diagnoses, or
-    of the same worlds.
+def merge_results(first: Sequence[WorldResult], second: Sequence[WorldResult], source: str) -> list[WorldResult]:
+    """Results of two runs. source: origin of the second run, for messages.
+
+    Raises BlindRunError if the runs have different versions of the diagnosis or worlds in common.
     """
-    require_diagnosis(versions(own), others, where)
-    if {one.world.salt for one in own} & {one.world.salt for one in others}:
-        raise BlindRunError(where, "answers of another run", "the same worlds", "give each run once")
-    return [*own, *others]
+    require_version(diagnosis_versions(first), second, source)
+    if {result.world.salt for result in first} & {result.world.salt for result in second}:
+        raise BlindRunError(source, "results of another run", "the same worlds", "give each run once")
+    return [*first, *second]
 
 
-def versions(answers: Iterable[Answer]) -> set[str]:
-    """Of the diagnoses that answered."""
-    return {one.diagnosis for one in answers if not one.error}
+def diagnosis_versions(results: Iterable[WorldResult]) -> set[str]:
+    """Versions of the diagnosis that made the reports."""
+    return {result.diagnosis_version for result in results if not result.error}
 
 
-def require_diagnosis(known: set[str], others: Sequence[Answer], where: str) -> None:
-    """Raises BlindRunError unless all are of one diagnosis."""
-    found = sorted(known | versions(others))
+def require_version(versions: set[str], results: Sequence[WorldResult], source: str) -> None:
+    """Raise BlindRunError unless `results` and `versions` have at most one version of the diagnosis in total."""
+    found = sorted(versions | diagnosis_versions(results))
     if len(found) > 1:
-        remedy = "score them apart: figures are of one diagnosis"
-        raise BlindRunError(where, "answers of the same diagnosis", f"of {', '.join(found)}", remedy)
+        remedy = "score the runs separately, because a score refers to one version"
+        raise BlindRunError(source, "results of the same version of the diagnosis", f"{', '.join(found)}", remedy)
 
 
-def _shorter(value: Any) -> Any:
+def _round(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
-        return {key: _shorter(one) for key, one in value.items()}
-    return [_shorter(one) for one in value] if isinstance(value, list | tuple) else value
+        return {key: _round(item) for key, item in value.items()}
+    return [_round(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _answer(data: dict[str, Any]) -> Answer:
-    values: dict[str, Any] = {key: data[key] for key in _PLAIN}
-    values |= {key: None if data[key] is None else _named(data[key]) for key in ("without", "shuffled", "decoy")}
-    values["shrink"] = None if data["shrink"] is None else tuple(data["shrink"])
-    values["idle"] = tuple(data["idle"])
-    values["parameters"] = tuple(Compared(**one) for one in data["parameters"])
-    values["seeds"] = tuple(_named(one) for one in data["seeds"])
-    return Answer(World.from_json(data["world"]), _named(data["named"]), **values)
+def _result_to_json(result: WorldResult) -> dict[str, Any]:
+    comparison = {
+        "named": _verdict_to_json(result.verdict),
+        "gap": result.gap,
+        "floor": result.floor,
+        "runtime_s": result.runtime_s,
+        "shrink": result.shrink,
+        "simpler": dict(result.baseline_verdicts),
+        "parameters": [_parameter_to_json(parameter) for parameter in result.parameters],
+        "found_places": result.is_location_found,
+        "idle": result.unobservable_causes,
+        "without": _optional_verdict_to_json(result.verdict_withheld),
+        "shuffled": _optional_verdict_to_json(result.verdict_shuffled),
+        "decoy": _optional_verdict_to_json(result.verdict_decoy),
+        "seeds": [_verdict_to_json(verdict) for verdict in result.verdicts_by_seed],
+        "error": result.error,
+        "blindfold": result.isolation,
+        "diagnosis": result.diagnosis_version,
+    }
+    return {"world": result.world.to_json(), **_round(comparison)}
 
 
-def _named(data: dict[str, Any]) -> Named:
-    alike = {name: tuple(others) for name, others in data["alike"].items()}
-    return Named(data["status"], tuple(data["effects"]), tuple(data["rivals"]), alike)
+def _result_from_json(data: dict[str, Any]) -> WorldResult:
+    return WorldResult(
+        World.from_json(data["world"]),
+        _verdict_from_json(data["named"]),
+        gap=data["gap"],
+        floor=data["floor"],
+        runtime_s=data["runtime_s"],
+        shrink=None if data["shrink"] is None else tuple(data["shrink"]),
+        baseline_verdicts=data["simpler"],
+        parameters=tuple(_parameter_from_json(parameter) for parameter in data["parameters"]),
+        is_location_found=data["found_places"],
+        unobservable_causes=tuple(data["idle"]),
+        verdict_withheld=_optional_verdict_from_json(data["without"]),
+        verdict_shuffled=_optional_verdict_from_json(data["shuffled"]),
+        verdict_decoy=_optional_verdict_from_json(data["decoy"]),
+        verdicts_by_seed=tuple(_verdict_from_json(verdict) for verdict in data["seeds"]),
+        error=data["error"],
+        isolation=data["blindfold"],
+        diagnosis_version=data["diagnosis"],
+    )
+
+
+def _verdict_to_json(verdict: ReportedVerdict) -> dict[str, Any]:
+    return {
+        "status": verdict.status,
+        "effects": verdict.effects,
+        "rivals": verdict.confounded_with_first,
+        "alike": dict(verdict.confounded_with),
+    }
+
+
+def _optional_verdict_to_json(verdict: ReportedVerdict | None) -> dict[str, Any] | None:
+    return None if verdict is None else _verdict_to_json(verdict)
+
+
+def _verdict_from_json(data: dict[str, Any]) -> ReportedVerdict:
+    confounded = {name: tuple(names) for name, names in data["alike"].items()}
+    return ReportedVerdict(data["status"], tuple(data["effects"]), tuple(data["rivals"]), confounded)
+
+
+def _optional_verdict_from_json(data: dict[str, Any] | None) -> ReportedVerdict | None:
+    return None if data is None else _verdict_from_json(data)
+
+
+_PARAMETER_KEYS: Final = {
+    "effect": "effect",
+    "emulator_effect": "form",
+    "name": "name",
+    "unit": "unit",
+    "estimate": "found",
+    "truth": "true",
+    "low": "low",
+    "high": "high",
+    "is_reference": "reference",
+}
+"""Keys of a parameter comparison in the file, by field."""
+
+
+def _parameter_to_json(parameter: ParameterComparison) -> dict[str, Any]:
+    return {key: getattr(parameter, field) for field, key in _PARAMETER_KEYS.items()}
+
+
+def _parameter_from_json(data: dict[str, Any]) -> ParameterComparison:
+    return ParameterComparison(**{field: data[key] for field, key in _PARAMETER_KEYS.items()})

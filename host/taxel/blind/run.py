@@ -1,4 +1,4 @@
-"""The whole blind check: seal, make, diagnose elsewhere, open, score. It goes on where it was cut."""
+"""Execution of a blind check: make the datasets of each world and diagnose them; an interrupted check resumes."""
 
 from __future__ import annotations
 
@@ -13,183 +13,131 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_compl
 from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Final
+from typing import Final
 
-from taxel.blind.drawing import World, drawn_worlds
-from taxel.blind.errors import BlindRunError
-from taxel.blind.lane import Lane
-from taxel.blind.making import WorldNotMadeError, make_reference, make_world
-from taxel.blind.reference import forms_to_fit, reference_parameters
-from taxel.blind.seal import check, commitment
-from taxel.blind.shuffling import shuffled_copy
+from taxel.blind.reference_parameters import fit_reference_parameters, models_to_fit
+from taxel.blind.run_folder import COMMITMENTS, SEALED, read_json, reference_path, world_folder
+from taxel.blind.sandboxed_run import SandboxedRunner
+from taxel.blind.shuffling import write_shuffled_copy
+from taxel.blind.world import World
+from taxel.blind.world_datasets import WorldNotMadeError, make_reference, make_world
 from taxel.errors import TaxelError
 
-SEALED: Final = "sealed"
-COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
-SEEDS: Final = 10
-SHUFFLED_EVERY: Final = 15
+ANALYSIS_SEEDS: Final = 10
+SHUFFLED_INTERVAL: Final = 15
+"""One in this number of worlds is also diagnosed with exchanged simulations."""
 
-Show = Callable[[int, int], None]
-
-
-def seal(out: Path, count: int, full_hand: int, seed: int | None) -> list[World]:
-    """Draw worlds, publish their commitments, and store the keys; or take those that a cut run has left.
-
-    Raises BlindRunError for a folder that holds something else, SealBrokenError for one that was changed.
-    """
-    keys = out / KEYS
-    if keys.exists():
-        worlds = opened(out)
-        whole = sum(world.hand != "rig4" for world in worlds)
-        if (len(worlds) - whole, whole) != (count, full_hand):
-            asked, found = (
-                f"{number} worlds and {more} of the full hand"
-                for number, more in ((count, full_hand), (len(worlds) - whole, whole))
-            )
-            raise BlindRunError(str(out), asked, found, "choose another --out")
-        return worlds
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        expected = "an empty folder, or a blind check to go on with"
-        raise BlindRunError(str(out), expected, "other files", "choose another --out")
-    worlds = drawn_worlds(count, full_hand, seed)
-    published = {str(world.number): commitment(world.to_json()) for world in worlds}
-    keys.parent.mkdir(parents=True, exist_ok=True)
-    (out / COMMITMENTS).write_text(json.dumps(published, indent=0))
-    hidden = keys.with_suffix(".part")
-    hidden.touch(mode=0o600)
-    hidden.write_text(json.dumps([world.to_json() for world in worlds]))
-    hidden.rename(keys)
-    return worlds
-
-
-def opened(out: Path) -> list[World]:
-    """The keys, each checked against what was committed to. Raises SealBrokenError, BlindRunError."""
-    if not (out / KEYS).exists():
-        raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
-    committed, keys = _json(out / COMMITMENTS), _json(out / KEYS)
-    for key in keys:
-        check(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
-    if len(keys) != len(committed):
-        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), "run the check anew")
-    return [World.from_json(key) for key in keys]
-
-
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise BlindRunError(str(path), "readable JSON", str(error), "run the check anew") from None
+Progress = Callable[[int, int], None]
 
 
 def run_worlds(
     out: Path,
     worlds: Sequence[World],
     jobs: int | None = None,
-    show: Show = lambda done, total: None,
-    seconds: float | None = None,
+    progress: Progress = lambda done, total: None,
+    max_seconds: float | None = None,
 ) -> None:
-    """Make and diagnose every world that has no result yet. jobs: worlds at a time; None: one a core.
+    """Make and diagnose every world without a result. jobs: parallel worlds; None: one per core.
 
-    seconds: no world is begun after so many.
+    max_seconds: no further world is started after this time.
     """
-    until = None if seconds is None else time.monotonic() + seconds
+    deadline = None if max_seconds is None else time.monotonic() + max_seconds
     jobs = jobs or os.cpu_count() or 1
-    missing = [world for world in _evenly(worlds) if not (out / WORLDS / f"{world.number:04d}" / "done").exists()]
+    missing = [world for world in _interleave_hands(worlds) if not (world_folder(out, world) / "done").exists()]
     done = len(worlds) - len(missing)
-    show(done, len(worlds))
+    progress(done, len(worlds))
     if not missing:
         return
-    lanes: SimpleQueue[Lane] = SimpleQueue()
-    own = [Lane(out) for _ in range(min(jobs, len(missing)))]
-    for lane in own:
-        lanes.put(lane)
-    # An emulator that Ctrl-C ends would look like a plan that cannot be pressed.
+    idle_runners: SimpleQueue[SandboxedRunner] = SimpleQueue()
+    runners = [SandboxedRunner(out) for _ in range(min(jobs, len(missing)))]
+    for runner in runners:
+        idle_runners.put(runner)
+    # Ctrl-C must not reach the emulator: its end would be taken for a plan without equilibrium.
     ignore = (signal.SIGINT, signal.SIG_IGN)
-    makers = ProcessPoolExecutor(len(own), get_context("spawn"), initializer=signal.signal, initargs=ignore)
+    makers = ProcessPoolExecutor(len(runners), get_context("spawn"), initializer=signal.signal, initargs=ignore)
 
-    def one(world: World) -> bool:
-        if until is not None and time.monotonic() >= until:
+    def run_if_in_time(world: World) -> bool:
+        if deadline is not None and time.monotonic() >= deadline:
             return False
-        lane = lanes.get()
+        runner = idle_runners.get()
         try:
-            _one_world(out, world, makers, lane)
+            _run_world(out, world, makers, runner)
         finally:
-            lanes.put(lane)
+            idle_runners.put(runner)
         return True
 
-    pool = ThreadPoolExecutor(len(own))
+    pool = ThreadPoolExecutor(len(runners))
     try:
-        for future in as_completed([pool.submit(one, world) for world in missing]):
+        for future in as_completed([pool.submit(run_if_in_time, world) for world in missing]):
             done += future.result()
-            show(done, len(worlds))
-    finally:  # also when it is cut: worlds that have not begun are left for the next time
+            progress(done, len(worlds))
+    finally:  # also after an interrupt: worlds that have not started remain for the next run
         pool.shutdown(cancel_futures=True)
         makers.shutdown(cancel_futures=True)
-        for lane in own:
-            lane.close()
+        for runner in runners:
+            runner.close()
 
 
-def _evenly(worlds: Sequence[World]) -> list[World]:
-    """In order, each hand's spread over the whole: a run that is cut has its share of all of them."""
-    total, before = Counter(world.hand for world in worlds), Counter[str]()
-    place = {}
+def _interleave_hands(worlds: Sequence[World]) -> list[World]:
+    """The worlds of each hand in order, spread evenly, so that an interrupted check contains its share of each hand."""
+    total, count = Counter(world.hand for world in worlds), Counter[str]()
+    position = {}
     for world in worlds:
-        place[world.number] = (before[world.hand] + 0.5) / total[world.hand]
-        before[world.hand] += 1
-    return sorted(worlds, key=lambda world: place[world.number])
+        position[world.number] = (count[world.hand] + 0.5) / total[world.hand]
+        count[world.hand] += 1
+    return sorted(worlds, key=lambda world: position[world.number])
 
 
-def _one_world(out: Path, world: World, makers: ProcessPoolExecutor, lane: Lane) -> None:
-    folder = out / WORLDS / f"{world.number:04d}"
+def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: SandboxedRunner) -> None:
+    folder = world_folder(out, world)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     real, sim = folder / "real.h5", folder / "sim.h5"
     try:
-        attempt = makers.submit(_make, world, real, sim, _sealed_at(out)).result()
+        attempt = makers.submit(_make_datasets, world, real, sim, _creation_epoch(out)).result()
     except WorldNotMadeError as error:
         (folder / "done").write_text(str(error))
         return
-    lane.diagnose(real, sim, folder / "report.json")
-    if world.withheld:
-        lane.diagnose(real, sim, folder / "without.json", sorted(set(world.hidden.names)))
+    runner.diagnose(real, sim, folder / "report.json")
+    if world.is_withheld:
+        runner.diagnose(real, sim, folder / "without.json", sorted(set(world.hidden.names)))
     if world.decoy:
-        lane.diagnose(real, sim, folder / "decoy.json", [world.decoy])
-    if world.repeated:
-        for seed in range(1, SEEDS):
-            lane.diagnose(real, sim, folder / f"seed{seed}.json", (), seed)
-    if world.number % SHUFFLED_EVERY == 0:
+        runner.diagnose(real, sim, folder / "decoy.json", [world.decoy])
+    if world.is_repeated:
+        for seed in range(1, ANALYSIS_SEEDS):
+            runner.diagnose(real, sim, folder / f"seed{seed}.json", (), seed)
+    if world.number % SHUFFLED_INTERVAL == 0:
         shuffled = folder / "shuffled.h5"
-        makers.submit(shuffled_copy, sim, shuffled, world.seed).result()
-        lane.diagnose(real, shuffled, folder / "shuffled.json")
-    single = world.hidden.kind == "single" and world.hidden.names[0] != "dropout"
-    forms = forms_to_fit(world.hidden.causes[0], _json(folder / "report.json")) if single else set()
-    if forms:
-        # Not beside the published files: that there is one would tell the kind of world.
-        still = out / SEALED / f"still{world.number:04d}.h5"
-        found = makers.submit(_reference, world, still, sim, attempt, forms).result()
-        (out / SEALED / f"reference{world.number:04d}.json").write_text(json.dumps(found))
+        makers.submit(write_shuffled_copy, sim, shuffled, world.seed).result()
+        runner.diagnose(real, shuffled, folder / "shuffled.json")
+    has_reference = world.hidden.kind == "single" and world.hidden.names[0] != "dropout"
+    models = models_to_fit(world.hidden.causes[0], read_json(folder / "report.json")) if has_reference else set()
+    if models:
+        noise_free = out / SEALED / f"noise_free{world.number:04d}.h5"
+        parameters = makers.submit(_fit_reference, world, noise_free, sim, attempt, models).result()
+        reference_path(out, world).write_text(json.dumps(parameters))
     (folder / "done").write_text("")
 
 
-def _sealed_at(out: Path) -> str:
-    """When the commitments were published, or `SOURCE_DATE_EPOCH`: seconds since 1970."""
+def _creation_epoch(out: Path) -> str:
+    """Time of the commitments, or `SOURCE_DATE_EPOCH`: seconds since 1970."""
     return os.environ.get("SOURCE_DATE_EPOCH") or str(int((out / COMMITMENTS).stat().st_mtime))
 
 
-def _make(world: World, real: Path, sim: Path, epoch: str) -> int:
-    # Every dataset says that it was made at one time: how long the emulator took hangs on what the world hides.
+def _make_datasets(world: World, real: Path, sim: Path, epoch: str) -> int:
+    # All datasets state the same creation time, because the run time of the emulator depends on the hidden causes.
     os.environ["SOURCE_DATE_EPOCH"] = epoch
     return make_world(world, real, sim)
 
 
-def _reference(
-    world: World, still: Path, sim: Path, attempt: int, forms: Collection[str]
+def _fit_reference(
+    world: World, noise_free: Path, sim: Path, attempt: int, models: Collection[str]
 ) -> dict[str, dict[str, float]]:
-    """No parameters where the presses do not come to rest without scatter."""
+    """Reference parameters; empty if an indentation without variation has no equilibrium."""
     try:
-        make_reference(world, still, attempt)
-        return reference_parameters(still, sim, world.hidden.names[0], forms)
+        make_reference(world, noise_free, attempt)
+        return fit_reference_parameters(noise_free, sim, world.hidden.names[0], models)
     except TaxelError:
         return {}
     finally:
-        still.unlink(missing_ok=True)
+        noise_free.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The figures of a blind check, from its answers."""
+"""The figures of a blind check, computed from its results."""
 
 from __future__ import annotations
 
@@ -9,34 +9,36 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.blind.answers import Answer, Named
+from taxel.blind.baselines import NO_GAP
+from taxel.blind.catalogue_causes import EFFECT_NAMES
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.kinds import NAMES
-from taxel.blind.simpler import NO_GAP
-from taxel.blind.strangers import ACTS_LIKE
+from taxel.blind.out_of_catalogue import SIMILAR_EFFECTS
+from taxel.blind.results import ReportedVerdict, WorldResult
 
 RATIOS: Final = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, np.inf)
-"""Bounds of gap over floor between which accuracy is told."""
+"""Bounds of the ratio of gap to floor for the accuracy by ratio."""
 
-DEFINED: Final = ("counts", "s", "mm", "deg")
-"""Units whose parameters are asked to be right by 10 %; with log_std."""
+REQUIRED_UNITS: Final = ("counts", "s", "mm", "deg")
+"""Units of the parameters whose median relative error is limited, in addition to log_std."""
+
+KINDS: Final = ("none", "single", "several", "outside", "lookalike")
 
 _Z: Final = 1.959964
-"""Of the standard normal distribution: 2.5 % lie above."""
+"""97.5 % quantile of the standard normal distribution."""
 
 
 def wilson(right: int, of: int) -> list[float]:
-    """95 % interval of a share (Wilson 1927)."""
+    """95 % interval of a proportion (Wilson 1927)."""
     if of == 0:
         return [0.0, 1.0]
-    share = right / of
-    middle = (share + _Z**2 / (2 * of)) / (1 + _Z**2 / of)
-    half = _Z / (1 + _Z**2 / of) * float(np.sqrt(share * (1 - share) / of + _Z**2 / (4 * of**2)))
+    proportion = right / of
+    middle = (proportion + _Z**2 / (2 * of)) / (1 + _Z**2 / of)
+    half = _Z / (1 + _Z**2 / of) * float(np.sqrt(proportion * (1 - proportion) / of + _Z**2 / (4 * of**2)))
     return [max(0.0, middle - half), min(1.0, middle + half)]
 
 
 def share(flags: Iterable[bool]) -> dict[str, Any]:
-    """{"right", "of", "share", "ci95"} of what is true."""
+    """Share of true values: {"right", "of", "share", "ci95"}."""
     values = [bool(flag) for flag in flags]
     right = sum(values)
     return {
@@ -47,134 +49,154 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
     }
 
 
-def score(answers: Sequence[Answer]) -> dict[str, Any]:
-    """Everything that the sheet shows."""
-    rig = [one for one in answers if one.world.hand == "rig4"]
-    whole = [one for one in answers if one.world.hand != "rig4"]
-    return {"worlds": len(answers), "rig4": _of(rig), "full_hand": _of(whole) if whole else None}
-
-
-def _of(answers: Sequence[Answer]) -> dict[str, Any]:
-    kinds = {kind: [one for one in answers if one.world.hidden.kind == kind] for kind in _KINDS}
-    clear = {kind: [one for one in own if one.clear] for kind, own in kinds.items()}
-    single = clear["single"]
+def score(results: Sequence[WorldResult]) -> dict[str, Any]:
+    """All figures of the score sheet, separately for the rig and the whole hand."""
+    rig = [result for result in results if result.world.hand == "rig4"]
+    full_hand = [result for result in results if result.world.hand != "rig4"]
     return {
-        "counts": {kind: {"worlds": len(own), "clear": len(clear[kind])} for kind, own in kinds.items()},
-        "errors": [f"{one.world.number}: {one.error}" for one in answers if one.error],
-        "blindfold": dict(Counter(one.blindfold for one in answers if not one.error)),
-        **_named_first(kinds["single"]),
-        "several_f1": _micro_f1(clear["several"]),
-        "false_alarms": share(one.named.status != NO_GAP for one in kinds["none"]),
-        **_strangers(clear["outside"], single),
-        "lookalike": share(_says_what_it_is_like(one) for one in clear["lookalike"]),
-        "places": share(one.found_places for one in answers if one.found_places is not None),
-        "parameters": _parameters(answers),
-        "shrink": _shrink(answers),
-        "coverage": share(
-            row.low <= row.true <= row.high
-            for one in single
-            for row in one.parameters
-            if row.low is not None and row.high is not None
-        ),
-        "seeds": share(not one.error and _same(other, one.named) for one in answers for other in one.seeds),
-        "runtime_s": _spread([one.runtime_s for one in answers if not one.error]),
-        "confusion": _confusion(answers),
-        "simpler": _simpler(answers, single),
+        "worlds": len(results),
+        "rig4": _score_part(rig),
+        "full_hand": _score_part(full_hand) if full_hand else None,
     }
 
 
-def _named_first(worlds: Sequence[Answer]) -> dict[str, Any]:
-    """Of worlds with a single effect."""
-    clear = [one for one in worlds if one.clear]
-    told = [one for one in worlds if not one.error]
+def _score_part(results: Sequence[WorldResult]) -> dict[str, Any]:
+    by_kind = {kind: [result for result in results if result.world.hidden.kind == kind] for kind in KINDS}
+    clear = {kind: [result for result in of_kind if result.is_clear] for kind, of_kind in by_kind.items()}
+    single = clear["single"]
     return {
-        "single_first": share(one.first_right for one in clear),
+        "counts": {kind: {"worlds": len(of_kind), "clear": len(clear[kind])} for kind, of_kind in by_kind.items()},
+        "errors": [f"{result.world.number}: {result.error}" for result in results if result.error],
+        "blindfold": dict(Counter(result.isolation for result in results if not result.error)),
+        **_first_effect_scores(by_kind["single"]),
+        "several_f1": _micro_f1(clear["several"]),
+        "false_alarms": share(result.verdict.status != NO_GAP for result in by_kind["none"]),
+        **_out_of_catalogue_scores(clear["outside"], single),
+        "lookalike": share(_is_unknown_or_similar(result) for result in clear["lookalike"]),
+        "places": share(result.is_location_found for result in results if result.is_location_found is not None),
+        "parameters": _parameter_errors(results),
+        "shrink": _shrink_error(results),
+        "coverage": share(
+            parameter.low <= parameter.truth <= parameter.high
+            for result in single
+            for parameter in result.parameters
+            if parameter.low is not None and parameter.high is not None
+        ),
+        "seeds": share(
+            not result.error and _is_same(verdict, result.verdict)
+            for result in results
+            for verdict in result.verdicts_by_seed
+        ),
+        "runtime_s": _runtime_quantiles([result.runtime_s for result in results if not result.error]),
+        "confusion": _confusion(results),
+        "simpler": _baseline_scores(results, single),
+    }
+
+
+def _first_effect_scores(worlds: Sequence[WorldResult]) -> dict[str, Any]:
+    """Accuracy of the first effect in worlds with a single cause."""
+    clear = [result for result in worlds if result.is_clear]
+    with_report = [result for result in worlds if not result.error]
+    return {
+        "single_first": share(result.is_first_correct for result in clear),
         "single_each": {
-            name: share(one.first_right for one in clear if name in one.world.hidden.names) for name in NAMES
+            name: share(result.is_first_correct for result in clear if name in result.world.hidden.names)
+            for name in EFFECT_NAMES
         },
-        "single_each_form": _by((_form(one), one.first_right) for one in clear),
+        "single_each_form": _share_by_group((_emulator_effect(result), result.is_first_correct) for result in clear),
         "single_by_ratio": [
             {
                 "from": low,
                 "to": None if np.isinf(high) else high,
-                **share(one.first_right for one in told if low <= one.ratio < high),
+                **share(result.is_first_correct for result in with_report if low <= result.ratio < high),
             }
             for low, high in pairwise(RATIOS)
         ],
     }
 
 
-def _strangers(outside: Sequence[Answer], single: Sequence[Answer]) -> dict[str, Any]:
-    """Of clear worlds whose cause is not in the catalogue, or was deleted from it; and with another effect deleted."""
-    withheld = [(one.world.hidden.names[0], one.without) for one in single if one.without is not None]
-    named = [*(one.named for one in outside), *(without for _, without in withheld)]
+def _out_of_catalogue_scores(outside: Sequence[WorldResult], single: Sequence[WorldResult]) -> dict[str, Any]:
+    """Scores of clear worlds whose cause is outside the catalogue or was removed from it, and of decoys."""
+    withheld = [
+        (result.world.hidden.names[0], result.verdict_withheld)
+        for result in single
+        if result.verdict_withheld is not None
+    ]
+    verdicts = [*(result.verdict for result in outside), *(verdict for _, verdict in withheld)]
     return {
-        "unknown": share(one.says_unknown for one in named),
-        "unknown_outside": share(one.named.says_unknown for one in outside),
-        "unknown_outside_each": _by((_form(one), one.named.says_unknown) for one in outside),
-        "unknown_withheld": share(without.says_unknown for _, without in withheld),
-        "unknown_withheld_each": _by((name, without.says_unknown) for name, without in withheld),
-        "misnamed": share(one.misnames for one in named),
-        "decoy_first": share(one.decoy.is_first(one.world.hidden.names) for one in single if one.decoy is not None),
+        "unknown": share(verdict.has_unknown for verdict in verdicts),
+        "unknown_outside": share(result.verdict.has_unknown for result in outside),
+        "unknown_outside_each": _share_by_group(
+            (_emulator_effect(result), result.verdict.has_unknown) for result in outside
+        ),
+        "unknown_withheld": share(verdict.has_unknown for _, verdict in withheld),
+        "unknown_withheld_each": _share_by_group((name, verdict.has_unknown) for name, verdict in withheld),
+        "misnamed": share(verdict.is_confident for verdict in verdicts),
+        "decoy_first": share(
+            result.verdict_decoy.is_first(result.world.hidden.names)
+            for result in single
+            if result.verdict_decoy is not None
+        ),
     }
 
 
-def _says_what_it_is_like(answer: Answer) -> bool:
-    """Unknown, or the effect of the catalogue that the cause acts like."""
-    return answer.named.says_unknown or answer.named.effects[:1] in [(name,) for name in ACTS_LIKE[_form(answer)]]
+def _is_unknown_or_similar(result: WorldResult) -> bool:
+    """Whether the verdict contains an unknown cause, or its first effect is similar to the hidden cause."""
+    similar = [(name,) for name in SIMILAR_EFFECTS[_emulator_effect(result)]]
+    return result.verdict.has_unknown or result.verdict.effects[:1] in similar
 
 
-def _same(one: Named, other: Named) -> bool:
-    return (one.status, one.effects) == (other.status, other.effects)
+def _is_same(first: ReportedVerdict, second: ReportedVerdict) -> bool:
+    return (first.status, first.effects) == (second.status, second.effects)
 
 
-_KINDS: Final = ("none", "single", "several", "outside", "lookalike")
+def _emulator_effect(result: WorldResult) -> str:
+    return result.world.hidden.causes[0].emulator_effect
 
 
-def _form(answer: Answer) -> str:
-    return answer.world.hidden.causes[0].form
-
-
-def _by(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
-    """The share of each name."""
+def _share_by_group(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
+    """The share of true values of each group."""
     groups: dict[str, list[bool]] = {}
     for name, flag in rows:
         groups.setdefault(name, []).append(flag)
     return {name: share(groups[name]) for name in sorted(groups)}
 
 
-def _micro_f1(answers: Sequence[Answer]) -> dict[str, Any]:
-    """Of names: what was named and is there, against what was named and what is there. A cause that the report calls
-    indistinguishable from one that it names counts as named, as with single effects. One that no press could show is
-    neither asked for nor wrong.
+def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
+    """Precision, recall and F1 over the names of all worlds together.
+
+    A cause that is confounded with a named effect counts as named, as for single causes. Unobservable causes are
+    ignored in truth and verdict.
     """
-    hits = named = there = 0
-    for one in answers:
-        said = set(one.named.effects) - {UNKNOWN, *one.idle}
-        truth = set(one.world.hidden.names) - set(one.idle)
-        hits, named, there = hits + one.named.hits(truth), named + len(said), there + len(truth)
-    precision, recall = hits / max(named, 1), hits / max(there, 1)
+    hits = named_count = true_count = 0
+    for result in results:
+        named = set(result.verdict.effects) - {UNKNOWN, *result.unobservable_causes}
+        truth = set(result.world.hidden.names) - set(result.unobservable_causes)
+        hits += result.verdict.count_named(truth)
+        named_count, true_count = named_count + len(named), true_count + len(truth)
+    precision, recall = hits / max(named_count, 1), hits / max(true_count, 1)
     f1 = 2 * precision * recall / max(precision + recall, 1e-12)
-    return {"f1": f1, "precision": precision, "recall": recall, "worlds": len(answers)}
+    return {"f1": f1, "precision": precision, "recall": recall, "worlds": len(results)}
 
 
-def _parameters(answers: Sequence[Answer]) -> dict[str, Any]:
+def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
     groups: dict[tuple[str, str, str, str, bool], list[float]] = {}
-    for row in (row for one in answers if one.clear for row in one.parameters):
-        key = row.form, row.name.split("@")[0], row.effect, row.unit, row.reference
-        groups.setdefault(key, []).append(row.error)
+    for parameter in (parameter for result in results if result.is_clear for parameter in result.parameters):
+        name = parameter.name.split("@")[0]
+        key = parameter.emulator_effect, name, parameter.effect, parameter.unit, parameter.is_reference
+        groups.setdefault(key, []).append(parameter.relative_error)
     each: dict[str, Any] = {}
     errors: dict[bool, list[float]] = {True: [], False: []}
-    for (form, name, effect, unit, reference), own in sorted(groups.items()):
-        asked = unit in DEFINED or name == "log_std"
-        errors[asked] += own
-        each[f"{form}: {name}"] = {
+    for (emulator_effect, name, effect, unit, is_reference), group in sorted(groups.items()):
+        is_required = unit in REQUIRED_UNITS or name == "log_std"
+        errors[is_required] += group
+        each[f"{emulator_effect}: {name}"] = {
             "effect": effect,
             "unit": unit,
-            "against": "a fit to noise-free presses" if reference else "the hidden value",
-            "asked": asked,
-            "of": len(own),
-            "median_relative_error": _median(own),
+            "against": "reference fit" if is_reference else "hidden value",
+            "asked": is_required,
+            "of": len(group),
+            "median_relative_error": _median(group),
         }
     return {"each": each, "asked": _median(errors[True]), "others": _median(errors[False])}
 
@@ -183,43 +205,49 @@ def _median(values: Sequence[float]) -> float | None:
     return float(np.median(values)) if values else None
 
 
-def _shrink(answers: Sequence[Answer]) -> dict[str, Any]:
-    apart = [100 * abs(one.shrink[0] - one.shrink[1]) for one in answers if one.shrink is not None and one.clear]
-    return {"of": len(apart), "mean_points": float(np.mean(apart)) if apart else None}
+def _shrink_error(results: Sequence[WorldResult]) -> dict[str, Any]:
+    points = [
+        100 * abs(result.shrink[0] - result.shrink[1])
+        for result in results
+        if result.shrink is not None and result.is_clear
+    ]
+    return {"of": len(points), "mean_points": float(np.mean(points)) if points else None}
 
 
-def _spread(values: Sequence[float]) -> dict[str, Any]:
+def _runtime_quantiles(values: Sequence[float]) -> dict[str, Any]:
     if not values:
         return {"median": None, "p90": None, "max": None}
     return {"median": float(np.median(values)), "p90": float(np.quantile(values, 0.9)), "max": max(values)}
 
 
-def _confusion(answers: Sequence[Answer]) -> dict[str, dict[str, int]]:
-    """Truth (rows) against what was named first, of worlds with a clear gap and those without a cause."""
+def _confusion(results: Sequence[WorldResult]) -> dict[str, dict[str, int]]:
+    """Counts of truth (rows) and first effect (columns), for worlds with a clear gap and worlds without a cause."""
     table: dict[str, dict[str, int]] = {}
-    for one in answers:
-        hidden = one.world.hidden
-        if hidden.kind == "several" or (hidden.kind != "none" and not one.clear):
+    for result in results:
+        hidden = result.world.hidden
+        if hidden.kind == "several" or (hidden.kind != "none" and not result.is_clear):
             continue
         truth = hidden.names[0] if hidden.names else NO_GAP
         row = table.setdefault(truth, {})
-        said = _said(one.named)
-        row[said] = row.get(said, 0) + 1
+        column = _first_effect_or_status(result.verdict)
+        row[column] = row.get(column, 0) + 1
     return table
 
 
-def _said(named: Named) -> str:
-    return named.effects[0] if named.effects else named.status
+def _first_effect_or_status(verdict: ReportedVerdict) -> str:
+    return verdict.effects[0] if verdict.effects else verdict.status
 
 
-def _simpler(answers: Sequence[Answer], single: Sequence[Answer]) -> dict[str, Any]:
-    """Simpler diagnosers on the single worlds, and what becomes of a diagnosis whose simulation is the wrong one."""
-    shuffled = [one.shuffled for one in answers if one.shuffled is not None]
-    named = {
-        name: share(one.simpler.get(name) == one.world.hidden.names[0] for one in single)
+def _baseline_scores(results: Sequence[WorldResult], single: Sequence[WorldResult]) -> dict[str, Any]:
+    """Scores of the simple reference diagnosers on single worlds, and of the diagnosis with exchanged simulations."""
+    shuffled = [result.verdict_shuffled for result in results if result.verdict_shuffled is not None]
+    by_diagnoser = {
+        name: share(result.baseline_verdicts.get(name) == result.world.hidden.names[0] for result in single)
         for name in ("rules", "effect_blind")
     }
     return {
-        **named,
-        "shuffled_says_unknown_or_no_gap": share(one.says_unknown or one.status == NO_GAP for one in shuffled),
+        **by_diagnoser,
+        "shuffled_says_unknown_or_no_gap": share(
+            verdict.has_unknown or verdict.status == NO_GAP for verdict in shuffled
+        ),
     }

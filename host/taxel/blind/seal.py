@@ -1,4 +1,4 @@
-"""Commitments: what a world hides is fixed before its data are published, and cannot be changed afterwards."""
+"""Commitments: the hidden causes are fixed before the data are published and cannot be changed afterwards."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from taxel.errors import TaxelError
 
 
 class SealBrokenError(TaxelError):
-    """A key that does not fit what was committed to."""
+    """A key that does not match its commitment."""
 
     def __init__(self, world: int) -> None:
         super().__init__(world)
 
     def __str__(self) -> str:
-        return f"world {self.args[0]}: key does not fit its commitment; the folder was changed: run the check anew"
+        return (
+            f"world {self.args[0]}: the key does not match its commitment, the folder was modified; "
+            "run the check again in another folder"
+        )
 
 
 def canonical(key: dict[str, Any]) -> bytes:
-    """One text for one key."""
+    """Canonical JSON text of a key."""
     return json.dumps(key, sort_keys=True, separators=(",", ":")).encode()
 
 
 def commitment(key: dict[str, Any]) -> str:
-    """SHA-256 of a key, hex. The key holds a salt of 256 bits: guesses at the rest lead nowhere."""
+    """SHA-256 of a key, hexadecimal. The key contains a salt of 256 bits, so its content cannot be guessed."""
     return hashlib.sha256(canonical(key)).hexdigest()
 
 
-def check(world: int, key: dict[str, Any], committed: str) -> None:
-    """Raises SealBrokenError if the key is another one."""
+def verify_commitment(world: int, key: dict[str, Any], committed: str) -> None:
+    """Raise SealBrokenError if the key does not match the commitment."""
     if commitment(key) != committed:
         raise SealBrokenError(world)

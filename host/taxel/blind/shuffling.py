@@ -1,4 +1,4 @@
-"""A simulator's dataset whose approaches have lost their names: the wrong simulation for every press."""
+"""A simulated dataset with exchanged conditions: the wrong simulation for every indentation."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import h5py
 import numpy as np
 
 
-def shuffled_copy(sim: Path, out: Path, seed: int) -> None:
-    """Write `sim` with its (object, approach) cells exchanged among each other, none left in its place."""
+def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
+    """Write `sim` with its (object, approach) conditions exchanged cyclically; no condition keeps its own data."""
     shutil.copyfile(sim, out)
     rng = np.random.default_rng(seed)
     with h5py.File(out, "r+") as file:
         grasps = [group for _, group in file["grasps"].items()]
-        cells = sorted({(str(group.attrs["object"]), str(group.attrs["approach"])) for group in grasps})
-        order = rng.permutation(len(cells))
-        other = {cells[order[place]]: cells[order[place - 1]] for place in range(len(cells))}
+        conditions = sorted({(str(group.attrs["object"]), str(group.attrs["approach"])) for group in grasps})
+        order = rng.permutation(len(conditions))
+        replacement = {conditions[order[index]]: conditions[order[index - 1]] for index in range(len(conditions))}
         for group in grasps:
-            item, approach = other[(str(group.attrs["object"]), str(group.attrs["approach"]))]
+            item, approach = replacement[(str(group.attrs["object"]), str(group.attrs["approach"]))]
             group.attrs["object"], group.attrs["approach"] = item, approach

@@ -1,4 +1,4 @@
-"""Which diagnosis answered: what tells that two runs may be scored as one."""
+"""Fingerprint of the diagnosis, which shows whether two runs can be scored together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import taxel.gap
 
 
 def diagnosis_version() -> str:
-    """Of the diagnosis as it is installed: the first 16 digits of the SHA-256 over its sources and their names."""
+    """The first 16 digits of the SHA-256 over the names and contents of the Python sources of `taxel.gap`."""
     root = Path(taxel.gap.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):

@@ -176,7 +176,7 @@ class _Axes:
         moving = [joint for joint in robot.joints if joint.axis is not None]
         self.axes = np.stack([joint.axis for joint in moving if joint.axis is not None])
         self.joint_links = np.array([robot.get_link_index(joint.child) for joint in moving])
-        mountings = [(board.link, board.pose) for board in hand.boards]
+        mountings = [(board.link_name, board.pose) for board in hand.boards]
         self.board_links = np.array([robot.get_link_index(link) for link, _ in mountings if link is not None])
         self.bracket_poses = np.stack([pose for _, pose in mountings if pose is not None])
         parent_of = {joint.child: joint.parent for joint in robot.joints}

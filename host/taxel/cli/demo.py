@@ -1,4 +1,4 @@
-"""`taxel demo`: the main job. A hand departs from its simulator in a way that nobody chose; the diagnosis names it."""
+"""`taxel demo`: a sealed cause in the emulated hand, its diagnosis, and the comparison of both."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from taxel.blind.grasp_world import GraspWorld, drawn_grasp_world, make_grasps, small_plans
-from taxel.blind.lane import Lane
-from taxel.blind.seal import check, commitment
+from taxel.blind.grasp_world import GraspWorld, make_grasps, sample_grasp_world, small_plans
+from taxel.blind.sandboxed_run import SandboxedRunner
+from taxel.blind.seal import commitment, verify_commitment
 from taxel.cli.gap_summary import print_summary
-from taxel.cli.stages import stage_bars
+from taxel.cli.options import Jobs
+from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.page import unrolled_png, write_page
 
@@ -25,28 +26,31 @@ FILES = ("real.h5", "sim.h5", "report.json", "report.html", "hand.png")
 
 def demo(
     out: Annotated[
-        Path, typer.Option(help="Folder for datasets, report and pictures; an older demo is replaced.")
+        Path, typer.Option(help="Folder for datasets, report and pictures. Files of an earlier demo are replaced.")
     ] = Path("out/demo"),
-    seed: Annotated[int | None, typer.Option(help="Repeat a demo; default: the system's random numbers.")] = None,
-    jobs: Annotated[int, typer.Option(help="Processes; 0: one a core.")] = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the cause. Default: random.")] = None,
+    jobs: Jobs = None,
 ) -> None:
-    """Hide an effect in the emulated hand, grasp with it and in the simulator, diagnose the gap, then open the seal.
+    """Diagnose a sealed cause on the emulated hand, and compare the diagnosis with the cause.
+
+    A cause is chosen at random, sealed and added to the emulated hand. The hand and the simulator execute the same
+    grasps. A separate process diagnoses the gap from the two datasets. Then the seal is opened.
 
     Example: taxel demo --out out/demo
     """
-    if (seed is not None and seed < 0) or jobs < 0:
-        raise TaxelError("--seed and --jobs: expected 0 or more; correct the number")
-    console, began = Console(), time.monotonic()
+    console, started = Console(), time.monotonic()
     real, sim, report, page, picture = (out / name for name in FILES)
     out.mkdir(parents=True, exist_ok=True)
     for path in (real, sim, report, page, picture):
         path.unlink(missing_ok=True)
-    world = drawn_grasp_world(seed)
+    world = sample_grasp_world(seed)
     sealed = commitment(world.to_json())
-    console.print("[bold]1. A cause is hidden in the emulated hand[/bold]; its SHA-256 with a salt of 256 bit:")
+    console.print(
+        "[bold]1. A sealed cause is added to the emulated hand[/bold]; SHA-256 of the cause with a salt of 256 bits:"
+    )
     console.print(sealed, highlight=False)
-    _grasp(console, world, real, sim, jobs or None)
-    console.print("[bold]3. Another process, which sees the two datasets alone, diagnoses the gap[/bold]")
+    _grasp(console, world, real, sim, jobs)
+    console.print("[bold]3. A separate process diagnoses the gap from the two datasets alone[/bold]")
     _diagnose(console, out, real, sim, report)
     found = json.loads(report.read_text())
     if "error" in found:
@@ -54,16 +58,16 @@ def demo(
     write_page(found, page)
     unrolled_png(found, picture)
     print_summary(console, found)
-    check(0, world.to_json(), sealed)
-    _open(console, world, found["verdict"]["effects"])
+    verify_commitment(0, world.to_json(), sealed)
+    _open_seal(console, world, found["verdict"]["effects"])
     console.print(
-        f"[bold]done in {time.monotonic() - began:.0f} s[/bold]; the page: {page}, the hand before and after: {picture}"
+        f"[bold]done in {time.monotonic() - started:.0f} s[/bold]; the page: {page}, the hand before and after: {picture}"
     )
 
 
 def _grasp(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
     counts = [len(plan) for plan in small_plans(world.seed)]
-    console.print(f"[bold]2. {counts[0]} grasps by that hand, {counts[1]} in the simulator[/bold]")
+    console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
     with stage_bars(console) as show:
         shows = (partial(show, "emulated hand"), partial(show, "simulator"))
         make_grasps(world, real, sim, shows, jobs)
@@ -73,18 +77,19 @@ def _diagnose(console: Console, out: Path, real: Path, sim: Path, report: Path) 
     columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         progress.add_task("diagnosing", total=None)
-        lane = Lane(out)
+        runner = SandboxedRunner(out)
         try:
-            lane.diagnose(real, sim, report)
+            runner.diagnose(real, sim, report)
         finally:
-            lane.close()
+            runner.close()
 
 
-def _open(console: Console, world: GraspWorld, said: list[str]) -> None:
+def _open_seal(console: Console, world: GraspWorld, named: list[str]) -> None:
     (cause,) = world.hidden.causes
-    console.print("\n[bold]4. The seal is opened[/bold], and fits what was published above:")
-    console.print(f"hidden: {cause.name}, in the emulator's words: {'; '.join(cause.lines)}", highlight=False)
-    if said[:1] == [cause.name]:
-        console.print("the diagnosis named it" + ("." if len(said) == 1 else f", and besides: {', '.join(said[1:])}."))
+    console.print("\n[bold]4. The seal is opened[/bold]; the cause has the SHA-256 printed above:")
+    console.print(f"cause: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False)
+    if named[:1] == [cause.name]:
+        others = f", and also: {', '.join(named[1:])}" if len(named) > 1 else ""
+        console.print(f"The diagnosis named the cause{others}.")
     else:
-        console.print(f"the diagnosis said: {', '.join(said) or 'no gap'}.", highlight=False)
+        console.print(f"The diagnosis named: {', '.join(named) or 'no gap'}.", highlight=False)

@@ -1,4 +1,4 @@
-"""Answers as a file: what is read is what was written, and only answers of one diagnosis are scored together."""
+"""File of results: round trip, and rejection of results of different versions of the diagnosis."""
 
 from __future__ import annotations
 
@@ -7,73 +7,74 @@ from dataclasses import replace
 
 import pytest
 
-from taxel.blind.answers import Answer, Compared, Named
-from taxel.blind.drawing import drawn_worlds
 from taxel.blind.errors import BlindRunError
-from taxel.blind.records import read_records, together, write_records
+from taxel.blind.records import merge_results, read_records, write_records
+from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
+from taxel.blind.sampling import sample_worlds
 from taxel.blind.score import score
 
 SEED = 7100
 
 
-def answers(seed: int = SEED) -> list[Answer]:
-    """One of each kind of world at least, with all that an answer can hold."""
-    worlds = drawn_worlds(40, 2, seed)
-    row = Compared("noise", "noise white", "white_counts", "counts", 12.5, 12.0, 11.0, None, False)
-    named = Named("explained", ("noise", "latency"), ("gain_mismatch",), {"noise": ("gain_mismatch",)})
-    plain = [Answer(one, Named("no_gap", ()), gap=1.25, floor=2.0, diagnosis="ab") for one in worlds]
-    full = {
+def make_results(seed: int = SEED) -> list[WorldResult]:
+    """At least one result for each kind of world; the first one has a value in every field."""
+    worlds = sample_worlds(40, 2, seed)
+    row = ParameterComparison("noise", "noise white", "white_counts", "counts", 12.5, 12.0, 11.0, None, False)
+    verdict = ReportedVerdict("explained", ("noise", "latency"), ("gain_mismatch",), {"noise": ("gain_mismatch",)})
+    no_gap = ReportedVerdict("no_gap", ())
+    results = [WorldResult(world, no_gap, gap=1.25, floor=2.0, diagnosis_version="ab") for world in worlds]
+    fields = {
         "shrink": (0.5, 0.25),
-        "simpler": {"rules": "noise"},
+        "baseline_verdicts": {"rules": "noise"},
         "parameters": (row, replace(row, low=None)),
-        "found_places": True,
-        "idle": ("dropout",),
-        "without": named,
-        "shuffled": Named("unknown", ("unknown",)),
-        "decoy": named,
-        "seeds": (named, named),
-        "blindfold": "landlock",
+        "is_location_found": True,
+        "unobservable_causes": ("dropout",),
+        "verdict_withheld": verdict,
+        "verdict_shuffled": ReportedVerdict("unknown", ("unknown",)),
+        "verdict_decoy": verdict,
+        "verdicts_by_seed": (verdict, verdict),
+        "isolation": "landlock",
     }
-    broken = replace(plain[1], named=Named("error", ()), error="KeyError: 3", diagnosis="")
-    return [replace(plain[0], named=named, **full), broken, *plain[2:]]
+    failed = replace(results[1], verdict=ReportedVerdict("error", ()), error="KeyError: 3", diagnosis_version="")
+    return [replace(results[0], verdict=verdict, **fields), failed, *results[2:]]
 
 
-def test_what_is_read_is_what_was_written(tmp_path):
+def test_written_results_are_read_back_unchanged(tmp_path):
     path = tmp_path / "answers.jsonl.gz"
-    write_records(path, answers())
-    assert read_records(path) == answers()
-    assert score(read_records(path)) == score(answers())
+    write_records(path, make_results())
+    assert read_records(path) == make_results()
+    assert score(read_records(path)) == score(make_results())
     before = path.read_bytes()
     write_records(path, read_records(path))
     assert path.read_bytes() == before
 
 
-def test_two_runs_of_one_diagnosis_are_one_score():
-    both = together(answers(), answers(SEED + 1), "b")
+def test_two_runs_of_one_version_are_scored_together():
+    both = merge_results(make_results(), make_results(SEED + 1), "b")
     assert score(both)["worlds"] == 84
 
 
-def test_answers_of_another_diagnosis_are_refused():
-    other = [replace(one, diagnosis="cd") for one in answers(SEED + 1)]
-    message = "b: expected answers of the same diagnosis, found of ab, cd; score them apart"
+def test_results_of_another_version_are_rejected():
+    other = [replace(result, diagnosis_version="cd") for result in make_results(SEED + 1)]
+    message = "b: expected results of the same version of the diagnosis, found ab, cd; score the runs separately"
     with pytest.raises(BlindRunError, match=message):
-        together(answers(), other, "b")
+        merge_results(make_results(), other, "b")
 
 
-def test_the_same_run_is_refused():
-    with pytest.raises(BlindRunError, match="b: expected answers of another run, found the same worlds"):
-        together(answers(), answers(), "b")
+def test_the_same_run_is_rejected():
+    with pytest.raises(BlindRunError, match="b: expected results of another run, found the same worlds"):
+        merge_results(make_results(), make_results(), "b")
 
 
 @pytest.mark.parametrize(
     "content",
     [b"", b"no gzip", b"\x1f\x8b\x08\x00", gzip.compress(b"{}\n", mtime=0), gzip.compress(b"x" * 99, mtime=0)[:-20]],
-    ids=["empty", "text", "magic", "other records", "cut short"],
+    ids=["empty", "text", "magic", "other records", "truncated"],
 )
-def test_what_is_no_file_of_answers_is_refused_in_one_line(tmp_path, content):
+def test_a_file_without_results_is_rejected_in_one_line(tmp_path, content):
     path = tmp_path / "answers.jsonl.gz"
     path.write_bytes(content)
     with pytest.raises(
-        BlindRunError, match=r"answers.jsonl.gz: expected the answers of a blind check, found .*give its"
+        BlindRunError, match=r"answers.jsonl.gz: expected the results of a blind check, found .*give the"
     ):
         read_records(path)

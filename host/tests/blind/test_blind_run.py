@@ -1,4 +1,4 @@
-"""`taxel gap blind` from end to end: cut after a world, gone on with, opened, scored."""
+"""`taxel gap blind` from end to end: interrupted after a world, resumed, opened and scored."""
 
 from __future__ import annotations
 
@@ -14,50 +14,54 @@ import h5py
 import pytest
 
 from host.tests.command_line import exit_status
-from taxel.blind import drawing, run
-from taxel.blind.lane import Lane
+from taxel.blind import run, sampling
 from taxel.blind.records import RECORDS, read_records, write_records
+from taxel.blind.run_folder import seal_worlds
+from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.version import diagnosis_version
 from taxel.gap.catalogue import OWN_EFFECTS
 
 SEED = 4400
-"""World 0 hides a lag, whose seconds no definition fixes, and is withheld; world 1 hides nothing and has another effect
-deleted.
-"""
+"""World 0 hides a lag, whose true parameters no definition fixes, and is withheld; world 1 has no cause and a decoy."""
 
-SHORT = {"noise", "gain_mismatch", "baseline_drift", "latency"}
-"""All the effects that these diagnoses know."""
+SHORT_CATALOGUE = {"noise", "gain_mismatch", "baseline_drift", "latency"}
+"""Effects in the catalogue of these diagnoses."""
 
 
 def read(path) -> dict:
     return json.loads(path.read_text())
 
 
-def lasting(report: dict) -> dict:
-    """Without what is another in every process: its folder, its time."""
+def reproducible_part(report: dict) -> dict:
+    """The report without paths and run time."""
     return {key: value for key, value in report.items() if key not in ("inputs", "runtime_s")}
 
 
 @pytest.fixture(scope="module")
 def small():
-    """Worlds of 32 presses, one more analysis seed, a few effects."""
+    """Worlds of 32 indentations, one further analysis seed and a few effects."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in (("APPROACHES", (8, 8)), ("SESSIONS", (4, 4)), ("REPEATS", (1, 1)), ("PRESSES", (32, 32))):
-            patch.setattr(drawing, name, value)
-        patch.setattr(run, "SEEDS", 2)
-        patch.setattr(run, "Lane", ShortLane)
+        for name, value in (
+            ("APPROACHES", (8, 8)),
+            ("SESSIONS", (4, 4)),
+            ("REPEATS", (1, 1)),
+            ("INDENTATIONS", (32, 32)),
+        ):
+            patch.setattr(sampling, name, value)
+        patch.setattr(run, "ANALYSIS_SEEDS", 2)
+        patch.setattr(run, "SandboxedRunner", FastRunner)
         yield patch
 
 
-class ShortLane(Lane):
-    """The process that diagnoses, with a catalogue of which a diagnosis takes a third of the time."""
+class FastRunner(SandboxedRunner):
+    """A runner with a short catalogue, for which a diagnosis takes a third of the time."""
 
     def diagnose(self, real, sim, out, without=(), seed=0):
-        super().diagnose(real, sim, out, sorted({*without, *OWN_EFFECTS} - (SHORT - set(without))), seed)
+        super().diagnose(real, sim, out, sorted({*without, *OWN_EFFECTS} - (SHORT_CATALOGUE - set(without))), seed)
 
 
-class CutLane(ShortLane):
-    """Is interrupted after its first answer."""
+class InterruptedRunner(FastRunner):
+    """Raises KeyboardInterrupt instead of a second diagnosis."""
 
     def diagnose(self, real, sim, out, without=(), seed=0):
         if out.name != "report.json":
@@ -66,40 +70,40 @@ class CutLane(ShortLane):
 
 
 @pytest.fixture(scope="module")
-def cut(small, tmp_path_factory):
-    """A check of two worlds, cut when the first had its report and no more."""
+def interrupted(small, tmp_path_factory):
+    """A check of two worlds, interrupted after the first report of the first world."""
     out = tmp_path_factory.mktemp("blind") / "check"
-    first, second = run.seal(out, 2, 0, SEED)
-    assert (first.hidden.names, first.withheld, first.repeated) == (("latency",), True, True)
+    first, second = seal_worlds(out, 2, 0, SEED)
+    assert (first.hidden.names, first.is_withheld, first.is_repeated) == (("latency",), True, True)
     assert (second.hidden.kind, bool(second.decoy)) == ("none", True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "Lane", CutLane)
+        patch.setattr(run, "SandboxedRunner", InterruptedRunner)
         with pytest.raises(KeyboardInterrupt):
             run.run_worlds(out, [first], 1)
-    shutil.copytree(out, out.parent / "cut")
-    return out.parent / "cut"
+    shutil.copytree(out, out.parent / "interrupted")
+    return out.parent / "interrupted"
 
 
 @pytest.fixture(scope="module")
-def check(small, cut):
-    """The same after the command has gone on with it."""
-    small.setenv("SOURCE_DATE_EPOCH", "")  # taken back afterwards: threads instead of processes set it here
-    small.setattr(run, "ProcessPoolExecutor", lambda count, *context, **words: ThreadPoolExecutor(count))
-    out = cut.parent / "check"
-    options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # a second process would only begin for nothing
+def check(small, interrupted):
+    """The same check after the command has resumed it."""
+    small.setenv("SOURCE_DATE_EPOCH", "")  # restored afterwards: threads instead of processes set it in this process
+    small.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
+    out = interrupted.parent / "check"
+    options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # one job avoids the start of a second process
     assert exit_status("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
     return out
 
 
 def test_commitments_are_older_than_every_dataset(check):
     published = (check / "commitments.json").stat().st_mtime_ns
-    assert len(list(check.glob("worlds/*/*.h5"))) == 5  # two pairs and one with exchanged simulations
+    assert len(list(check.glob("worlds/*/*.h5"))) == 5  # two pairs, and one file with exchanged simulations
     assert all(path.stat().st_mtime_ns > published for path in check.glob("worlds/**/*.*"))
 
 
-def test_each_world_is_diagnosed_as_it_was_drawn(check):
-    found = {path.name: {file.name for file in path.glob("*.json")} for path in (check / "worlds").iterdir()}
-    assert found == {
+def test_each_world_has_the_diagnoses_that_it_was_sampled_with(check):
+    reports = {path.name: {file.name for file in path.glob("*.json")} for path in (check / "worlds").iterdir()}
+    assert reports == {
         "0000": {"report.json", "without.json", "seed1.json", "shuffled.json"},
         "0001": {"report.json", "decoy.json"},
     }
@@ -107,7 +111,7 @@ def test_each_world_is_diagnosed_as_it_was_drawn(check):
     assert "latency" not in {entry["name"] for entry in read(check / "worlds" / "0000" / "without.json")["effects"]}
 
 
-def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):
+def test_reports_state_the_isolation_and_the_baseline_verdicts(check):
     for path in check.glob("worlds/*/report.json"):
         report = read(path)
         assert report["blindfold"] in ("landlock and audit hook", "audit hook")
@@ -116,127 +120,129 @@ def test_the_diagnosis_was_blind_and_simpler_diagnosers_answered(check):
         assert str(check) not in path.read_text()
 
 
-def test_published_folders_hold_nothing_of_the_truth(check):
-    scored = {"score.json", "score.md", "answers.jsonl.gz"}
-    assert {path.name for path in check.iterdir()} == {"commitments.json", "sealed", "worlds", *scored}
+def test_only_the_sealed_folder_contains_hidden_causes(check):
+    score_files = {"score.json", "score.md", "answers.jsonl.gz"}
+    assert {path.name for path in check.iterdir()} == {"commitments.json", "sealed", "worlds", *score_files}
     assert {path.name for path in (check / "sealed").iterdir()} == {"keys.json", "reference0000.json"}
 
 
-def test_both_datasets_of_all_worlds_say_that_they_were_made_when_the_seal_was(check):
-    told = set()
+def test_all_datasets_state_the_same_creation_time(check):
+    times = set()
     for path in check.glob("worlds/*/[rs][ei][am]*.h5"):
         with h5py.File(path) as file:
-            told.add(file.attrs["created"])
-    assert len(told) == 1
+            times.add(file.attrs["created"])
+    assert len(times) == 1
 
 
 def test_the_score_and_its_sheet_are_written(check):
-    found = read(check / "score.json")
-    assert (found["worlds"], found["full_hand"], found["rig4"]["errors"]) == (2, None, [])
-    assert found["rig4"]["false_alarms"] == {
+    score = read(check / "score.json")
+    assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
+    assert score["rig4"]["false_alarms"] == {
         "right": 0,
         "of": 1,
         "share": 0.0,
-        "ci95": found["rig4"]["false_alarms"]["ci95"],
+        "ci95": score["rig4"]["false_alarms"]["ci95"],
     }
-    assert found["rig4"]["counts"]["single"] == {"worlds": 1, "clear": 1}
-    assert found["rig4"]["single_first"]["right"] == 1
-    assert found["rig4"]["unknown_withheld"]["of"] == 1
+    assert score["rig4"]["counts"]["single"] == {"worlds": 1, "clear": 1}
+    assert score["rig4"]["single_first"]["right"] == 1
+    assert score["rig4"]["unknown_withheld"]["of"] == 1
     text = (check / "score.md").read_text()
-    made = "Made by `taxel gap blind --worlds 2`; 2 worlds gave a report. Version of the diagnosis, by its sources: "
-    assert f"{made}{diagnosis_version()}." in text
+    provenance = "Made by `taxel gap blind --worlds 2`; 2 worlds gave a report. Measured version of the diagnosis: "
+    assert f"{provenance}{diagnosis_version()} (" in text
     assert (check.parent / "page" / "score.md").read_text() == text
 
 
-def test_a_check_that_is_done_is_only_scored_again(check, monkeypatch, capsys):
-    monkeypatch.setattr(run, "Lane", None)
+def test_a_finished_check_is_only_scored_again(check, monkeypatch, capsys):
+    monkeypatch.setattr(run, "SandboxedRunner", None)
     assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
     assert json.loads(capsys.readouterr().out) == read(check / "score.json")
 
 
-def test_the_answers_are_kept_and_are_no_further_run(check, capsys):
+def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, capsys):
     path = check / RECORDS
-    assert [one.world.number for one in read_records(path)] == [0, 1]
-    assert {one.diagnosis for one in read_records(path)} == {diagnosis_version()}
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--also", path) == 1
-    assert "expected answers of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
+    assert [result.world.number for result in read_records(path)] == [0, 1]
+    assert {result.diagnosis_version for result in read_records(path)} == {diagnosis_version()}
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--add-answers", path) == 1
+    assert "expected results of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
 
 
-def test_answers_of_another_diagnosis_are_refused_before_a_world_is_made(check, tmp_path, capsys):
+def test_results_of_another_version_are_rejected_before_a_world_is_made(check, tmp_path, capsys):
     other = tmp_path / RECORDS
-    write_records(other, [replace(one, diagnosis="cd") for one in read_records(check / RECORDS)])
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--also", other) == 1
-    assert "expected answers of the same diagnosis" in " ".join(capsys.readouterr().err.split())
+    write_records(other, [replace(result, diagnosis_version="cd") for result in read_records(check / RECORDS)])
+    assert exit_status("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--add-answers", other) == 1
+    assert "expected results of the same version of the diagnosis" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "new").exists()
 
 
-def test_a_world_that_was_cut_is_made_anew_to_the_same_bytes_and_the_same_answer(check, cut):
-    before, after = (folder / "worlds" / "0000" for folder in (cut, check))
+def test_an_interrupted_world_is_repeated_with_the_same_datasets_and_report(check, interrupted):
+    before, after = (folder / "worlds" / "0000" for folder in (interrupted, check))
     assert {path.name for path in before.iterdir()} == {"real.h5", "sim.h5", "report.json"}
     for name in ("real.h5", "sim.h5"):
         assert (before / name).read_bytes() == (after / name).read_bytes()
-    assert lasting(read(before / "report.json")) == lasting(read(after / "report.json"))
+    assert reproducible_part(read(before / "report.json")) == reproducible_part(read(after / "report.json"))
 
 
-class FakeLane:
-    """Notes for which world it is asked, and answers at once; in the fifth world not before the run was cut."""
+class FakeRunner:
+    """Records its requests and answers at once; in the fifth world only after the run was interrupted."""
 
-    asked: ClassVar[list[str]] = []
-    cut = threading.Event()
+    requests: ClassVar[list[str]] = []
+    is_interrupted = threading.Event()
 
     def __init__(self, out: Path) -> None:
         pass
 
     def diagnose(self, real: Path, sim: Path, out: Path, without=(), seed=0) -> None:
-        self.asked.append(f"{out.parent.name}/{out.name}")
-        if len({name.partition("/")[0] for name in self.asked}) == 5:
-            assert self.cut.wait(60)
-        out.write_text(json.dumps({"error": "none of it was looked at"}))
+        self.requests.append(f"{out.parent.name}/{out.name}")
+        if len({name.partition("/")[0] for name in self.requests}) == 5:
+            assert self.is_interrupted.wait(60)
+        out.write_text(json.dumps({"error": "not diagnosed"}))
 
     def close(self) -> None:
         pass
 
 
-class CutPool(ThreadPoolExecutor):
-    """Tells `FakeLane` when it is shut down."""
+class SignallingPool(ThreadPoolExecutor):
+    """Signals its shutdown to `FakeRunner`."""
 
     def shutdown(self, wait=True, *, cancel_futures=False):
         super().shutdown(wait=False, cancel_futures=cancel_futures)
-        FakeLane.cut.set()
+        FakeRunner.is_interrupted.set()
         super().shutdown(wait)
 
 
-def test_a_check_that_was_cut_after_some_worlds_goes_on_with_the_others(monkeypatch, tmp_path):
-    monkeypatch.setattr(FakeLane, "asked", [])
-    monkeypatch.setattr(FakeLane, "cut", threading.Event())
-    monkeypatch.setattr(run, "Lane", FakeLane)
-    monkeypatch.setattr(run, "ThreadPoolExecutor", CutPool)
-    monkeypatch.setattr(run, "ProcessPoolExecutor", lambda count, *context, **words: ThreadPoolExecutor(count))
-    monkeypatch.setattr(run, "_make", lambda *arguments: 0)
-    monkeypatch.setattr(run, "_reference", lambda *arguments: {})
-    monkeypatch.setattr(run, "shuffled_copy", lambda *arguments: None)
-    worlds = run.seal(tmp_path / "check", 9, 0, seed=2)
-    told = []
+def test_a_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(monkeypatch, tmp_path):
+    monkeypatch.setattr(FakeRunner, "requests", [])
+    monkeypatch.setattr(FakeRunner, "is_interrupted", threading.Event())
+    monkeypatch.setattr(run, "SandboxedRunner", FakeRunner)
+    monkeypatch.setattr(run, "ThreadPoolExecutor", SignallingPool)
+    monkeypatch.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
+    monkeypatch.setattr(run, "_make_datasets", lambda *arguments: 0)
+    monkeypatch.setattr(run, "_fit_reference", lambda *arguments: {})
+    monkeypatch.setattr(run, "write_shuffled_copy", lambda *arguments: None)
+    out = tmp_path / "check"
+    worlds = seal_worlds(out, 9, 0, seed=2)
+    progress = []
 
-    def stop(done: int, total: int) -> None:
-        told.append((done, total))
+    def interrupt(done: int, total: int) -> None:
+        progress.append((done, total))
         if done == 4:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run.run_worlds(tmp_path / "check", worlds, 1, stop)
-    finished = {path.parent.name for path in tmp_path.glob("check/worlds/*/done")}
-    assert len(finished) == 5  # what had begun was finished
-    first = set(FakeLane.asked)
-    FakeLane.asked.clear()
-    run.run_worlds(tmp_path / "check", run.seal(tmp_path / "check", 9, 0, None), 2, lambda *done: told.append(done))
-    assert not {name.partition("/")[0] for name in FakeLane.asked} & finished
-    assert {name.partition("/")[0] for name in first | set(FakeLane.asked)} == {f"{number:04d}" for number in range(9)}
-    assert told[:5] == [(done, 9) for done in range(5)]
-    assert told[5:] == [(done, 9) for done in range(len(finished), 10)]
+        run.run_worlds(out, worlds, 1, interrupt)
+    finished = {path.parent.name for path in out.glob("worlds/*/done")}
+    assert len(finished) == 5  # the world that had started was finished
+    first_requests = set(FakeRunner.requests)
+    FakeRunner.requests.clear()
+    run.run_worlds(out, seal_worlds(out, 9, 0, None), 2, lambda *counts: progress.append(counts))
+    assert not {name.partition("/")[0] for name in FakeRunner.requests} & finished
+    diagnosed = {name.partition("/")[0] for name in first_requests | set(FakeRunner.requests)}
+    assert diagnosed == {f"{number:04d}" for number in range(9)}
+    assert progress[:5] == [(done, 9) for done in range(5)]
+    assert progress[5:] == [(done, 9) for done in range(len(finished), 10)]
 
 
-def test_a_changed_key_or_another_number_is_refused_in_one_line(check, tmp_path, capsys):
+def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(check, tmp_path, capsys):
     assert exit_status("gap", "blind", "--worlds", 3, "--out", check) == 1
     assert capsys.readouterr().err.strip().endswith("choose another --out")
     copy = tmp_path / "check"
@@ -246,7 +252,7 @@ def test_a_changed_key_or_another_number_is_refused_in_one_line(check, tmp_path,
     (copy / "sealed" / "keys.json").write_text(json.dumps(keys))
     assert exit_status("gap", "blind", "--worlds", 2, "--out", copy) == 1
     error = capsys.readouterr().err.strip()
-    assert "world 0: key does not fit its commitment" in error
+    assert "world 0: the key does not match its commitment" in error
     assert "Traceback" not in error
 
 
@@ -262,7 +268,7 @@ def test_wrong_numbers_are_refused_in_one_line(arguments, message, capsys, tmp_p
     assert not (tmp_path / "check").exists()
 
 
-def test_a_check_that_may_begin_no_world_scores_none(tmp_path, capsys):
+def test_a_check_without_time_scores_no_world(tmp_path, capsys):
     out = tmp_path / "check"
     assert exit_status("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
     assert read(out / "score.json")["worlds"] == 0

@@ -1,4 +1,4 @@
-"""The seal: what is hidden is committed to before anything is made, and cannot be changed afterwards."""
+"""The seal: causes are committed to before the datasets are made, and later changes are detected."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import pickle
 
 import pytest
 
-from taxel.blind.drawing import World, drawn_worlds
 from taxel.blind.errors import BlindRunError
-from taxel.blind.run import COMMITMENTS, KEYS, opened, seal
-from taxel.blind.seal import SealBrokenError, check, commitment
+from taxel.blind.run_folder import COMMITMENTS, KEYS, open_sealed_worlds, seal_worlds
+from taxel.blind.sampling import sample_worlds
+from taxel.blind.seal import SealBrokenError, commitment, verify_commitment
+from taxel.blind.world import World
 
 
 @pytest.fixture
 def out(tmp_path):
-    seal(tmp_path / "check", 4, 0, seed=1)
+    seal_worlds(tmp_path / "check", 4, 0, seed=1)
     return tmp_path / "check"
 
 
-def changed_keys(out, change):
+def change_keys(out, change):
     keys = json.loads((out / KEYS).read_text())
     change(keys)
     (out / KEYS).write_text(json.dumps(keys))
@@ -33,33 +34,33 @@ def test_sealing_publishes_commitments_and_no_dataset(out):
 
 
 def test_commitments_are_written_before_the_keys(tmp_path, monkeypatch):
-    def cut(*arguments, **words):
+    def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pathlib.Path.touch", cut)
+    monkeypatch.setattr("pathlib.Path.touch", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        seal(tmp_path / "check", 2, 0, None)
+        seal_worlds(tmp_path / "check", 2, 0, None)
     assert len(json.loads((tmp_path / "check" / COMMITMENTS).read_text())) == 2
     assert not (tmp_path / "check" / KEYS).exists()
 
 
-def test_a_commitment_is_the_digest_of_the_whole_key_and_tells_nothing_of_it(out):
+def test_a_commitment_is_the_sha256_of_the_whole_key(out):
     published = json.loads((out / COMMITMENTS).read_text())
     for key in json.loads((out / KEYS).read_text()):
         text = json.dumps(key, sort_keys=True, separators=(",", ":"))
         assert published[str(key["number"])] == hashlib.sha256(text.encode()).hexdigest()
-        check(key["number"], key, commitment(key))
+        verify_commitment(key["number"], key, commitment(key))
 
 
-def test_every_salt_has_256_bits_of_its_own():
-    salts = [world.salt for world in drawn_worlds(40)]
+def test_every_salt_has_256_random_bits():
+    salts = [world.salt for world in sample_worlds(40)]
     assert all(len(bytes.fromhex(salt)) == 32 for salt in salts)
     assert len(set(salts)) == 40
 
 
-def test_worlds_come_back_as_they_were_sealed(out):
-    worlds = opened(out)
-    assert worlds == drawn_worlds(4, 0, 1)
+def test_opened_worlds_equal_the_sealed_ones(out):
+    worlds = open_sealed_worlds(out)
+    assert worlds == sample_worlds(4, 0, 1)
     assert [World.from_json(json.loads(json.dumps(world.to_json()))) for world in worlds] == worlds
 
 
@@ -70,35 +71,35 @@ def test_worlds_come_back_as_they_were_sealed(out):
     lambda keys: keys[2].update(salt="00" * 32),
     lambda keys: keys[2].update(withheld=not keys[2]["withheld"]),
 ])  # fmt: skip
-def test_a_changed_key_is_refused_in_one_line(out, change):
-    changed_keys(out, change)
+def test_a_changed_key_is_rejected_in_one_line(out, change):
+    change_keys(out, change)
     with pytest.raises(SealBrokenError) as caught:
-        opened(out)
-    assert str(caught.value).startswith("world 2: key does not fit its commitment")
+        open_sealed_worlds(out)
+    assert str(caught.value).startswith("world 2: the key does not match its commitment")
     assert "\n" not in str(caught.value)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
-    with pytest.raises(SealBrokenError):  # a check that goes on looks before it makes anything
-        seal(out, 4, 0, None)
+    with pytest.raises(SealBrokenError):  # a resumed check verifies the keys before it makes datasets
+        seal_worlds(out, 4, 0, None)
 
 
-def test_a_key_that_is_gone_or_unreadable_is_refused_in_one_line(out):
-    changed_keys(out, lambda keys: keys.pop())
-    with pytest.raises(BlindRunError, match="expected 4 keys, found 3; run the check anew") as caught:
-        opened(out)
+def test_missing_or_unreadable_keys_are_rejected_in_one_line(out):
+    change_keys(out, lambda keys: keys.pop())
+    with pytest.raises(BlindRunError, match="expected 4 keys, found 3; run the check again") as caught:
+        open_sealed_worlds(out)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
     (out / KEYS).write_text("[")
     with pytest.raises(BlindRunError, match="expected readable JSON"):
-        opened(out)
+        open_sealed_worlds(out)
 
 
-def test_a_folder_of_another_check_is_refused_in_one_line(out, tmp_path):
+def test_a_folder_of_another_check_is_rejected_in_one_line(out, tmp_path):
     with pytest.raises(BlindRunError, match="expected 5 worlds and 0 of the full hand, found 4 worlds and 0"):
-        seal(out, 5, 0, None)
+        seal_worlds(out, 5, 0, None)
     with pytest.raises(BlindRunError, match="expected 3 worlds and 1 of the full hand"):
-        seal(out, 3, 1, None)
+        seal_worlds(out, 3, 1, None)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("")
-    with pytest.raises(BlindRunError, match="expected an empty folder, or a blind check to go on with"):
-        seal(tmp_path / "other", 4, 0, None)
+    with pytest.raises(BlindRunError, match="expected an empty folder or an interrupted blind check"):
+        seal_worlds(tmp_path / "other", 4, 0, None)
     with pytest.raises(BlindRunError, match="expected a blind check, found none"):
-        opened(tmp_path / "other")
+        open_sealed_worlds(tmp_path / "other")

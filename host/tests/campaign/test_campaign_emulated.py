@@ -18,7 +18,7 @@ from taxel.campaign.point_counts import count_contact_points
 from taxel.campaign.processes import ProcessLostError, map_in_processes
 from taxel.campaign.settings import EmulatedSettings
 from taxel.emulated.contact import ContactLibraryError
-from taxel.hand.frame_errors import FrameError
+from taxel.errors import TaxelError
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 
@@ -162,7 +162,7 @@ def touch_file(setup, part: int, folder: str) -> int:
 
 
 def raise_error(setup, part: int, settings: None) -> int:
-    raise FrameError(f"part {part}")
+    raise TaxelError(f"part {part}")
 
 
 def test_a_killed_worker_process_raises_an_error_of_one_line(setup):
@@ -172,7 +172,7 @@ def test_a_killed_worker_process_raises_an_error_of_one_line(setup):
 
 
 def test_an_error_in_a_worker_process_is_raised_in_the_caller(setup):
-    with pytest.raises(FrameError, match="part 0"):
+    with pytest.raises(TaxelError, match="part 0"):
         list(map_in_processes(raise_error, setup, range(50), None, 2))
 
 

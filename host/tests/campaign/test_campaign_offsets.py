@@ -44,7 +44,9 @@ def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose(
     planned, measured = Setup(), Setup(calibration=calibration)
     assert measured.object_pose("cylinder")[0, 3] == pytest.approx(0.6)
     assert np.array_equal(measured.object_pose("triangular_prism"), planned.object_pose("triangular_prism"))
-    change = measured.kinematics.compute_sensor_poses(np.zeros(22)) - planned.kinematics.compute_sensor_poses(np.zeros(22))
+    change = measured.kinematics.compute_sensor_poses(np.zeros(22)) - planned.kinematics.compute_sensor_poses(
+        np.zeros(22)
+    )
     assert np.linalg.norm(change[0, :3, 3]) == pytest.approx(0.014 - 0.0131)
     assert not change[1:].any()
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import can
 import numpy as np
 import pytest
+from taxel.cli.station import physical_station
 
 from taxel.campaign import physical
 from taxel.campaign.physical import ArmTimeoutError, PhysicalSettings, Workstation, run_physical
-from taxel.cli.station import physical_station
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro

@@ -57,7 +57,7 @@ def mount_displacement(plan, approach, pose):
 @pytest.mark.parametrize("number", range(8))
 def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number):
     approach = plan.approaches[number]
-    path = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+    path = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     load = contact.load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
     force_on_boards = np.einsum("sij,sj->i", plan.bracket_poses[:, :3, :3], load.wrench[:, :3])
     displacement = mount_displacement(plan, approach, path.pose[-1])
@@ -70,13 +70,13 @@ def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number
 
 
 def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
-    """The remaining difference is that of the discretisations: 16 cells and 25 springs per taxel."""
+    """The remaining difference is that of the discretisations: 16 elements and 25 springs per taxel."""
     differences = []
     for approach in plan.approaches:
         index = list(plan.objects).index(approach.object)
-        emulated = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+        emulated = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
         equilibrium = simulated_equilibrium(plan, approach)
-        simulated = equilibrium.press(approach.force_n)
+        simulated = equilibrium.solve_path(approach.force_n)
         assert emulated.pose[-1][:3, 3] == pytest.approx(equilibrium.pose(simulated.motion)[:3, 3], abs=5e-5)
         assert emulated.travel_m[-1] == pytest.approx(simulated.travel_m, abs=4e-5)
         emulated_signal = SimSensor().predict_signal(contact.forces(index, emulated.pose[-1], plan.bracket_poses))
@@ -92,8 +92,8 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
     effects = ("bracket_offset sleeve 0 0 0.001 0 0 0",)
     settings = indentation_settings(hand, variation=NO_VARIATION, effects=effects)
     with SkinContact(session_world_text(plan.setup, settings, 0)) as skin:
-        displaced = emulated_equilibrium(plan, skin, approach).press(approach.force_n)
-    nominal = emulated_equilibrium(plan, contact, approach).press(approach.force_n)
+        displaced = emulated_equilibrium(plan, skin, approach).solve_path(approach.force_n)
+    nominal = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     cosine = -(plan.bracket_poses[3, :3, 2] @ approach.direction)
     assert nominal.travel_m[0] - displaced.travel_m[0] == pytest.approx(1e-3 * cosine, abs=4e-4)
 
@@ -113,9 +113,9 @@ def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
 def test_interpolation_between_the_solved_levels_is_accurate_to_the_noise(plan, number):
     approach = plan.approaches[number]
     equilibrium = simulated_equilibrium(plan, approach)
-    coarse = equilibrium.press(approach.force_n)
+    coarse = equilibrium.solve_path(approach.force_n)
     levels = tuple(sorted({*LEVELS, *np.geomspace(LEVELS[0], 1.0, 17).tolist()}))
-    fine = equilibrium.press(approach.force_n, levels)
+    fine = equilibrium.solve_path(approach.force_n, levels)
     travel = np.linspace(coarse.curve.x[0], coarse.travel_m, 20)
     signals = []
     for path in (coarse, fine):
@@ -132,11 +132,13 @@ def test_an_object_that_meets_no_skin_raises_an_error(hand, plan, contact):
     layer = FixedSkinLayer(hand, plan.bracket_poses, LayerLaw())
     shape, centre = plan.objects[approach.object].shape, plan.centre(approach.object)
     with pytest.raises(EquilibriumError, match="meets no skin"):
-        SimulatedEquilibrium(layer, shape, plan.mount, away, approach.direction).press(5.0)
+        SimulatedEquilibrium(layer, shape, plan.mount, away, approach.direction).solve_path(5.0)
     with pytest.raises(EquilibriumError, match="meets no skin"):
-        EmulatedEquilibrium(contact, 0, plan.bracket_poses, plan.mount, centre, away, approach.direction).press(5.0)
+        EmulatedEquilibrium(contact, 0, plan.bracket_poses, plan.mount, centre, away, approach.direction).solve_path(
+            5.0
+        )
 
 
 def test_the_poses_of_the_path_are_rigid_transforms(plan, contact):
-    poses = emulated_equilibrium(plan, contact, plan.approaches[1]).press(10.0).pose
+    poses = emulated_equilibrium(plan, contact, plan.approaches[1]).solve_path(10.0).pose
     assert inverse(poses) @ poses == pytest.approx(np.broadcast_to(np.eye(4), poses.shape))

@@ -81,7 +81,7 @@ def test_the_simulated_object_loads_exactly_the_planned_boards(plans, seed, hand
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
         equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose, approach.direction)
-        motion = equilibrium.press(approach.force_n).motion
+        motion = equilibrium.solve_path(approach.force_n).motion
         force = equilibrium.taxel_forces(motion)
         loaded = force > LOADED_N
         assert {hand.boards[board].name for board in hand.board_index[loaded]} == set(approach.boards)

@@ -108,7 +108,7 @@ def _solve(
         approach.direction,
     )
     try:
-        return equilibrium.press(force_factor * approach.force_n)
+        return equilibrium.solve_path(force_factor * approach.force_n)
     except EquilibriumError as error:
         raise error.for_indentation(indentation.id) from None
 

@@ -21,7 +21,7 @@ FORCE_SHARES = (0.01, 0.03, 0.07, 0.13, 0.2, 0.3, 0.42, 0.55, 0.7, 0.85, 1.0)
 """Shares of the nominal force at which the equilibrium is solved; denser at low forces, where the layer is soft."""
 
 TOLERANCE, FALLBACK_TOLERANCE = 3e-4, 1e-2
-"""Residual force as a share of the mount's force. The fallback holds where a contact cell at the rim of a cylinder
+"""Residual force as a share of the mount's force. The fallback holds where a contact element at the rim of a cylinder
 switches between loaded and unloaded, so that no better balance exists."""
 
 ARM_M = 0.02
@@ -73,7 +73,7 @@ class EmulatedEquilibrium:
             [_wrench_map(pose @ contact.bracket_offset(board)) for board, pose in enumerate(bracket_poses)]
         )
 
-    def press(self, force_n: float) -> EquilibriumPath:
+    def solve_path(self, force_n: float) -> EquilibriumPath:
         """Equilibrium from first contact to `force_n`. Raises `EquilibriumError` if there is none."""
         touch = self._touch_travel()
         travels, poses = [touch], [self._pose(np.concatenate([touch * self._direction, np.zeros(3)]))]

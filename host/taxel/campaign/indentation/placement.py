@@ -224,7 +224,7 @@ class PlacementSampler:
     def _equilibrium(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Checked | None:
         equilibrium = SimulatedEquilibrium(self._layer, shape, self._mount, touch, direction)
         try:
-            motion = equilibrium.press(force_n, CHECKED_LEVELS).motion
+            motion = equilibrium.solve_path(force_n, CHECKED_LEVELS).motion
         except EquilibriumError:
             return None
         depth = float(motion[:3] @ direction)

@@ -98,7 +98,7 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
     equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose @ offset, approach.direction)
     times = plan.timeline.sample_times(settings.rate_hz)
     try:
-        path = equilibrium.press(force_factor * approach.force_n)
+        path = equilibrium.solve_path(force_factor * approach.force_n)
     except EquilibriumError as error:
         raise error.for_indentation(indentation.id) from None
     force, separation = _force_and_separation(plan, approach, equilibrium, path, times)

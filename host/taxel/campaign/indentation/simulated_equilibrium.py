@@ -76,7 +76,7 @@ class SimulatedEquilibrium:
         self._mount_stiffness[3:, 3:] = mount.nm_per_rad * np.eye(3)
         self._unit = LENGTH_M * np.array([1.0] * 3 + [1.0 / ARM_M] * 3)
 
-    def press(self, force_n: float, levels: tuple[float, ...] = LEVELS) -> SimulatedPath:
+    def solve_path(self, force_n: float, levels: tuple[float, ...] = LEVELS) -> SimulatedPath:
         """Equilibrium from first contact to `force_n`. Raises `EquilibriumError` if there is none."""
         touch_m = self._touch_travel()
         motion = self._first_guess(levels[0] * force_n, touch_m)

@@ -1,4 +1,4 @@
-"""What a diagnosing process can see: its own folder and the Python installation, and nothing that knows the truth."""
+"""Isolation of the diagnosing process: it can access its folder and the Python installation, but no hidden cause."""
 
 from __future__ import annotations
 
@@ -12,56 +12,56 @@ import pytest
 
 import taxel.emulated
 from taxel.blind import landlock
-from taxel.blind.blindfold import FORBIDDEN, is_forbidden
+from taxel.blind.isolation import FORBIDDEN, is_forbidden
 
-CHECK = """
+ISOLATED_PROGRAM = """
 import ctypes, importlib, json, os, socket, subprocess, sys
 from pathlib import Path
-from taxel.blind import blindfold as module
+from taxel.blind import isolation
 
-own, out, kernel = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3] == "kernel"
-code = Path(module.__file__).parents[1]
-if not kernel:
-    module.landlock.restrict = lambda readable, writable: False
-held_by = module.blindfold(own, [out])
+own, out, has_landlock = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3] == "landlock"
+code = Path(isolation.__file__).parents[1]
+if not has_landlock:
+    isolation.landlock.restrict = lambda readable, writable: False
+mechanism = isolation.isolate_process(own, [out])
 import h5py
 import taxel
 from taxel.gap.diagnosis import diagnose
-from taxel.blind.simpler import simpler_answers
+from taxel.blind.baselines import baseline_verdicts
 
-def opened_by_c(path):
+def open_in_c(path):
     number = ctypes.CDLL(None, use_errno=True).open(str(path).encode(), os.O_RDONLY)
     if number < 0:
         raise OSError(ctypes.get_errno(), "C open")
 
-def started_by_c():
+def execute_in_c():
     name = b"/bin/true"
     ctypes.CDLL(None, use_errno=True).execl(name, name, None)
     raise OSError(ctypes.get_errno(), "C exec")
 
-class Disguised:
+class PathLike:
     def __fspath__(self):
         return str(out / "sealed/keys.json")
 
 keys = out / "sealed/keys.json"
 (own / "link").symlink_to(own / "here.txt")
-tries = {name: lambda name=name: importlib.import_module(name) for name in json.loads(sys.argv[4])}
-tries |= {
+attempts = {name: lambda name=name: importlib.import_module(name) for name in json.loads(sys.argv[4])}
+attempts |= {
     "keys": lambda: open(keys),
     "keys by os": lambda: os.open(keys, os.O_RDONLY),
-    "keys by detour": lambda: open(own / ".." / own.name / ".." / out.name / "sealed" / "keys.json"),
+    "keys by relative path": lambda: open(own / ".." / own.name / ".." / out.name / "sealed" / "keys.json"),
     "keys by proc": lambda: open(f"/proc/self/root{keys}"),
     "keys by bytes": lambda: open(bytes(keys)),
-    "keys in disguise": lambda: open(Disguised()),
+    "keys by path-like object": lambda: open(PathLike()),
     "folder of keys": lambda: os.listdir(out / "sealed"),
-    "folder of others": lambda: os.scandir(out / "worlds"),
+    "folder of worlds": lambda: os.scandir(out / "worlds"),
     "link to keys": lambda: os.symlink(keys, out / "link"),
     "neighbour": lambda: open(own.parent / "neighbour.txt"),
     "parent's environment": lambda: open(f"/proc/{os.getppid()}/environ"),
-    "words of the emulator": lambda: open(code / "blind" / "kinds.py"),
+    "source of the causes": lambda: open(code / "blind" / "catalogue_causes.py"),
     "library of the emulator": lambda: ctypes.CDLL(str(Path(json.loads(sys.argv[5])))),
-    "write beside code": lambda: open(code / "gap" / "told.txt", "w"),
-    "write elsewhere": lambda: open(own.parent / "told.txt", "w"),
+    "write to the package": lambda: open(code / "gap" / "note.txt", "w"),
+    "write to the parent folder": lambda: open(own.parent / "note.txt", "w"),
     "remove": lambda: os.remove(own.parent / "neighbour.txt"),
     "program": lambda: subprocess.run(["true"]),
     "shell": lambda: os.system("true"),
@@ -72,34 +72,38 @@ tries |= {
     "emulator by attribute": lambda: taxel.open("emulator:"),
     "runner by attribute": lambda: taxel.link.run_emulator,
 }
-if kernel:
-    tries |= {
-        "keys by C": lambda: opened_by_c(keys),
+if has_landlock:
+    attempts |= {
+        "keys by C": lambda: open_in_c(keys),
         "dataset by HDF5": lambda: h5py.File(out / "worlds" / "other.h5", "r"),
-        "program by C": started_by_c,
+        "program by C": execute_in_c,
     }
-found = {}
-for name, attempt in tries.items():
+errors = {}
+for name, attempt in attempts.items():
     try:
         attempt()
-        found[name] = ""
+        errors[name] = ""
     except (ImportError, OSError, AttributeError) as error:
-        found[name] = f"{type(error).__name__}: {error}"
+        errors[name] = f"{type(error).__name__}: {error}"
 (own / "written.txt").write_text("x")
 allowed = [(own / "here.txt").read_text(), (own / "link").read_text(), sorted(os.listdir(own))]
-print(json.dumps({"held_by": held_by, "found": found, "allowed": allowed, "seen": sorted(sys.modules)}))
+print(json.dumps({"mechanism": mechanism, "errors": errors, "allowed": allowed, "modules": sorted(sys.modules)}))
 """
 
-HERE = ("drawing", "hidden", "kinds", "making", "run", "seal")
-UNTOLD = [*FORBIDDEN, "taxel.emulated.contact", *(f"taxel.blind.{name}" for name in HERE)]
+SEALED_BLIND_MODULES = ("sampling", "hidden", "catalogue_causes", "world_datasets", "run", "seal")
+SEALED_MODULES = [
+    *FORBIDDEN,
+    "taxel.emulated.contact",
+    *(f"taxel.blind.{name}" for name in SEALED_BLIND_MODULES),
+]
 
 
-@pytest.fixture(scope="module", params=["kernel", "hook alone"])
+@pytest.fixture(scope="module", params=["landlock", "audit hook only"])
 def report(request, tmp_path_factory):
-    """What a blindfolded process could do and not do."""
-    if request.param == "kernel" and not landlock.version():
+    """Results of the access attempts of an isolated process."""
+    if request.param == "landlock" and not landlock.version():
         pytest.skip("the kernel has no Landlock")
-    base = tmp_path_factory.mktemp("blindfold")
+    base = tmp_path_factory.mktemp("isolation")
     own, out = base / "own", base / "check"
     for folder in (own, out / "sealed", out / "worlds"):
         folder.mkdir(parents=True)
@@ -107,12 +111,12 @@ def report(request, tmp_path_factory):
     (base / "neighbour.txt").write_text("")
     (out / "sealed" / "keys.json").write_text("[]")
     h5py.File(out / "worlds" / "other.h5", "w").close()
-    arguments = [str(own), str(out), request.param, json.dumps(UNTOLD), json.dumps(str(contact_library()))]
+    arguments = [str(own), str(out), request.param, json.dumps(SEALED_MODULES), json.dumps(str(contact_library()))]
     done = subprocess.run(
-        [sys.executable, "-c", CHECK, *arguments], cwd=own, capture_output=True, text=True, check=False
+        [sys.executable, "-c", ISOLATED_PROGRAM, *arguments], cwd=own, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    return {**json.loads(done.stdout), "asked": request.param}
+    return {**json.loads(done.stdout), "requested": request.param}
 
 
 def contact_library() -> Path:
@@ -121,38 +125,39 @@ def contact_library() -> Path:
     return next(path / "libtaxel_contact.so" for path in (*packaged, *folders) if path.exists())
 
 
-def test_it_says_what_holds(report):
-    assert report["held_by"] == ("landlock and audit hook" if report["asked"] == "kernel" else "audit hook")
+def test_the_isolation_states_its_mechanism(report):
+    expected = "landlock and audit hook" if report["requested"] == "landlock" else "audit hook"
+    assert report["mechanism"] == expected
 
 
-def test_nothing_that_knows_the_truth_can_be_imported_opened_or_started(report):
-    assert [name for name, error in report["found"].items() if not error] == []
-    sealed = [name for name in report["found"] if name.startswith(("taxel.", "keys", "folder", "program", "fork"))]
-    assert all("sealed while" in report["found"][name] for name in sealed if not name.endswith("by C"))
+def test_sealed_modules_files_and_programs_are_inaccessible(report):
+    assert [name for name, error in report["errors"].items() if not error] == []
+    sealed = [name for name in report["errors"] if name.startswith(("taxel.", "keys", "folder", "program", "fork"))]
+    assert all("sealed while" in report["errors"][name] for name in sealed if not name.endswith("by C"))
 
 
-def test_nothing_of_it_was_imported_before(report):
-    assert [name for name in report["seen"] if is_forbidden(name)] == []
+def test_no_sealed_module_stays_loaded(report):
+    assert [name for name in report["modules"] if is_forbidden(name)] == []
 
 
-def test_its_own_folder_is_open_to_it(report):
+def test_the_folder_of_the_process_is_readable_and_writable(report):
     assert report["allowed"][:2] == ["mine", "mine"]
     assert report["allowed"][2] == ["here.txt", "link", "written.txt"]
 
 
-def test_names_of_modules_are_judged_whole():
+def test_module_names_are_compared_by_whole_components():
     assert is_forbidden("taxel.emulated.contact")
-    assert is_forbidden("taxel.blind.kinds")
-    assert not is_forbidden("taxel.blind.simpler")
+    assert is_forbidden("taxel.blind.catalogue_causes")
+    assert not is_forbidden("taxel.blind.baselines")
     assert not is_forbidden("taxel.simulated")
     assert not is_forbidden("taxel.link")
-    assert not is_forbidden("other.blind.kinds")
+    assert not is_forbidden("other.blind.catalogue_causes")
 
 
-def test_the_process_answers_with_an_error_and_goes_on(tmp_path):
+def test_the_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_path):
     job = json.dumps({"real": "no.h5", "sim": "no.h5", "without": [], "seed": 0, "out": "report.json"})
     done = subprocess.run(
-        [sys.executable, "-m", "taxel.blind.diagnosing", str(tmp_path)],
+        [sys.executable, "-m", "taxel.blind.diagnosis_process", str(tmp_path)],
         cwd=tmp_path,
         input=f"{job}\n{job}\n",
         capture_output=True,

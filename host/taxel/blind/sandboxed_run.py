@@ -1,4 +1,4 @@
-"""The process that diagnoses, seen from the one that seals."""
+"""The sandboxed diagnosing process, controlled from the process that holds the keys."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ from typing import Any
 from taxel.blind.errors import BlindRunError
 
 
-class Lane:
-    """One process that diagnoses, in a folder of its own, what is copied there. out: what it never sees."""
+class SandboxedRunner:
+    """A process that diagnoses copies of datasets in its own temporary folder.
 
-    def __init__(self, out: Path) -> None:
+    hidden: a folder that the process can never read, such as that of the check.
+    """
+
+    def __init__(self, hidden: Path) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="taxel-blind-"))
-        command = [sys.executable, "-m", "taxel.blind.diagnosing", str(self._folder), str(out.resolve())]
+        command = [sys.executable, "-m", "taxel.blind.diagnosis_process", str(self._folder), str(hidden.resolve())]
         environment = {key: os.environ[key] for key in ("PATH", "HOME", "LANG") if key in os.environ}
-        # One thread: others, begun before the blindfold is on, would not wear it.
+        # One thread: threads that start before the isolation would not be restricted.
         environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         self._process = subprocess.Popen(
             command,
@@ -32,26 +35,27 @@ class Lane:
             text=True,
             cwd=self._folder,
             env=environment,
-            start_new_session=True,  # Ctrl-C is for the process that seals, which ends this one after its answer
+            start_new_session=True,  # Ctrl-C reaches only the parent, which ends this process after its answer
         )
 
     def diagnose(self, real: Path, sim: Path, out: Path, without: Sequence[str] = (), seed: int = 0) -> None:
-        """Copies in, the report out. What goes wrong is an answer too: {"error": ...}.
+        """Diagnose copies of `real` and `sim` and write the report to `out`; a failure is written as {"error": ...}.
 
-        Raises BlindRunError if the process has ended.
+        without: names of effects that are removed from the catalogue. seed: of the analysis. Raises BlindRunError if
+        the process has ended.
         """
         for name, path in (("real.h5", real), ("sim.h5", sim)):
             shutil.copyfile(path, self._folder / name)
         names = {"real": "real.h5", "sim": "sim.h5", "out": "report.json"}
         job: dict[str, Any] = {key: str(self._folder / name) for key, name in names.items()}
         (self._folder / "report.json").unlink(missing_ok=True)
-        answer = json.loads(self._asked(json.dumps({**job, "without": list(without), "seed": seed})))
+        answer = json.loads(self._request(json.dumps({**job, "without": list(without), "seed": seed})))
         if answer:
             out.write_text(json.dumps(answer))
         else:
             shutil.copyfile(self._folder / "report.json", out)
 
-    def _asked(self, line: str) -> str:
+    def _request(self, line: str) -> str:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
@@ -61,11 +65,11 @@ class Lane:
         except BrokenPipeError:
             answer = ""
         if not answer:
-            raise BlindRunError("diagnosing process", "an answer", "its end", "run the same command to go on")
+            raise BlindRunError("diagnosing process", "an answer", "its end", "run the same command again to resume")
         return answer
 
     def close(self) -> None:
-        """Ends it."""
+        """End the process and delete its folder."""
         with contextlib.suppress(BrokenPipeError):
             self._process.communicate()
         shutil.rmtree(self._folder, ignore_errors=True)

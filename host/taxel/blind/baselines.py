@@ -1,0 +1,63 @@
+"""Simple reference diagnosers, scored beside the diagnosis: they show how easy the worlds are."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Final
+
+import numpy as np
+
+from taxel.gap.catalogue import all_effects
+from taxel.gap.diagnosis import Diagnosis
+from taxel.recording.grasp_format import Phase
+
+NO_GAP: Final = "no_gap"
+
+
+def baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
+    """One effect name per diagnoser.
+
+    "rules": a check list that starts with the largest disagreement. "effect_blind": a pseudo-random effect, given that
+    there is a gap.
+    """
+    if diagnosis.verdict.status == NO_GAP:
+        return {"rules": NO_GAP, "effect_blind": NO_GAP}
+    names = sorted(all_effects())
+    digest = hashlib.sha256(diagnosis.pair.digests[0].encode()).digest()
+    return {"rules": _apply_rules(diagnosis), "effect_blind": names[digest[0] % len(names)]}
+
+
+def _apply_rules(diagnosis: Diagnosis) -> str:
+    """The first matching rule of an engineer's check list."""
+    layout, model, real = diagnosis.layout, diagnosis.judge.state.mean, np.nan_to_num(diagnosis.real.mean)
+    gap2 = layout.weight[:, None] * (real - model) ** 2
+    share = gap2.sum(axis=(0, 2)) / max(float(gap2.sum()), 1e-12)
+    if share[layout.missing] > 0.3:
+        return "dropout"
+    if share[layout.noise].sum() > 0.4:
+        return "noise"
+    if share[layout.wander] > 0.1:
+        return "baseline_drift"
+    if share[layout.onset] > 0.2:
+        return "latency"
+    hold = diagnosis.pair.clock.bins_of(Phase.HOLD)[0]
+    simulated, measured = model[:, hold], real[:, hold]
+    loaded = simulated > 150.0
+    if not loaded.any():
+        return "proximity"
+    if (loaded & (measured < 0.05 * simulated)).sum() > 0.05 * loaded.sum():
+        return "dropout"
+    recovery = layout.phase[: layout.bins] == Phase.RECOVERY
+    if share[: layout.bins][recovery].sum() > 0.15:
+        return "hysteresis"
+    unloaded = ~loaded & (np.abs(measured - simulated) > 20.0)
+    if unloaded.sum() > 0.5 * loaded.sum():
+        is_larger = measured[unloaded].mean() > simulated[unloaded].mean()
+        return "contact_propagation" if is_larger else "electrode_crosstalk"
+    log_ratio = np.log(np.maximum(measured[loaded], 1.0) / simulated[loaded])
+    slope = np.polyfit(np.log(simulated[loaded]), log_ratio, 1)[0] if loaded.sum() > 2 else 0.0
+    if slope < -0.3:
+        return "saturation"
+    if np.std(log_ratio) > 0.3:
+        return "pose_error"
+    return "gain_mismatch" if np.std(log_ratio) > 0.1 else "stiffness"

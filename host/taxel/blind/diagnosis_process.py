@@ -1,0 +1,41 @@
+"""Main module of the sandboxed process: diagnoses copied files without access to keys or emulator (`isolation.py`).
+
+Standard input: one JSON object per line, {"real", "sim", "without", "seed", "out"}. The report is written to `out`.
+Standard output: one JSON object per line, {} or {"error": "one line"}.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from taxel.blind.isolation import isolate_process
+from taxel.blind.version import diagnosis_version
+
+
+def main(folder: str, *hidden: str) -> int:
+    """Serve requests until standard input ends. folder: the only readable data. hidden: always unreadable folders."""
+    version = diagnosis_version()  # before the isolation, which seals this module
+    fields = {"diagnosis": version, "blindfold": isolate_process(Path(folder), [Path(path) for path in hidden])}
+    for line in sys.stdin:
+        print(json.dumps(_diagnose(json.loads(line), fields)), flush=True)
+    return 0
+
+
+def _diagnose(job: dict[str, Any], fields: dict[str, str]) -> dict[str, str]:
+    from taxel.blind.baselines import baseline_verdicts
+    from taxel.gap.diagnosis import diagnose
+
+    try:
+        diagnosis = diagnose(job["real"], job["sim"], job["without"], job["seed"])
+        report = {**diagnosis.report, "simpler": baseline_verdicts(diagnosis), **fields}
+        Path(job["out"]).write_text(json.dumps(report, allow_nan=False))
+    except Exception as error:  # a world on which the diagnosis fails counts as a wrong verdict
+        return {"error": f"{type(error).__name__}: {error}"}
+    return {}
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,65 @@
+"""Reference parameters: the best fit to noise-free indentations, used where no definition fixes the true value."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from taxel.blind.hidden import Cause
+from taxel.blind.scoring_rules import is_clear, model_key
+from taxel.gap.align import shift_beside
+from taxel.gap.catalogue import all_effects
+from taxel.gap.chain import Chain, Link
+from taxel.gap.effects.effect import Effect
+from taxel.gap.effects.latency import is_delay
+from taxel.gap.fit import started
+from taxel.gap.judge import Judge
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
+from taxel.gap.report.effects import parameters_of
+
+
+def models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
+    """Model keys of the cause's effect that the report names and whose parameters no definition fixes.
+
+    Empty if the gap is not clear.
+    """
+    if cause.parameters or not is_clear(report):
+        return set()
+    named = [entry for entry in report.get("effects", []) if entry["name"] == cause.name and entry["in_verdict"]]
+    return {model_key(entry) for entry in named}
+
+
+def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collection[str]) -> dict[str, dict[str, float]]:
+    """Fitted parameters of the effect `name` for each of the model keys, such as {"kept hand": {"spread_mm": 2.1}}.
+
+    Empty for an effect without a fitted model. Raises DatasetError and GapInputError with one-line messages.
+    """
+    with threadpool_limits(limits=1):
+        pair = read_pair(real, sim)
+        judge = prepared(pair).judge
+        parameters: dict[str, dict[str, float]] = {}
+        for effect in all_effects()[name]:
+            key = f"{effect.variant} {effect.scope}"
+            if key not in models or effect.unavailable(judge.state):
+                continue
+            link = _fit(judge, effect)
+            parameters[key] = {label: _number(entry) for label, entry in parameters_of(pair, link).items()}
+    return parameters
+
+
+def _fit(judge: Judge, effect: Effect) -> Link:
+    """The fitted effect; as in a diagnosis, the frames are aligned again after the first fit."""
+    chain = judge.in_sample(Chain((started(judge.state, effect),))).chain
+    if not is_delay(effect):
+        shift, chain = shift_beside(judge, chain, ())
+        chain = judge.shifted(shift).in_sample(chain).chain
+    return chain.links[0]
+
+
+def _number(entry: dict[str, Any]) -> float:
+    return float(np.asarray(entry["value"], dtype=np.float64))

@@ -1,0 +1,80 @@
+"""The folder of a blind check: commitments, keys and worlds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from taxel.blind.errors import BlindRunError
+from taxel.blind.sampling import sample_worlds
+from taxel.blind.seal import commitment, verify_commitment
+from taxel.blind.world import World
+
+SEALED: Final = "sealed"
+COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
+
+
+def world_folder(out: Path, world: World) -> Path:
+    """The folder of a world's datasets and reports."""
+    return out / WORLDS / f"{world.number:04d}"
+
+
+def reference_path(out: Path, world: World) -> Path:
+    """The file of a world's reference parameters.
+
+    The file is not in the world's folder: its existence would reveal the kind of the world.
+    """
+    return out / SEALED / f"reference{world.number:04d}.json"
+
+
+def seal_worlds(out: Path, count: int, full_hand: int, seed: int | None) -> list[World]:
+    """Sample worlds, publish their commitments and store the keys; or return the worlds of an interrupted check.
+
+    Raises BlindRunError if the folder contains something else, SealBrokenError if its keys were modified.
+    """
+    keys = out / KEYS
+    if keys.exists():
+        worlds = open_sealed_worlds(out)
+        found_full_hand = sum(world.hand != "rig4" for world in worlds)
+        found = (len(worlds) - found_full_hand, found_full_hand)
+        if found != (count, full_hand):
+            expected_text, found_text = (
+                f"{number} worlds and {full} of the full hand" for number, full in ((count, full_hand), found)
+            )
+            raise BlindRunError(str(out), expected_text, found_text, "choose another --out")
+        return worlds
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        expected = "an empty folder or an interrupted blind check"
+        raise BlindRunError(str(out), expected, "other files", "choose another --out")
+    worlds = sample_worlds(count, full_hand, seed)
+    published = {str(world.number): commitment(world.to_json()) for world in worlds}
+    keys.parent.mkdir(parents=True, exist_ok=True)
+    (out / COMMITMENTS).write_text(json.dumps(published, indent=0))
+    partial = keys.with_suffix(".part")
+    partial.touch(mode=0o600)
+    partial.write_text(json.dumps([world.to_json() for world in worlds]))
+    partial.rename(keys)
+    return worlds
+
+
+def open_sealed_worlds(out: Path) -> list[World]:
+    """The worlds, each verified against its commitment. Raises SealBrokenError, BlindRunError."""
+    if not (out / KEYS).exists():
+        raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
+    committed, keys = read_json(out / COMMITMENTS), read_json(out / KEYS)
+    for key in keys:
+        verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
+    if len(keys) != len(committed):
+        remedy = "run the check again in another folder"
+        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
+    return [World.from_json(key) for key in keys]
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file. Raises BlindRunError."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        remedy = "run the check again in another folder"
+        raise BlindRunError(str(path), "readable JSON", str(error), remedy) from None

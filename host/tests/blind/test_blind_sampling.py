@@ -1,0 +1,195 @@
+"""Sampling of worlds: proportions of the kinds, all cause types, strengths, and independence of kind and seed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, EFFECT_NAMES
+from taxel.blind.cause_types import CauseType
+from taxel.blind.hidden import UNKNOWN, Cause, HiddenCauses
+from taxel.blind.out_of_catalogue import OUT_OF_CATALOGUE
+from taxel.blind.sampling import FLOORS, INDENTATIONS, KIND_COUNTS, WITHHELD_PER_EFFECT, sample_worlds
+from taxel.campaign.indentation import indentation_settings
+from taxel.campaign.session import session_world_text
+from taxel.campaign.setup import Setup
+from taxel.emulated.contact import SkinContact
+from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.hand import load_hand
+
+FULL = sum(KIND_COUNTS.values())
+
+
+@pytest.fixture(scope="module")
+def full():
+    """The worlds of the full score on the rig."""
+    return sample_worlds(FULL, 0, seed=3)
+
+
+def hidden_of(worlds, kind):
+    return [world.hidden for world in worlds if world.hidden.kind == kind]
+
+
+def test_kinds_have_the_configured_counts(full):
+    assert Counter(world.hidden.kind for world in full) == KIND_COUNTS
+
+
+@pytest.mark.parametrize("count", range(1, 30))
+def test_fewer_worlds_keep_the_proportions(count):
+    kinds = Counter(world.hidden.kind for world in sample_worlds(count, 0, seed=count))
+    assert sum(kinds.values()) == count
+    assert all(abs(kinds[kind] - count * number / FULL) <= 2.5 for kind, number in KIND_COUNTS.items())
+
+
+def test_every_effect_and_every_cause_type_of_the_catalogue_occurs_equally_often(full):
+    assert set(EFFECT_NAMES) == set(OWN_EFFECTS)
+    causes = [hidden.causes[0] for hidden in hidden_of(full, "single")]
+    assert Counter(cause.name for cause in causes) == dict.fromkeys(EFFECT_NAMES, 20)
+    occurrences = Counter(cause.emulator_effect for cause in causes)
+    for name in EFFECT_NAMES:
+        counts = [occurrences[own.emulator_effect] for own in CATALOGUE_CAUSES if own.name == name]
+        assert len(counts) >= 2
+        assert max(counts) - min(counts) <= 1
+
+
+def test_every_out_of_catalogue_cause_occurs_equally_often(full):
+    occurrences = Counter(hidden.causes[0].emulator_effect for hidden in hidden_of(full, "outside"))
+    assert set(occurrences) == {cause_type.emulator_effect for cause_type in OUT_OF_CATALOGUE}
+    assert max(occurrences.values()) - min(occurrences.values()) <= 1
+    assert all(hidden.names == (UNKNOWN,) for hidden in hidden_of(full, "outside"))
+
+
+def test_two_or_three_causes_have_different_effects(full):
+    several = hidden_of(full, "several")
+    assert {len(hidden.causes) for hidden in several} == {2, 3}
+    for hidden in several:
+        assert len(set(hidden.names)) == len(hidden.causes)
+        assert len({line.split()[0] for cause in hidden.causes for line in cause.lines}) == len(hidden.causes)
+
+
+def test_each_effect_is_withheld_equally_often_and_there_are_as_many_decoys(full):
+    withheld = Counter(world.hidden.names[0] for world in full if world.is_withheld)
+    assert withheld == dict.fromkeys(EFFECT_NAMES, WITHHELD_PER_EFFECT)
+    decoys = [world for world in full if world.decoy]
+    assert len(decoys) == sum(withheld.values())
+    assert {world.hidden.kind for world in decoys} == set(KIND_COUNTS)
+    assert not any(world.is_withheld or world.decoy in world.hidden.names for world in decoys)
+
+
+def test_strengths_are_stratified_within_each_effect(monkeypatch):
+    """With a cause type that writes its strength into its effect line."""
+
+    def sample(rng, hand, strength):
+        return Cause("noise", "noise white", (f"{strength}",))
+
+    cause_type = CauseType("noise", "noise white", sample)
+    monkeypatch.setattr("taxel.blind.sampling.cause_types_of", lambda name: (cause_type,))
+    hidden = hidden_of(sample_worlds(FULL, 0, seed=4), "single")
+    strengths = np.array([float(causes.causes[0].lines[0]) for causes in hidden])
+    low, high = FLOORS
+    floors = low * (high / low) ** strengths
+    strata = np.floor(20 * (floors - low) / (high - low)).astype(int)
+    assert np.bincount(strata).tolist() == [12] * 20  # 12 effects with 20 worlds each: one world per stratum
+
+
+def test_a_cause_type_depends_on_the_strength_and_samples_its_own_effect():
+    hand = load_hand("rig4")
+    without_strength = ("silent from", "line open", "line short", "exchange lines")
+    for cause_type in (*CATALOGUE_CAUSES, *OUT_OF_CATALOGUE):
+        weak, strong = (cause_type.sample(np.random.default_rng(7), hand, strength) for strength in (0.0, 1.0))
+        assert weak.emulator_effect == strong.emulator_effect == cause_type.emulator_effect
+        assert weak.name == cause_type.name
+        if cause_type.emulator_effect not in without_strength:
+            assert weak.lines != strong.lines
+
+
+def test_no_cause_acts_only_on_boards_that_another_cause_silences(full):
+    """Five samples of sixty worlds with several causes, so that such a combination would occur."""
+    silenced = 0
+    for world in [*full, *(world for seed in range(4) for world in sample_worlds(FULL, 0, seed=seed))]:
+        silent = [cause for cause in world.hidden.causes if cause.emulator_effect == "silent from"]
+        arguments = {f"board=0x{location.address:02X}" for cause in silent for location in cause.locations}
+        audible = [cause for cause in world.hidden.causes if cause not in silent]
+        silenced += bool(silent and audible)
+        assert not any(all(arguments & set(line.split()) for line in cause.lines) for cause in audible)
+        for cause in audible if silent else ():
+            assert {location.address for location in cause.locations} != {silent[0].locations[0].address}
+    assert silenced > 20
+
+
+def test_the_largest_gain_of_a_board_does_not_saturate_its_counter():
+    """Above a factor of 1.35 the counter reads 0, like that of a board that does not respond."""
+    (cause_type,) = [own for own in CATALOGUE_CAUSES if own.emulator_effect == "gain idac"]
+    hand = load_hand("rig4")
+    causes = [cause_type.sample(np.random.default_rng(seed), hand, 1.0) for seed in range(20)]
+    factors = [float(line.split("factor=")[1].split()[0]) for cause in causes for line in cause.lines]
+    assert max(factors) == 1.35
+    assert min(factors) == pytest.approx(np.exp(-0.6), abs=1e-4)
+
+
+def test_the_emulator_accepts_every_effect_line(full):
+    setup = Setup(load_hand("rig4"), {})
+    for line in {tuple(line.split()[:2]): line for world in full for line in world.hidden.lines}.values():
+        effects = () if line.split()[0].endswith("_offset") else (line,)
+        with SkinContact(session_world_text(setup, indentation_settings(setup.hand, effects=effects), 0)):
+            pass
+
+
+def test_every_world_has_the_same_kinds_of_nuisances(full):
+    for world in full:
+        assert [line.split()[:2] for line in world.hidden.nuisances] == [["gain", "electrode"], ["drift", "wander"]]
+        assert set(world.hidden.nuisances) < {*world.hidden.lines, ""}
+
+
+def test_the_true_gain_variation_includes_the_nuisance_of_the_same_emulator_effect():
+    cause = Cause("gain_mismatch", "gain electrode", ("gain electrode log_std=0.3",), (), {"log_std": 0.3})
+    other = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.2 board=0x20",), (), {"scale@32": 1.2})
+    hidden = HiddenCauses("several", (cause, other), ("gain electrode log_std=0.4", "drift wander counts=1 seconds=60"))
+    assert hidden.true_parameters(cause) == {"log_std": pytest.approx(0.5)}
+    assert hidden.true_parameters(other) == {"scale@32": 1.2}
+
+
+def test_campaign_sizes_are_within_limits_and_independent_of_the_kind(full):
+    assert all(INDENTATIONS[0] <= world.size.indentations <= INDENTATIONS[1] for world in full)
+    assert len({world.size for world in full}) > 8
+    counts = [[world.size.indentations for world in full if world.hidden.kind == kind] for kind in KIND_COUNTS]
+    means = [np.mean(of_kind) for of_kind in counts]
+    errors = [np.std(of_kind) / np.sqrt(len(of_kind)) for of_kind in counts]
+    assert np.ptp(means) < 4 * max(errors)
+
+
+def test_order_and_seeds_are_independent_of_the_kind(full):
+    """Position in the order, upper half and lowest bit of the seeds, within 4 standard errors."""
+    assert len({world.seed for world in full}) == FULL
+    single = np.array([world.hidden.kind == "single" for world in full])
+    for flags in (
+        np.arange(FULL) < FULL / 2,
+        np.array([world.seed >= 2**61 for world in full]),
+        np.array([world.seed % 2 == 1 for world in full]),
+    ):
+        standard_error = np.sqrt(0.25 * (1 / single.sum() + 1 / (~single).sum()))
+        assert abs(flags[single].mean() - flags[~single].mean()) < 4 * standard_error
+
+
+def test_a_seed_determines_the_worlds_and_unseeded_samples_differ():
+    assert sample_worlds(12, 1, seed=5) == sample_worlds(12, 1, seed=5)
+    assert sample_worlds(12, 0, seed=5) != sample_worlds(12, 0, seed=6)
+    first, second = sample_worlds(12), sample_worlds(12)
+    assert {world.seed for world in first}.isdisjoint(world.seed for world in second)
+    assert [world.hidden for world in first] != [world.hidden for world in second]
+
+
+def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
+    worlds = sample_worlds(5, 2, seed=9)
+    assert [world.number for world in worlds] == list(range(7))
+    assert [world.hand for world in worlds] == ["rig4"] * 5 + ["allegro"] * 2
+    assert {world.size.approaches for world in worlds[5:]} == {24}
+
+
+def test_every_fortieth_world_is_diagnosed_with_further_seeds(full):
+    numbers = [world.number for world in full if world.is_repeated]
+    assert numbers[0] == 0
+    assert {later - earlier for earlier, later in pairwise(numbers)} == {40}
