@@ -30,7 +30,7 @@ struct bench {
     struct droop_loads loads;
     double rise[TAXEL_TAXELS_MAX];
     uint16_t raw[TAXEL_TAXELS_MAX];
-    double max_count, rest[TAXEL_TAXELS_MAX]; /* counts */
+    double max_count, rest_count[TAXEL_TAXELS_MAX]; /* counts */
 };
 
 static inline double bench_get_rise(const void *source, size_t taxel, vtime time)
@@ -92,7 +92,7 @@ static inline void bench_open(struct bench *bench, size_t board)
     }
     bench->max_count = bench->front_end.max_count;
     for (size_t i = 0; i < description->taxel_count; i++) {
-        bench->rest[i] = bench->front_end.taxels[i].rest_hardware_count;
+        bench->rest_count[i] = bench->front_end.taxels[i].rest_hardware_count;
     }
 }
 

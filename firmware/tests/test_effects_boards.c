@@ -152,11 +152,11 @@ static double contact_time(const char *const *effects, unsigned address, size_t 
 {
     start_world(effects, fd);
     fake.description.noise_counts = 0.0;
-    const int rest = fake.counts_of[address][taxel];
+    const int rest_count = fake.counts_of[address][taxel];
     double time = 0.0;
     for (int n = 0; n < 500 && time == 0.0; n++) {
         CHECK_EQUAL(fake_world_run_in_steps(&fake, 0.001, VTIME_MS), 0);
-        if (rest - fake.counts_of[address][taxel] > 200) {
+        if (rest_count - fake.counts_of[address][taxel] > 200) {
             time = (double)fake.world.now / (double)VTIME_SECOND;
         }
     }
@@ -200,10 +200,10 @@ static void exchanged_boards_measure_the_contact_on_each_other(void)
     static const char *const effects[] = {"exchange boards board=0x20 other=0x21", NULL};
     for (int n = 0; n < 2; n++) {
         start_world(n ? effects : NULL, stimulus_fd(4, 3.0f, 0.55, 0.001));
-        const int rest[2] = {fake.counts_of[0x20][4], fake.counts_of[0x21][4]};
+        const int rest_count[2] = {fake.counts_of[0x20][4], fake.counts_of[0x21][4]};
         CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
-        CHECK(rest[n] - fake.counts_of[0x20 + n][4] > 200);
-        CHECK(abs(rest[1 - n] - fake.counts_of[0x21 - n][4]) < 30);
+        CHECK(rest_count[n] - fake.counts_of[0x20 + n][4] > 200);
+        CHECK(abs(rest_count[1 - n] - fake.counts_of[0x21 - n][4]) < 30);
         fake_world_close(&fake);
     }
 }
@@ -240,9 +240,9 @@ static void contact_on_one_board_lowers_the_supply_of_all_boards(void)
     int change[2];
     for (int n = 0; n < 2; n++) {
         start_world(n ? effects : NULL, stimulus_fd(4, 10.0f, 0.55, 0.001));
-        const int rest = fake.counts_of[0x21][7];
+        const int rest_count = fake.counts_of[0x21][7];
         CHECK_EQUAL(fake_world_run(&fake, 0.2), 0);
-        change[n] = fake.counts_of[0x21][7] - rest;
+        change[n] = fake.counts_of[0x21][7] - rest_count;
         fake_world_close(&fake);
     }
     CHECK(abs(change[0]) < 25);

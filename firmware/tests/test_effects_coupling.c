@@ -29,7 +29,7 @@ static void prepare_one(const char *effect)
 /* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
 static double signal_counts(int taxel)
 {
-    return bench.max_count - bench.raw[taxel] - bench.rest[taxel];
+    return bench.max_count - bench.raw[taxel] - bench.rest_count[taxel];
 }
 
 static struct network network;
@@ -191,25 +191,25 @@ static void trace_capacitance_couples_contact_to_the_neighbouring_line(void)
 
 static void crosstalk_appears_in_the_counts_of_a_coupled_board(void)
 {
-    uint16_t rest[TAXELS];
+    uint16_t rest_count[TAXELS];
     prepare_one("coupling resistive tx_ohm=3000 rx_ohm=3000");
     bench_scan(&bench, 0, 0.0);
-    memcpy(rest, bench.raw, sizeof rest);
+    memcpy(rest_count, bench.raw, sizeof rest_count);
     double mean = 0.0;
     for (int i = 0; i < TAXELS; i++) {
-        mean += signal_counts(i) / bench.rest[i] / TAXELS;
-        CHECK_BETWEEN(signal_counts(i) / bench.rest[i], -0.1, 0.1);
+        mean += signal_counts(i) / bench.rest_count[i] / TAXELS;
+        CHECK_BETWEEN(signal_counts(i) / bench.rest_count[i], -0.1, 0.1);
     }
     CHECK_BETWEEN(mean, -0.01, 0.01); /* calibrated */
     bench.rise[2 * COLUMNS + 2] = 1.0;
     bench_scan(&bench, 0, SCAN_S);
-    CHECK(rest[2 * COLUMNS + 2] > bench.raw[2 * COLUMNS + 2] + 500);
-    CHECK(bench.raw[2 * COLUMNS + 1] > rest[2 * COLUMNS + 1] + 5);
-    CHECK(bench.raw[1 * COLUMNS + 2] > rest[1 * COLUMNS + 2] + 5);
-    CHECK(abs(bench.raw[0] - rest[0]) <= 1);
+    CHECK(rest_count[2 * COLUMNS + 2] > bench.raw[2 * COLUMNS + 2] + 500);
+    CHECK(bench.raw[2 * COLUMNS + 1] > rest_count[2 * COLUMNS + 1] + 5);
+    CHECK(bench.raw[1 * COLUMNS + 2] > rest_count[1 * COLUMNS + 2] + 5);
+    CHECK(abs(bench.raw[0] - rest_count[0]) <= 1);
     bench.rise[2 * COLUMNS + 2] = 0.0;
     bench_scan(&bench, 0, 2.0 * SCAN_S);
-    CHECK_BYTES(bench.raw, rest, sizeof rest);
+    CHECK_BYTES(bench.raw, rest_count, sizeof rest_count);
 }
 
 int main(void)

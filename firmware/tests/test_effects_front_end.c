@@ -31,7 +31,7 @@ static void prepare_one(const char *effect)
 /* Signal in counts relative to the ideal rest count; quantisation lowers it by up to one count. */
 static double signal_counts(int taxel)
 {
-    return bench.max_count - bench.raw[taxel] - bench.rest[taxel];
+    return bench.max_count - bench.raw[taxel] - bench.rest_count[taxel];
 }
 
 static void electrode_gain_is_log_normal_and_leaves_the_fixed_capacitance(void)
@@ -60,12 +60,12 @@ static void idac_gain_scales_rest_count_and_signal_equally(void)
 {
     bench_describe(&bench, 2, ROWS, COLUMNS);
     bench_open(&bench, 1);
-    const double rest = bench.rest[4];
-    const double swing = front_end_hardware_count(&bench.front_end, 4, 1.0) - rest;
+    const double rest_count = bench.rest_count[4];
+    const double swing = front_end_hardware_count(&bench.front_end, 4, 1.0) - rest_count;
     bench_effect(&bench, "gain idac board=0x21 factor=0.9");
     bench_open(&bench, 1);
-    CHECK_BETWEEN(bench.rest[4] / rest, 0.9 - 1e-9, 0.9 + 1e-9);
-    CHECK_BETWEEN((front_end_hardware_count(&bench.front_end, 4, 1.0) - bench.rest[4]) / swing, 0.9 - 1e-9, 0.9 + 1e-9);
+    CHECK_BETWEEN(bench.rest_count[4] / rest_count, 0.9 - 1e-9, 0.9 + 1e-9);
+    CHECK_BETWEEN((front_end_hardware_count(&bench.front_end, 4, 1.0) - bench.rest_count[4]) / swing, 0.9 - 1e-9, 0.9 + 1e-9);
     bench_open(&bench, 0);
     CHECK(bench.front_end.idac_gain == 1.0);
 }
@@ -151,7 +151,7 @@ static void short_circuited_lines_measure_the_mean(void)
         CHECK_EQUAL(bench.raw[COLUMNS + k], bench.raw[2 * COLUMNS + k]);
     }
     const double swing = 0.5 * bench.front_end.taxels[8].fringe_f * bench.front_end.counts_per_farad;
-    const double mean = 0.5 * (bench.rest[COLUMNS + 3] + bench.rest[2 * COLUMNS + 3] + swing);
+    const double mean = 0.5 * (bench.rest_count[COLUMNS + 3] + bench.rest_count[2 * COLUMNS + 3] + swing);
     CHECK_BETWEEN(bench.max_count - bench.raw[2 * COLUMNS + 3] - mean, -1.0, 0.0);
     CHECK_BETWEEN(signal_counts(0), -1.0, 0.0);
 }
@@ -206,16 +206,16 @@ static void supply_and_reference_fall_under_load(void)
     bench.loads.all_before = bench.loads.all_after = 10e-12;
     bench_scan(&bench, 0, 0.0);
     const double fall = 1000.0 * 1.2e6 * 10e-12;
-    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], -fall - 1e-3, -fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest_count[0], -fall - 1e-3, -fall);
     prepare_one("droop reference ohms=1000 seconds=0.1");
     bench_scan(&bench, 0, 0.0);
     CHECK_BETWEEN(signal_counts(0), -1.0, 0.0);
     bench.loads.before[0] = bench.loads.after[0] = 10e-12;
     bench_scan(&bench, 0, 0.001);
     bench_scan(&bench, 0, 0.101);
-    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], 0.6 * fall, 0.68 * fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest_count[0], 0.6 * fall, 0.68 * fall);
     bench_scan(&bench, 0, 2.0);
-    CHECK_BETWEEN(signal_counts(0) / bench.rest[0], 0.98 * fall, 1.03 * fall);
+    CHECK_BETWEEN(signal_counts(0) / bench.rest_count[0], 0.98 * fall, 1.03 * fall);
 }
 
 static void nonlinear_converters_have_plateaus_and_bow(void)

@@ -117,9 +117,9 @@ static void impulses_have_the_configured_rate_and_duration(void)
 {
     record_effect("noise impulse counts=200 rate_hz=2 duration_ms=50");
     double active_scans = 0.0, events = 0.0, positive = 0.0;
-    const double rest = bench.max_count - floor(bench.rest[0]);
+    const double rest_count = bench.max_count - floor(bench.rest_count[0]);
     for (int scan = 1; scan < SCANS; scan++) {
-        const double now = (double)record[scan][0] - rest, last = (double)record[scan - 1][0] - rest;
+        const double now = (double)record[scan][0] - rest_count, last = (double)record[scan - 1][0] - rest_count;
         CHECK(now == 0.0 || fabs(now) == 200.0);
         active_scans += now != 0.0;
         events += now != 0.0 && last != now;

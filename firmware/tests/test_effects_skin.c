@@ -189,8 +189,8 @@ static void compression_set_shifts_rest_and_response_and_recovers(void)
     bench_open(&bench, "indent set fraction=0.2 threshold_m=5e-5 recovery_s=100", -1);
     bench_apply_force(&bench, MIDDLE, 1.0, 0.01, false);
     bench_apply_force(&bench, MIDDLE, 0.0, 0.0, true);
-    const double rest = bench.fields[MIDDLE].rise;
-    CHECK(fabs(rest / layer_rise_at_compression(depth) - 1.0) < 1e-6);
+    const double rest_count = bench.fields[MIDDLE].rise;
+    CHECK(fabs(rest_count / layer_rise_at_compression(depth) - 1.0) < 1e-6);
     CHECK(bench.fields[MIDDLE + 1].rise == 0.0);
     bench_apply_force(&bench, MIDDLE, 0.1, 0.0, true);
     const double response = layer_rise_at_compression(depth + layer_compression(0.1 / 25e-6) * (1.0 - depth / 0.0008));
@@ -288,12 +288,12 @@ static void moisture_raises_rest_and_lowers_the_response(void)
 {
     bench_open(&bench, "moisture film board=0x22 tx=3 rx=3 radius_m=0.006 water=0.05", -1);
     bench_apply_force(&bench, MIDDLE, 0.0, 0.01, false);
-    const double rest = bench.fields[MIDDLE].rise;
-    CHECK(fabs(rest / expm1(0.05 * log(80.0) * 0.65) - 1.0) < 1e-3);
+    const double rest_count = bench.fields[MIDDLE].rise;
+    CHECK(fabs(rest_count / expm1(0.05 * log(80.0) * 0.65) - 1.0) < 1e-3);
     CHECK(bench.fields[0].rise < 1e-5);
-    CHECK(bench.fields[MIDDLE + 1].rise < rest && bench.fields[MIDDLE + 1].rise > bench.fields[MIDDLE + 2].rise);
+    CHECK(bench.fields[MIDDLE + 1].rise < rest_count && bench.fields[MIDDLE + 1].rise > bench.fields[MIDDLE + 2].rise);
     bench_apply_force(&bench, MIDDLE, FORCE_N, 0.01, false);
-    const double response = bench.fields[MIDDLE].rise - rest;
+    const double response = bench.fields[MIDDLE].rise - rest_count;
     CHECK(response > 0.0 && response < layer_rise_at_pressure(FORCE_N / 25e-6));
     CHECK(!field_has_history(&bench.field, bench.time));
     bench_close(&bench);

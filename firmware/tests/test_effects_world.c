@@ -82,7 +82,7 @@ static int stimulus_file(enum stimulus_kind kind)
 
 struct outcome {
     uint32_t crc;
-    uint16_t rest[TAXELS], pressed[TAXELS], after[TAXELS], other[TAXELS];
+    uint16_t rest_count[TAXELS], pressed[TAXELS], after[TAXELS], other[TAXELS];
 };
 
 static struct outcome run(enum stimulus_kind kind, const char *const *lines)
@@ -92,7 +92,7 @@ static struct outcome run(enum stimulus_kind kind, const char *const *lines)
     CHECK_EQUAL(fake_world_open(&fake, stimulus_file(kind)), 0);
     world_use_thread_pool(&fake.world, thread_pool);
     CHECK(fake_world_start(&fake));
-    memcpy(outcome.rest, fake.counts_of[0x20], sizeof outcome.rest);
+    memcpy(outcome.rest_count, fake.counts_of[0x20], sizeof outcome.rest_count);
     CHECK_EQUAL(fake_world_run(&fake, 0.385), 0);
     memcpy(outcome.pressed, fake.counts_of[0x20], sizeof outcome.pressed);
     CHECK_EQUAL(fake_world_run(&fake, 0.5), 0);
@@ -171,7 +171,7 @@ static void the_number_of_threads_does_not_change_the_stream(void)
 static void each_effect_changes_the_counts_at_the_host(void)
 {
     const struct outcome ideal = run(STIMULUS_SCENE, NULL);
-    CHECK(ideal.pressed[5] < ideal.rest[5] && ideal.after[5] == ideal.rest[5]);
+    CHECK(ideal.pressed[5] < ideal.rest_count[5] && ideal.after[5] == ideal.rest_count[5]);
     for (size_t i = 0; all_effects[i]; i++) {
         const char *const lines[] = {all_effects[i], NULL};
         const struct outcome affected = run(STIMULUS_SCENE, lines);
@@ -190,7 +190,7 @@ static void a_film_spreads_forces_to_the_neighbours(void)
 {
     const char *const lines[] = {all_effects[0], NULL};
     const struct outcome ideal = run(STIMULUS_FORCE, NULL), affected = run(STIMULUS_FORCE, lines);
-    CHECK(ideal.pressed[2] == ideal.rest[2] && affected.pressed[2] < affected.rest[2]);
+    CHECK(ideal.pressed[2] == ideal.rest_count[2] && affected.pressed[2] < affected.rest_count[2]);
     CHECK(affected.pressed[3] > ideal.pressed[3]);
 }
 
@@ -257,13 +257,13 @@ static void a_live_record_takes_effect_immediately(void)
         CHECK_EQUAL(stimulus_open(&fake.stimulus, ends[0], "test", BOARDS * TAXELS, true), 0);
         CHECK_EQUAL(world_init(&fake.world, &fake.description, &fake.stimulus, &fake.endpoint, &fake.script), 0);
         CHECK(fake_world_start(&fake));
-        const uint16_t rest = fake.counts_of[0x20][3];
+        const uint16_t rest_count = fake.counts_of[0x20][3];
         values[3] = 1.0f;
         CHECK(write(ends[1], &now, sizeof now) == (ssize_t)sizeof now);
         CHECK(write(ends[1], values, sizeof values) == (ssize_t)sizeof values);
         CHECK_EQUAL(world_poll_inputs(&fake.world), 0);
         CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
-        CHECK(fake.counts_of[0x20][3] < rest - 50);
+        CHECK(fake.counts_of[0x20][3] < rest_count - 50);
         fake_world_close(&fake);
         close(ends[1]);
     }

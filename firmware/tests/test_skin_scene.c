@@ -171,10 +171,10 @@ static unsigned count_with_cube_at(float x, double offset)
 
 static void counts_fall_under_contact_and_follow_the_actual_object_pose(void)
 {
-    const unsigned rest = count_with_cube_at(0.05f, 0.0), above_skin = count_with_cube_at(0.0111f, 0.0);
+    const unsigned rest_count = count_with_cube_at(0.05f, 0.0), above_skin = count_with_cube_at(0.0111f, 0.0);
     const unsigned pressed = count_with_cube_at(0.0109f, 0.0), deeper = count_with_cube_at(0.0108f, 0.0);
-    CHECK_EQUAL(above_skin, rest); /* the skin surface is 1 mm above the electrode, and the cube's face 10 mm in front of its centre */
-    CHECK(pressed < rest && deeper < pressed);
+    CHECK_EQUAL(above_skin, rest_count); /* the skin surface is 1 mm above the electrode, and the cube's face 10 mm in front of its centre */
+    CHECK(pressed < rest_count && deeper < pressed);
     CHECK_BETWEEN((double)count_with_cube_at(0.0128f, -0.002) - deeper, -1.0, 1.0);
 }
 

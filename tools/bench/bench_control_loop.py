@@ -29,7 +29,7 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
     loop = ControlLoop(PERIOD_S)
     while not np.isfinite(hand.read_joint_angles().angles).all():
         hand.update(PERIOD_S)
-    rest = last = hand.read_joint_angles().angles
+    start_angles = last = hand.read_joint_angles().angles
     complete = 0
 
     def tick(period: int) -> None:
@@ -37,7 +37,7 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
         hand.update()
         reading = hand.read_joint_angles()
         complete += reading.is_complete
-        target = rest + SWAY_RAD * np.sin(2 * np.pi * SWAY_HZ * period * PERIOD_S)
+        target = start_angles + SWAY_RAD * np.sin(2 * np.pi * SWAY_HZ * period * PERIOD_S)
         hand.set_torque(STIFFNESS * (target - reading.angles) - DAMPING * (reading.angles - last) / PERIOD_S)
         last = reading.angles
 

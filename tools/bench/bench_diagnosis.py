@@ -24,13 +24,13 @@ def make_campaign(folder: Path = FOLDER) -> None:
     plan = thesis_plan(SEED)[:GRASPS]
     run_emulated(folder / "real.h5", plan, EmulatedSettings(), resume=(folder / "real.h5").exists())
     run_simulated(folder / "sim.h5", plan, SimSettings(), resume=(folder / "sim.h5").exists())
-    (folder / "made.json").write_text(json.dumps({"grasps": len(plan)}))
+    (folder / "complete.json").write_text(json.dumps({"grasps": len(plan)}))
 
 
 def measure() -> list[Figure]:
     """Allowed seconds divided by elapsed seconds; ratio None if the campaign does not exist."""
     name, reference = f"diagnosis of {GRASPS} grasps", f"{ALLOWED_S:g} s"
-    if not (FOLDER / "made.json").exists():
+    if not (FOLDER / "complete.json").exists():
         detail = "not measured: create the campaign with python tools/bench/bench_diagnosis.py"
         return [Figure(name, None, None, reference, detail)]
     start = time.perf_counter()

@@ -40,8 +40,8 @@ class Deviation(NamedTuple):
         """Mask bool[n] of the cases of a block that this deviation explains; they are not compared further."""
         emulated = outcome.emulated
         undefined = (emulated["reason"] == Reason.FAULTED) & (emulated["fault"] == Fault.UNDEFINED)
-        taken = undefined & (outcome.verdict != Verdict.UNDEFINED)
-        return np.asarray(self.matches(outcome.block.first, outcome.block.second) & taken, dtype=np.bool_)
+        explained_cases = undefined & (outcome.verdict != Verdict.UNDEFINED)
+        return np.asarray(self.matches(outcome.block.first, outcome.block.second) & explained_cases, dtype=np.bool_)
 
 
 def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:

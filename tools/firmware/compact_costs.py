@@ -45,7 +45,7 @@ def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]
 def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
     """(cycles awake outside interrupts, number of conversions)."""
     processor, handlers = world.processor(address), world.handler_costs(address)
-    return processor.cycles - processor.slept - sum(one.own for one in handlers.values()), handlers["CSD"].count
+    return processor.cycles - processor.slept - sum(cost.own for cost in handlers.values()), handlers["CSD"].count
 
 
 def measure_compact(image: Path) -> dict[str, int | list[int]]:
@@ -54,6 +54,6 @@ def measure_compact(image: Path) -> dict[str, int | list[int]]:
     """
     hand = load_hand("allegro")
     taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]
-    added = [busy_per_scan(image, one, "compact") - busy_per_scan(image, one, "plain") for one in BOARDS]
+    added = [busy_per_scan(image, address, "compact") - busy_per_scan(image, address, "plain") for address in BOARDS]
     each = (added[1] - added[0]) / (taxels[1] - taxels[0])
     return {"compact": round(added[0] - each * taxels[0]), "compact_taxel": round(each)}

@@ -112,7 +112,7 @@ class _Board:
     def _check(self, firmware: Firmware) -> None:
         """Check that one slot contains the new image and that the processor has not faulted since the last start."""
         flash, layout = self.world.board_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
-        if not any(flash[layout.slot_address(one.slot) :].startswith(one.data) for one in firmware.images):
+        if not any(flash[layout.slot_address(image.slot) :].startswith(image.data) for image in firmware.images):
             raise TaxelError("the command succeeded, but neither slot contains the new image")
         processor = self.world.processor(BOARD)
         if processor.is_broken or processor.faults or not processor.is_application:

@@ -72,8 +72,8 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
     """Image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
     device = _device(linked)
     layout = LAYOUTS[device]
-    found = linked.symbol("image_slot")
-    if found != slot or linked.address != layout.slot_address(slot):
+    linked_slot = linked.symbol("image_slot")
+    if linked_slot != slot or linked.address != layout.slot_address(slot):
         place = f"slot {slot_name(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
         _fail(linked.path, "address", place, f"0x{linked.address:X}", "pass the images in the order A, B")
     if any(linked.content[:HEADER_SIZE]):
@@ -105,16 +105,16 @@ def bootloader_content(linked: LinkedImage) -> bytes:
 def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -> str:
     """Text of a manifest that names the files in its folder."""
     lines = ["# Written by tools/firmware/firmware_image.py.", "taxel_firmware = 1"]
-    for found, file in zip(images, files, strict=True):
+    for file_image, file in zip(images, files, strict=True):
         lines += [
             "",
             "[[image]]",
             f'file = "{file.name}"',
             f'sha256 = "{hashlib.sha256(file.read_bytes()).hexdigest()}"',
-            f'device = "{found.device.name.lower()}"',
-            f"kind = {found.kind}",
-            f'slot = "{slot_name(found.slot)}"',
-            f'version = "{".".join(map(str, found.version))}"',
+            f'device = "{file_image.device.name.lower()}"',
+            f"kind = {file_image.kind}",
+            f'slot = "{slot_name(file_image.slot)}"',
+            f'version = "{".".join(map(str, file_image.version))}"',
         ]
     return "\n".join(lines) + "\n"
 
@@ -133,13 +133,13 @@ def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Pat
     out.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.toml").unlink(missing_ok=True)
     files = []
-    for found in images:
-        layout = LAYOUTS[found.device]
-        stem = f"{name}-{slot_name(found.slot).lower()}"
+    for file_image in images:
+        layout = LAYOUTS[file_image.device]
+        stem = f"{name}-{slot_name(file_image.slot).lower()}"
         files.append(out / f"{stem}.cyacd")
-        files[-1].write_text(write_cyacd(found, layout.first_rows[found.slot]))
-        (out / f"{stem}.bin").write_bytes(found.data)
-        (out / f"{stem}.hex").write_text(write_intel_hex(found.data, layout.slot_address(found.slot)))
+        files[-1].write_text(write_cyacd(file_image, layout.first_rows[file_image.slot]))
+        (out / f"{stem}.bin").write_bytes(file_image.data)
+        (out / f"{stem}.hex").write_text(write_intel_hex(file_image.data, layout.slot_address(file_image.slot)))
     first = write_intel_hex(boot, 0).removesuffix(HEX_END)
     layout = LAYOUTS[images[0].device]
     (out / f"{name}-factory.hex").write_text(first + write_intel_hex(images[0].data, layout.slot_address(0)))

@@ -80,7 +80,7 @@ class Size:
 
     def describe_excess(self) -> str:
         """Quantities that exceed their budgets, or an empty string."""
-        found = [
+        exceeded = [
             f"{name} {used} of {budget} {unit}"
             for name, used, budget, unit in (
                 ("flash", self.flash, self.flash_budget, "bytes"),
@@ -90,7 +90,7 @@ class Size:
             )
             if used > budget
         ]
-        return ", ".join(found)
+        return ", ".join(exceeded)
 
 
 def flash_budget(linked: LinkedImage) -> int:

@@ -165,14 +165,14 @@ class CallGraph:
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
         known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
         functions = {function.address for function in image.functions}
-        taken = {}
+        names = {}
         for address, routine in self._routines.items():
             if address not in functions or address | 1 not in words or routine.name in known:
                 continue
             if not any(_matches(routine.name, targets) for _, targets in self._table.pointers):
                 _fail(image.path, routine.name, f"an entry in {self._table.path}", "none", "add its callers")
-            taken[address] = routine.name
-        return taken
+            names[address] = routine.name
+        return names
 
     def _callees(self, address: int) -> set[int]:
         routine = self._routines[address]
@@ -181,7 +181,7 @@ class CallGraph:
             targets = next(
                 (targets for callers, targets in self._table.pointers if _matches(routine.name, callers)), []
             )
-            callees |= {taken for taken, name in self._pointer_targets.items() if _matches(name, targets)}
+            callees |= {target for target, name in self._pointer_targets.items() if _matches(name, targets)}
         return callees
 
     def depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:

@@ -53,14 +53,14 @@ def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
     frame.
     """
     functions = read_linked_image(elf).functions
-    begins = [one.address for one in functions]
+    addresses = [function.address for function in functions]
     framing = 0
     before, sent = world.handler_costs(0)["SCB1"], int(world.statistics()["uart_bytes_sent"])
     begin = world.now_s
     for number in range(SAMPLES):
         world.run(SAMPLE_S)
-        at = functions[max(bisect.bisect_right(begins, world.processor(0).pc) - 1, 0)]
-        framing += at.name in FRAMING
+        function = functions[max(bisect.bisect_right(addresses, world.processor(0).pc) - 1, 0)]
+        framing += function.name in FRAMING
         if number % 1000 == 0:
             skin.poll(0.0)
     after = world.handler_costs(0)["SCB1"]

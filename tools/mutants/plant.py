@@ -145,8 +145,8 @@ def stages_for(bug: Bug) -> list[Stage]:
 
 
 def _tool(name: str) -> str:
-    beside = Path(sys.executable).with_name(name)
-    return str(beside) if beside.exists() else name
+    local_tool = Path(sys.executable).with_name(name)
+    return str(local_tool) if local_tool.exists() else name
 
 
 def first_failure(output: str) -> str:

@@ -103,13 +103,13 @@ static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
 
 static bool is_valid_return(const struct cortex_m0 *cpu, uint32_t value)
 {
-    const uint64_t others = cpu->active & ~CORTEX_M0_BIT(cpu->ipsr);
+    const uint64_t other_active = cpu->active & ~CORTEX_M0_BIT(cpu->ipsr);
     switch (value) {
     case EXC_RETURN_HANDLER:
-        return others;
+        return other_active;
     case EXC_RETURN_MAIN:
     case EXC_RETURN_PROCESS:
-        return !others;
+        return !other_active;
     default:
         return false;
     }

@@ -20,9 +20,9 @@ int saturation_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-double saturation_limit(const struct saturation_board *board, double rest, double hardware_count)
+double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count)
 {
-    const double above = hardware_count - rest;
+    const double above = hardware_count - rest_count;
     if (board->strength == 0.0 || above <= 0.0) {
         return hardware_count;
     }

@@ -26,6 +26,6 @@ struct saturation_effect {
 int saturation_read(struct effect_line *line, struct effects *effects);
 
 /* Hardware count after saturation. rest: hardware count of the taxel at rest. */
-double saturation_limit(const struct saturation_board *board, double rest, double hardware_count);
+double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count);
 
 #endif

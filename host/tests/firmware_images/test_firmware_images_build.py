@@ -30,8 +30,8 @@ def version() -> tuple[int, ...]:
 @pytest.mark.parametrize("device", DEVICES)
 def test_the_manifest_names_both_slots(build_folder, device):
     firmware = load_firmware([build_folder / "images" / f"{device}.toml"])
-    found = [(image.device, image.slot, image.kind, image.version) for image in firmware.images]
-    assert found == [(DEVICES[device], slot, 0, version()) for slot in (0, 1)]
+    loaded = [(image.device, image.slot, image.kind, image.version) for image in firmware.images]
+    assert loaded == [(DEVICES[device], slot, 0, version()) for slot in (0, 1)]
 
 
 @pytest.mark.parametrize("suffix", ["bin", "hex", "cyacd"])
@@ -39,8 +39,8 @@ def test_the_manifest_names_both_slots(build_folder, device):
 def test_every_file_format_contains_the_same_image(build_folder, device, suffix):
     folder = build_folder / "images"
     expected = load_firmware([folder / f"{device}.toml"])
-    found = load_firmware([folder / f"{device}-{slot}.{suffix}" for slot in SLOTS])
-    assert [image.data for image in found.images] == [image.data for image in expected.images]
+    loaded = load_firmware([folder / f"{device}-{slot}.{suffix}" for slot in SLOTS])
+    assert [image.data for image in loaded.images] == [image.data for image in expected.images]
 
 
 @pytest.mark.parametrize("name", APPLICATIONS)
@@ -81,9 +81,9 @@ def test_a_factory_file_contains_the_bootloader_and_slot_a(build_folder, tools, 
 @pytest.mark.parametrize("name", [*(f"bootloader-{device}" for device in DEVICES), *APPLICATIONS])
 def test_no_image_contains_floating_point_or_library_code(build_folder, tools, name):
     names = {function.name for function in tools.firmware_elf.read_linked_image(build_folder / f"{name}.elf").functions}
-    assert not {found for found in names if found.startswith(FLOAT)}
+    assert not {loaded for loaded in names if loaded.startswith(FLOAT)}
     assert not names & LIBC
-    assert not (name.startswith("bootloader") and {found for found in names if found.startswith(DIVISION)})
+    assert not (name.startswith("bootloader") and {loaded for loaded in names if loaded.startswith(DIVISION)})
 
 
 def test_every_image_is_within_its_budgets(build_folder, tools):

@@ -254,7 +254,7 @@ class Host:
         self.part.run_until(is_ready, slices)
 
     def payloads_of_type(self, kind: FrameType) -> list[bytes]:
-        return [payload for found, _, payload in self.frames if found == kind]
+        return [payload for frame_type, _, payload in self.frames if frame_type == kind]
 
     def send_frame(self, kind: FrameType, payload: bytes) -> None:
         self.uart.send(encode_frame(kind, 0, payload))
