@@ -72,7 +72,7 @@ class HandInContact:
         self._mass, self._damping = self._inertias()
         self._centre = (object_pose @ np.array([0.0, 0.0, mount.height_m, 1.0]))[:3]
         self._spring = np.repeat([mount.n_per_m, mount.nm_per_rad], 3)
-        self._offsets = np.stack([contact.bracket_offset(board) for board in range(contact.boards)])
+        self._offsets = np.stack([contact.get_bracket_offset(board) for board in range(contact.board_count)])
         self._axes = _Axes(robot, hand)
         self._position = np.concatenate([angles, np.zeros(MOUNT_DOF)])
         self._velocity = np.zeros_like(self._position)
@@ -125,11 +125,11 @@ class HandInContact:
         joints = self._joints
         links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
-        load = self._contact.load(self._index, self.object_pose(), brackets)
-        self.touched_count = load.touched
+        load = self._contact.compute_load(self._index, self.object_pose(), brackets)
+        self.touched_count = load.touched_board_count
         force = np.concatenate([torque_nm, -self._spring * self._position[joints:]])
         stiffness = np.diag(np.concatenate([np.zeros(joints), self._spring]))
-        if load.touched:
+        if load.touched_board_count:
             loaded = np.flatnonzero(load.wrench.any(axis=1))
             jacobian = self._jacobian(links, brackets[loaded] @ self._offsets[loaded], loaded)
             flat = jacobian.reshape(-1, joints + MOUNT_DOF)

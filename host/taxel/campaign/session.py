@@ -18,7 +18,7 @@ from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.variation import sample_grasp_variation, small_motion
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, scene_text
+from taxel.emulated.scene import Scene, format_scene
 from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
 from taxel.grasp.plan import PlannedGrasp
@@ -85,7 +85,7 @@ def session_world_text(setup: Setup, settings: EmulatedSettings, session: int) -
         noise_counts=settings.noise_counts,
         effects=settings.world_effect_lines(),
     )
-    return scene_text(setup.hand, _scene(setup, settings, session), world)
+    return format_scene(setup.hand, _scene(setup, settings, session), world)
 
 
 def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:

@@ -1,4 +1,4 @@
-"""The emulated skin from Python: the `emulator:` URL, worlds with objects, and how their contact pushes back."""
+"""The emulated skin from Python: the `emulator:` URL, world files with objects, and the contact of skin and objects."""
 
 from taxel.emulated.url import open_emulator
 

@@ -1,6 +1,4 @@
-"""How the emulated skin pushes back: the emulator's own contact (firmware/emulator/skin), called through ctypes."""
-
-from __future__ import annotations
+"""Contact forces and stiffness of the emulated skin, computed by the emulator's C library (firmware/emulator/skin)."""
 
 import ctypes
 import os
@@ -11,35 +9,35 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
 from taxel.native_library import emulator_message, load_library, redirected_stderr
+from taxel.types import FloatArray
 
-LOAD_VALUES = 42
-"""Of a board: force and moment (6), stiffness (6 x 6)."""
+VALUES_PER_BOARD = 42
+"""Values of a board's load: force and moment (6), then stiffness (6 x 6)."""
 
 
 class ContactLibraryError(TaxelError):
-    """The compiled contact library is missing, or refuses a world."""
+    """The compiled contact library is missing, or it rejects a world file."""
 
 
 class ContactLoad(NamedTuple):
-    """What contact does to the boards, each in its true bracket frame about that frame's origin.
+    """Load of the contact on each board, in the board's true bracket frame, about the origin of that frame.
 
-    wrench: f64[s, 6], force (N) and moment (Nm) on the board. stiffness: f64[s, 6, 6]: how the wrench falls with a
-    small motion of the board against the object (translation, rotation); symmetric, positive semidefinite. touched:
-    how many boards.
+    wrench: f64[s, 6], force (N) and moment (N m) on the board. stiffness: f64[s, 6, 6], negative derivative of the
+    wrench by a small motion (translation in m, rotation in rad) of the board against the object; symmetric, positive
+    semidefinite. touched_board_count: number of boards in contact.
     """
 
-    wrench: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    touched: int
+    wrench: FloatArray
+    stiffness: FloatArray
+    touched_board_count: int
 
 
 @cache
-def contact_library() -> ctypes.CDLL:
-    """The loaded library. Raises `ContactLibraryError` if it was not built."""
+def load_contact_library() -> ctypes.CDLL:
+    """Load the contact library. Raises `ContactLibraryError` if it was not built."""
     library = load_library("taxel_contact", "the compiled contact library", ContactLibraryError)
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     library.taxel_contact_open.argtypes, library.taxel_contact_open.restype = [ctypes.c_char_p], pointer
@@ -54,66 +52,75 @@ def contact_library() -> ctypes.CDLL:
 
 
 class SkinContact:
-    """The contact of a world's skin with its objects. `world`: the text of `taxel.emulated.scene.scene_text`.
+    """Contact of the skin of a world with the objects of that world.
 
-    Poses are those that are believed; the world's own offsets are applied inside. Use it as a context manager. Raises
-    `ContactLibraryError` with the emulator's own line if it refuses the world.
+    Object and bracket poses of the methods are nominal; the library applies the offsets of the world file. Use the
+    object as a context manager.
+
+    Args:
+        world: text of a world file, as `taxel.emulated.scene.format_scene` returns it.
+
+    Raises:
+        ContactLibraryError: the library is missing, or it rejects the world; the text is the emulator's message.
     """
 
     def __init__(self, world: str) -> None:
-        self._library = contact_library()
+        self._library = load_contact_library()
         self._handle = self._open(world)
-        self.boards = int(self._library.taxel_contact_boards(self._handle))
-        self.taxels = int(self._library.taxel_contact_taxels(self._handle))
-        self._objects = sum(line.startswith("object ") for line in world.splitlines())
-        self._load = np.zeros((self.boards, LOAD_VALUES))
-        self._force = np.zeros(self.taxels)
+        self.board_count = int(self._library.taxel_contact_boards(self._handle))
+        self.taxel_count = int(self._library.taxel_contact_taxels(self._handle))
+        self._object_count = sum(line.startswith("object ") for line in world.splitlines())
+        self._load = np.zeros((self.board_count, VALUES_PER_BOARD))
+        self._force = np.zeros(self.taxel_count)
 
     def _open(self, world: str) -> int:
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
-            path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
+            path, stderr_path = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
-            with redirected_stderr(complaint):
+            with redirected_stderr(stderr_path):
                 handle = self._library.taxel_contact_open(os.fsencode(path))
             if not handle:
-                raise ContactLibraryError(emulator_message(complaint.read_text(errors="replace"), str(path), world))
+                raise ContactLibraryError(emulator_message(stderr_path.read_text(errors="replace"), str(path), world))
             return int(handle)
 
-    def bracket_offset(self, board: int) -> NDArray[np.float64]:
-        """Where a board's bracket (its place in the world file) truly is, in its believed frame, f64[4, 4]."""
-        return self._offset("taxel_contact_bracket_offset", board, self.boards)
+    def get_bracket_offset(self, board: int) -> FloatArray:
+        """True pose of a bracket in its nominal frame, f64[4, 4]. board: index in the world file."""
+        return self._get_offset("taxel_contact_bracket_offset", board, self.board_count)
 
-    def object_offset(self, index: int) -> NDArray[np.float64]:
-        """The same for an object."""
-        return self._offset("taxel_contact_object_offset", index, self._objects)
+    def get_object_offset(self, index: int) -> FloatArray:
+        """True pose of an object in its nominal frame, f64[4, 4]. index: of the object in the world file."""
+        return self._get_offset("taxel_contact_object_offset", index, self._object_count)
 
-    def _offset(self, function: str, index: int, count: int) -> NDArray[np.float64]:
-        self._check(0 <= index < count, f"a number from 0 to {count - 1}, found {index}")
+    def _get_offset(self, function: str, index: int, count: int) -> FloatArray:
+        self._check(0 <= index < count, f"an index from 0 to {count - 1}, found {index}")
         offset = np.eye(4)
         rows = np.zeros((3, 4))
         getattr(self._library, function)(self._handle, index, rows.ctypes.data)
         offset[:3] = rows
         return offset
 
-    def load(self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64]) -> ContactLoad:
-        """Contact of object `index` (-1: none) at `object_pose` [4, 4] with brackets at `bracket_poses` [s, 4, 4]."""
+    def compute_load(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> ContactLoad:
+        """Contact load of an object on all boards.
+
+        index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
+        Raises ValueError for an index out of range or an array of another shape.
+        """
         touched = self._evaluate(index, object_pose, bracket_poses, None)
         return ContactLoad(self._load[:, :6].copy(), self._load[:, 6:].reshape(-1, 6, 6).copy(), touched)
 
-    def forces(
-        self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Normal force on every taxel, newtons, f64[n], before anything spreads."""
+    def compute_forces(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> FloatArray:
+        """Normal force on each taxel in newtons, f64[n], before any effect of the skin. Arguments as `compute_load`."""
         self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data)
         return self._force.copy()
 
-    def _evaluate(
-        self, index: int, object_pose: NDArray[np.float64], bracket_poses: NDArray[np.float64], force: int | None
-    ) -> int:
+    def _evaluate(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None) -> int:
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
-        self._check(-1 <= index < self._objects, f"an object from -1 to {self._objects - 1}, found {index}")
-        self._check(poses.shape == (self.boards, 3, 4), f"poses of {self.boards} brackets, found {bracket_poses.shape}")
+        self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")
+        self._check(
+            poses.shape == (self.board_count, 3, 4),
+            f"poses of {self.board_count} brackets, found {bracket_poses.shape}",
+        )
         self._check(pose.shape == (3, 4), f"the pose of an object, found {object_pose.shape}")
         return int(
             self._library.taxel_contact_evaluate(
@@ -121,13 +128,13 @@ class SkinContact:
             )
         )
 
-    def _check(self, fits: bool, expected: str) -> None:
-        """The library checks nothing."""
-        if not (fits and self._handle):
+    def _check(self, is_valid: bool, expected: str) -> None:
+        """Raise ValueError unless an argument is valid; the library checks no argument."""
+        if not (is_valid and self._handle):
             raise ValueError(f"expected {expected}" if self._handle else "expected an open contact, found a closed one")
 
     def close(self) -> None:
-        """Free the library's memory."""
+        """Release the memory of the library. Further calls do nothing."""
         if self._handle:
             self._library.taxel_contact_close(self._handle)
             self._handle = 0

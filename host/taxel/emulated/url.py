@@ -1,4 +1,4 @@
-"""The `emulator:` URL: an emulated skin of a given hand, in a process of its own."""
+"""The `emulator:` URL: starts an emulated skin of a given hand in a separate process."""
 
 from typing import Any
 from urllib.parse import parse_qs
@@ -8,7 +8,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink, LinkError
 from taxel.link.url import split_url
 
-_NUMBERS = {
+_NUMBER_RANGES = {
     "seed": (0.0, 2.0**53),
     "scl_hz": (1e4, 5e6),
     "baud": (1e3, 1e8),
@@ -16,67 +16,77 @@ _NUMBERS = {
     "noise_counts": (0.0, 1e4),
     "clock_spread_ppm": (0.0, 5e4),
 }
-"""Lowest and highest value of each number of `WorldSettings` that a URL may set."""
+"""Minimum and maximum of each number of `WorldSettings` that a URL may set."""
 
-_OTHERS = {"speed", "stimulus", "duration_s", "live", "effect", "threads"}
+_OTHER_OPTIONS = {"speed", "stimulus", "duration_s", "live", "effect", "threads"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
-    """Start an emulated skin of `hand`.
+    """Start an emulated skin of a hand and return the link to its hub.
 
-    Options of the URL: `speed=real` (default) or `speed=max` (virtual time, as fast as it is read), `stimulus=FILE`
-    (see `taxel.link.write_stimulus`) or `live=1` (see `EmulatorLink.apply`), `duration_s`, `effect=LINE` (as often as
-    wanted: a line of the world file without the word `effect`), `threads` (1 to 16 that share its work; for speed=max
-    on a machine with cores to spare), and the numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms,
-    noise_counts, clock_spread_ppm. Raises `LinkError` for an unknown option or a value out of range.
+    Options of the URL:
+
+    - `speed=real` (default) or `speed=max`: real time, or virtual time as fast as the reader reads.
+    - `stimulus=FILE`: forces, counts or a scene (see `taxel.link.write_stimulus`).
+    - `live=1`: forces are set while the emulator runs (see `EmulatorLink.apply`); not together with `stimulus`.
+    - `duration_s`: the emulator ends after this time.
+    - `effect=LINE`: an effect line of the world file without the keyword `effect`; may be repeated.
+    - `threads`: 1 to 16; more threads help with `speed=max` on a machine with free cores.
+    - The numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm.
+
+    Raises `LinkError` for an unknown option or a value out of range.
     """
     parts = split_url(url)
     if parts.path or parts.netloc:
         raise LinkError(url, "expected emulator: or emulator:?option=value")
     options = {name: values[-1] for name, values in parse_qs(parts.query, keep_blank_values=True).items()}
-    unknown = sorted(set(options) - set(_NUMBERS) - _OTHERS)
+    _check_choices(url, options)
+    numbers: dict[str, Any] = {
+        name: _parse_number(url, name, text, *_NUMBER_RANGES[name])
+        for name, text in options.items()
+        if name in _NUMBER_RANGES
+    }
+    if "seed" in options:
+        numbers["seed"] = _parse_integer(url, "seed", options["seed"], *_NUMBER_RANGES["seed"])
+    settings = WorldSettings(**numbers, effects=_parse_effects(url, parts.query))
+    threads = _parse_integer(url, "threads", options.get("threads", "1"), 1, 16)
+    duration = _parse_number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
+    return EmulatorLink(
+        format_world(hand, settings),
+        options.get("stimulus"),
+        options.get("speed") == "max",
+        duration,
+        settings.baud,
+        hand.n_taxels if options.get("live") == "1" else None,
+        threads,
+    )
+
+
+def _check_choices(url: str, options: dict[str, str]) -> None:
+    """Raise `LinkError` for an unknown option, or a wrong value of `stimulus`, `speed` or `live`."""
+    known = {*_NUMBER_RANGES, *_OTHER_OPTIONS}
+    unknown = sorted(set(options) - known)
     if not options.get("stimulus", "x"):
         raise LinkError(url, "option 'stimulus' must name a file, found ''")
     if unknown:
-        raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted({*_NUMBERS, *_OTHERS}))}")
+        raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted(known))}")
     speed = options.get("speed", "real")
     if speed not in {"real", "max"}:
         raise LinkError(url, f"option 'speed' must be real or max, found '{speed}'")
     live = options.get("live", "0")
     if live not in {"0", "1"} or (live == "1" and "stimulus" in options):
         raise LinkError(url, f"option 'live' must be 0 or 1, and 1 only without a stimulus, found '{live}'")
-    numbers: dict[str, Any] = {
-        name: _number(url, name, text, *_NUMBERS[name]) for name, text in options.items() if name in _NUMBERS
-    }
-    if "seed" in numbers:
-        if numbers["seed"] % 1.0:
-            raise LinkError(url, f"option 'seed' must be a whole number, found '{options['seed']}'")
-        numbers["seed"] = int(numbers["seed"])
-    settings = WorldSettings(**numbers, effects=_effects(url, parts.query))
-    threads = _number(url, "threads", options.get("threads", "1"), 1, 16)
-    if threads % 1.0:
-        raise LinkError(url, f"option 'threads' must be a whole number, found '{options['threads']}'")
-    duration = _number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
-    return EmulatorLink(
-        format_world(hand, settings),
-        options.get("stimulus"),
-        speed == "max",
-        duration,
-        settings.baud,
-        hand.n_taxels if live == "1" else None,
-        int(threads),
-    )
 
 
-def _effects(url: str, query: str) -> list[str]:
+def _parse_effects(url: str, query: str) -> list[str]:
     lines = parse_qs(query).get("effect", [])
     for line in lines:
-        if not line.isprintable() or "#" in line:  # it becomes one line of the world file
+        if not line.isprintable() or "#" in line:  # the text becomes one line of the world file
             raise LinkError(url, f"option 'effect' must be one line without '#', found {line!r}")
     return lines
 
 
-def _number(url: str, name: str, text: str, low: float, high: float) -> float:
+def _parse_number(url: str, name: str, text: str, low: float, high: float) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -84,3 +94,10 @@ def _number(url: str, name: str, text: str, low: float, high: float) -> float:
     if not low <= value <= high:
         raise LinkError(url, f"option '{name}' must be a number from {low:g} to {high:g}, found '{text}'")
     return value
+
+
+def _parse_integer(url: str, name: str, text: str, low: float, high: float) -> int:
+    value = _parse_number(url, name, text, low, high)
+    if value % 1.0:
+        raise LinkError(url, f"option '{name}' must be a whole number, found '{text}'")
+    return int(value)

@@ -10,7 +10,7 @@ import pytest
 from taxel.campaign import hand_in_contact
 from taxel.campaign.hand_in_contact import JOINT_DAMPING_NM_S, JOINT_FRICTION_NM, HandInContact, Mount
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, scene_text
+from taxel.emulated.scene import Scene, format_scene
 from taxel.grasp.controller import GraspController
 from taxel.grasp.timeline import Timeline
 from taxel.hand.kinematics import Kinematics
@@ -27,7 +27,7 @@ REMOUNT[:3, 3] = 2e-4, -1e-4, 3e-4
 def contact(setup) -> Iterator[SkinContact]:
     brackets = {board.name: REMOUNT for board in setup.hand.boards}
     scene = Scene({"cylinder": setup.objects["cylinder"].shape}, brackets)
-    with SkinContact(scene_text(setup.hand, scene)) as opened:
+    with SkinContact(format_scene(setup.hand, scene)) as opened:
         yield opened
 
 
@@ -71,7 +71,7 @@ def closed(open_hand, approach):
 
 
 def forces(contact: SkinContact, dynamics: HandInContact) -> np.ndarray:
-    return contact.forces(0, dynamics.object_pose(), dynamics.bracket_poses())
+    return contact.compute_forces(0, dynamics.object_pose(), dynamics.bracket_poses())
 
 
 def test_the_hand_grasps_the_object_and_comes_to_rest(at_rest, contact):
@@ -87,7 +87,7 @@ def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, cont
     dynamics, torque = at_rest
     kinematics = Kinematics(setup.wrist_robot, setup.hand)
     wrist = setup.object_pose("cylinder") @ approach.palm_pose
-    load = contact.load(0, dynamics.object_pose(), dynamics.bracket_poses())
+    load = contact.compute_load(0, dynamics.object_pose(), dynamics.bracket_poses())
     step, work = 1e-6, np.zeros(16)
     for joint in range(16):
         true = []
@@ -107,7 +107,7 @@ def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, cont
 
 def test_at_rest_the_mount_balances_the_net_force(at_rest, contact, setup):
     dynamics, _ = at_rest
-    load = contact.load(0, dynamics.object_pose(), dynamics.bracket_poses())
+    load = contact.compute_load(0, dynamics.object_pose(), dynamics.bracket_poses())
     true = dynamics.bracket_poses() @ REMOUNT
     on_object = -np.einsum("sij,sj->i", true[:, :3, :3], load.wrench[:, :3])
     mount_point = np.array([0.0, 0.0, MOUNT.height_m, 1.0])

@@ -58,7 +58,7 @@ def mount_displacement(plan, approach, pose):
 def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number):
     approach = plan.approaches[number]
     path = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
-    load = contact.load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
+    load = contact.compute_load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
     force_on_boards = np.einsum("sij,sj->i", plan.bracket_poses[:, :3, :3], load.wrench[:, :3])
     displacement = mount_displacement(plan, approach, path.pose[-1])
     depth = displacement @ approach.direction
@@ -79,7 +79,7 @@ def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
         simulated = equilibrium.solve_path(approach.force_n)
         assert emulated.pose[-1][:3, 3] == pytest.approx(equilibrium.pose(simulated.motion)[:3, 3], abs=5e-5)
         assert emulated.travel_m[-1] == pytest.approx(simulated.travel_m, abs=4e-5)
-        emulated_signal = SimSensor().predict_signal(contact.forces(index, emulated.pose[-1], plan.bracket_poses))
+        emulated_signal = SimSensor().predict_signal(contact.compute_forces(index, emulated.pose[-1], plan.bracket_poses))
         simulated_signal = SimSensor().predict_signal(equilibrium.taxel_forces(simulated.motion))
         loaded = (emulated_signal > 10.0) | (simulated_signal > 10.0)
         differences.append(float(np.sqrt(np.mean((emulated_signal - simulated_signal)[loaded] ** 2))))

@@ -1,13 +1,11 @@
-"""World files with places and objects: the emulator takes them."""
-
-from __future__ import annotations
+"""World files with taxel poses and objects, read by the emulator."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from taxel.emulated.scene import Scene, scene_text
+from taxel.emulated.scene import Scene, format_scene
 from taxel.grasp.objects import thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
@@ -23,13 +21,13 @@ SETTINGS = WorldSettings(seed=3, noise_counts=0.0)
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8"])
-def test_the_emulator_runs_a_scene_of_every_hand(name, tmp_path):
+def test_emulator_runs_a_scene_of_each_hand(name, tmp_path):
     hand = load_hand(name)
     offsets = {board.name: from_rotation_vector([0.0, 0.0, 1e-3]) for board in hand.boards}
-    run_emulator(scene_text(hand, Scene(OBJECTS, offsets), SETTINGS), tmp_path / "skin.capture", 0.1)
+    run_emulator(format_scene(hand, Scene(OBJECTS, offsets), SETTINGS), tmp_path / "skin.capture", 0.1)
 
 
-def test_a_block_that_comes_down_lowers_the_counts_of_a_plate(tmp_path):
+def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     hand = load_hand("flat8")
     scene = Scene({"block": ConvexPolytope.box(0.02, 0.02, 0.05)})
     up, down = np.eye(4), np.eye(4)
@@ -43,27 +41,27 @@ def test_a_block_that_comes_down_lowers_the_counts_of_a_plate(tmp_path):
         np.eye(4)[None, None].repeat(3, 0),
     )
     write_start_script(tmp_path / "start")
-    world = scene_text(hand, scene, SETTINGS)
+    world = format_scene(hand, scene, SETTINGS)
     run_emulator(world, tmp_path / "skin.capture", 2.0, tmp_path / "start", tmp_path / "scene")
     with open_skin(f"file:{tmp_path / 'skin.capture'}", hand) as skin:
         frames = list(skin)
     before = np.mean([frame.raw_counts for frame in frames if 0.5 < frame.time_s < 0.9], axis=0)
     after = np.mean([frame.raw_counts for frame in frames if frame.time_s > 1.2], axis=0)
-    beneath = np.abs(hand.position[:, :2]).max(axis=1) < 0.0075
-    beside = np.abs(hand.position[:, :2]).max(axis=1) > 0.0125
-    assert (before - after)[beneath].min() > 150
-    assert (before - after)[beside] == pytest.approx(0.0, abs=1.0)
+    is_below_block = np.abs(hand.position[:, :2]).max(axis=1) < 0.0075
+    is_outside_block = np.abs(hand.position[:, :2]).max(axis=1) > 0.0125
+    assert (before - after)[is_below_block].min() > 150
+    assert (before - after)[is_outside_block] == pytest.approx(0.0, abs=1.0)
 
 
-def test_an_object_of_another_kind_and_a_hand_without_places_are_refused():
+def test_unsupported_shape_and_hand_without_positions_are_rejected():
     hand = load_hand("flat8")
     with pytest.raises(HandGeometryError):
-        scene_text(replace(hand, layer_m=None), Scene(OBJECTS))
-    with pytest.raises(TypeError, match="not Blob"):
-        scene_text(hand, Scene({"blob": type("Blob", (), {"bounds": np.array([[0, 0, 0], [1, 1, 1]])})()}))
+        format_scene(replace(hand, layer_m=None), Scene(OBJECTS))
+    with pytest.raises(TypeError, match="found Blob"):
+        format_scene(hand, Scene({"blob": type("Blob", (), {"bounds": np.array([[0, 0, 0], [1, 1, 1]])})()}))
 
 
-def test_a_name_that_the_world_file_cannot_hold_is_refused_by_the_emulator(tmp_path):
-    world = scene_text(load_hand("flat8"), Scene({"two words": OBJECTS["cylinder"]}))
+def test_object_name_with_a_space_is_rejected_by_the_emulator(tmp_path):
+    world = format_scene(load_hand("flat8"), Scene({"two words": OBJECTS["cylinder"]}))
     with pytest.raises(LinkError, match="object"):
         run_emulator(world, tmp_path / "skin.capture", 0.1)

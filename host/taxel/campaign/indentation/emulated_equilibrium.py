@@ -70,7 +70,7 @@ class EmulatedEquilibrium:
         self._springs = np.zeros((6, 6))
         self._springs[:3, :3], self._springs[3:, 3:] = across, mount.nm_per_rad * np.eye(3)
         self._to_world = np.stack(
-            [_wrench_map(pose @ contact.bracket_offset(board)) for board, pose in enumerate(bracket_poses)]
+            [_wrench_map(pose @ contact.get_bracket_offset(board)) for board, pose in enumerate(bracket_poses)]
         )
 
     def solve_path(self, force_n: float) -> EquilibriumPath:
@@ -101,7 +101,7 @@ class EmulatedEquilibrium:
     def _is_touching(self, travel: float) -> bool:
         pose = self._rest.copy()
         pose[:3, 3] += travel * self._direction
-        return self._contact.load(self._index, pose, self._brackets).touched > 0
+        return self._contact.compute_load(self._index, pose, self._brackets).touched_board_count > 0
 
     def _touch_travel(self) -> float:
         """Travel of a rigid mount to first contact, metres, with a tolerance of one micrometre."""
@@ -136,7 +136,7 @@ class EmulatedEquilibrium:
 
     def _balance(self, state: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
         """Residual force and moment about the mount's point f64[6], and its negative derivative f64[6, 6]."""
-        load = self._contact.load(self._index, self._pose(state), self._brackets)
+        load = self._contact.compute_load(self._index, self._pose(state), self._brackets)
         loaded = np.flatnonzero(load.wrench.any(axis=1))
         to_point = np.eye(6)
         to_point[3:, :3] = -_cross_matrix(self._centre + state[:3])  # moments about the world's origin to the point
