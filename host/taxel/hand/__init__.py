@@ -1,4 +1,4 @@
-"""The hand: which boards it has, at which addresses, and which crossings of each are taxels.
+"""Hand description: boards, their I2C addresses, and the TX x RX crossings that are taxels.
 
 >>> hand = load_hand("allegro")
 >>> hand.n_taxels, len(hand.boards)
@@ -17,6 +17,6 @@ __all__ = [
     "Hand",
     "HandDescriptionError",
     "UnknownBoardError",
-    "load_hand",
     "list_packaged_hands",
+    "load_hand",
 ]

@@ -1,4 +1,4 @@
-"""Checks that every description file shares: keys, types, names and ranges, each refused with one line."""
+"""Checks shared by all description files: keys, types, names and ranges; each failure is a one-line error."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from typing import Any
 from taxel.hand.errors import Field, format_value
 
 UNIT_TOLERANCE = 1e-3
+"""Tolerance of the length of unit vectors, since files contain rounded numbers."""
+
 MAX_DESCRIPTION = 200  # characters
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
@@ -26,13 +28,13 @@ _TYPES: Mapping[type, str] = {
 
 
 def check_table(table: Any, keys: Mapping[str, type], field: Field, optional: Mapping[str, type] | None = None) -> None:
-    """The table has exactly these keys, each of its type; those of `optional` may be absent."""
+    """Check that a table has exactly these keys with values of these types; keys in `optional` may be absent."""
     optional = optional or {}
     known = {**keys, **optional}
     check_type(table, dict, field)
     for key in table:
         if key not in known:
-            field.key(key).fail("a known key", "an unknown one", suggest_name(key, known))
+            field.key(key).fail("a known key", "an unknown key", suggest_name(key, known))
     for key, kind in keys.items():
         if key not in table:
             field.key(key).fail(_TYPES[kind], "nothing", f"add {key}")
@@ -41,18 +43,18 @@ def check_table(table: Any, keys: Mapping[str, type], field: Field, optional: Ma
 
 
 def suggest_name(name: str, known: Iterable[str]) -> str:
-    """What to do about an unknown name."""
+    """Return the remedy for an unknown name: the most similar known name, or all known names."""
     known = sorted(known)
-    # Cut: the comparison is quadratic and the name is the file's.
+    # Truncated because the comparison is quadratic in the length of the name, which comes from the file.
     near = difflib.get_close_matches(name[:64], known, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"did you mean {near[0]}?" if near else f"known names: {', '.join(known)}"
 
 
 def check_type(value: Any, kind: type, field: Field) -> None:
-    """The value is of that type; an integer may stand where a number is expected, a boolean nowhere."""
+    """Check the type of a value; an integer is also a number, a boolean is neither."""
     allowed: tuple[type, ...] = (int, float) if kind is float else (kind,)
     if isinstance(value, bool) or not isinstance(value, allowed):
-        remedy = "write [[boards]] before each board" if kind is list else "change its type"
+        remedy = "put [[boards]] before each board" if kind is list else "change its type"
         if kind is dict:
             remedy = "make it a table"
         elif kind is int and isinstance(value, str):
@@ -61,36 +63,36 @@ def check_type(value: Any, kind: type, field: Field) -> None:
 
 
 def check_identifier(name: str, field: Field) -> None:
-    """A name that is safe in file names, topics and HDF5 paths."""
+    """Check that a name is safe in file names, topics and HDF5 paths."""
     if not _IDENTIFIER.fullmatch(name):
         field.fail("a letter, then letters, digits and _ (64 at most)", format_value(name), "rename it")
 
 
 def check_description(text: str, field: Field) -> None:
-    """One line for people."""
-    if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # it is printed: no control characters
+    """Check that a text is one printable line of limited length."""
+    if not text.isprintable() or len(text) > MAX_DESCRIPTION:  # the text is printed on terminals
         field.fail(f"one printable line of at most {MAX_DESCRIPTION} characters", format_value(text), "shorten it")
 
 
-def check_range(value: int, low: int, high: int, what: str, field: Field) -> None:
-    """`value` lies in [low, high]."""
+def check_range(value: int, low: int, high: int, label: str, field: Field) -> None:
+    """Check that `value` is in [low, high]; `label` is the quantity in the error message."""
     if not low <= value <= high:
-        field.fail(f"{what} from {low} to {high}", format_value(value), "correct it")
+        field.fail(f"{label} from {low} to {high}", format_value(value), "correct it")
 
 
-def check_numbers(values: Any, count: int, field: Field, what: str) -> None:
-    """`values` is a list of `count` finite numbers."""
+def check_numbers(values: Any, count: int, field: Field, label: str) -> None:
+    """Check that `values` is a list of `count` finite numbers; `label` names them in the error message."""
     check_type(values, list, field)
     if len(values) != count:
-        field.fail(f"{count} numbers ({what})", f"{len(values)}", "give each of them")
+        field.fail(f"{count} numbers ({label})", f"{len(values)}", "write all numbers")
     for index, value in enumerate(values):
         check_type(value, float, field.item(index))
-        if not abs(value) <= sys.float_info.max:  # isfinite refuses an integer that no float can hold
+        if not abs(value) <= sys.float_info.max:  # isfinite() raises for an integer that exceeds the range of float
             field.item(index).fail("a finite number", format_value(value), "correct it")
 
 
-def check_unit(values: list[float], field: Field, what: str) -> None:
-    """`values` is a vector of length 1 (to 1e-3: figures are written rounded, and normalised when read)."""
-    length = math.hypot(*values)  # a sum of squares may be an integer that no float can hold
+def check_unit(values: list[float], field: Field, label: str) -> None:
+    """Check that `values` is a vector of length 1 within `UNIT_TOLERANCE`; it is normalised when it is used."""
+    length = math.hypot(*values)  # a sum of squares of integers may exceed the range of float
     if abs(length - 1.0) > UNIT_TOLERANCE:
-        field.fail(f"{what} of length 1", f"length {length:.4g}", "normalise it")
+        field.fail(f"{label} of length 1", f"length {length:.4g}", "normalise it")

@@ -1,4 +1,4 @@
-"""A fixed-period control loop with absolute deadlines, and an account of how late it was."""
+"""Control loop with a fixed period, absolute deadlines and lateness statistics."""
 
 import math
 import time
@@ -10,17 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 PERIOD_S: Final = 0.003  # usual control period of the Allegro hand
-# Sleep ends up to about this much late on an ordinary Linux kernel, so the last part is spent watching the clock.
 SPIN_S: Final = 0.0002
-KEPT: Final = 100_000  # lateness values kept for percentiles: five minutes at 3 ms
+"""Last part of each wait in which the clock is polled, because sleep() returns up to about this much late on Linux."""
+
+LATENESS_HISTORY: Final = 100_000
+"""Number of lateness values for the percentiles: five minutes at 3 ms."""
 
 
 @dataclass(frozen=True)
 class LoopStatistics:
-    """How a loop kept its deadlines. Lateness is the start of a tick after its deadline, seconds; NaN before the first.
+    """Lateness statistics of a loop: time from the deadline to the start of a tick, seconds; NaN before the first tick.
 
-    periods: ticks begun. missed: periods without a tick, because the tick before them came later than their deadline.
-    p50_s, p99_s: of the last 100,000 ticks. max_s: of all.
+    periods: number of started ticks. missed: periods without a tick, because the previous tick ended after their
+    deadline. p50_s, p99_s: percentiles of the last 100,000 ticks. max_s: maximum of all ticks.
     """
 
     periods: int
@@ -31,13 +33,13 @@ class LoopStatistics:
 
 
 class ControlLoop:
-    """Waits for deadlines at whole multiples of `period_s` after the first; lateness of one tick never moves the next.
+    """Deadlines at multiples of `period_s` after the first wait; a late tick does not shift later deadlines.
 
-    clock, sleep: seconds; in virtual time a virtual clock and what steps it. spin_s: the end of each wait that is spent
-    watching the clock instead of sleeping; default 0.2 ms with `time.sleep`, 0 with any other.
+    clock, sleep: in seconds; in virtual time a virtual clock and the function that advances it. spin_s: last part of
+    each wait in which the clock is polled instead of sleeping; default 0.2 ms with `time.sleep`, else 0.
 
-    A period is missed when its tick would start at or after the next deadline: the loop then goes on with the latest
-    deadline that has passed, and does not run the missed ticks in a burst.
+    A period is missed if its tick would start at or after the next deadline. The loop then continues with the latest
+    deadline in the past and does not catch up on missed ticks.
 
     >>> times = [0.0]
     >>> loop = ControlLoop(0.003, lambda: times[0], lambda s: times.__setitem__(0, times[0] + s))
@@ -57,51 +59,51 @@ class ControlLoop:
         spin_s: float | None = None,
     ) -> None:
         if not 0 < period_s < math.inf:
-            raise ValueError(f"period_s: expected more than 0, found {period_s}")
+            raise ValueError(f"period_s: expected a finite number above 0, found {period_s}")
         self.period_s = period_s
         self.clock = clock
         self._sleep = sleep
-        # Watching a clock that only `sleep` moves would never end.
+        # Polling a clock that only `sleep` advances would never end.
         self._spin_s = (SPIN_S if sleep is time.sleep else 0.0) if spin_s is None else spin_s
         self._start_s: float | None = None
         self._next = 0
-        self._late: npt.NDArray[np.float64] = np.zeros(KEPT)
+        self._lateness: npt.NDArray[np.float64] = np.zeros(LATENESS_HISTORY)
         self._periods = 0
         self._missed = 0
         self._max_s = math.nan
 
     def wait(self) -> int:
-        """Wait for the next deadline; the first call sets the schedule and returns at once.
+        """Wait for the next deadline and return the index of its period, from 0; missed periods are skipped.
 
-        Returns the number of the period, from 0; it jumps over periods that were missed.
+        The first call sets the schedule and returns at once.
         """
         if self._start_s is None:
             self._start_s = self.clock()
         deadline_s = self._start_s + self._next * self.period_s
-        while (left_s := deadline_s - self.clock()) > 0:
-            if left_s > self._spin_s:
-                self._sleep(left_s - self._spin_s)
-        late_s = -left_s
-        skipped = int(late_s // self.period_s)
-        self._record(late_s, skipped)
-        period = self._next + skipped
+        while (remaining_s := deadline_s - self.clock()) > 0:
+            if remaining_s > self._spin_s:
+                self._sleep(remaining_s - self._spin_s)
+        lateness_s = -remaining_s
+        missed = int(lateness_s // self.period_s)
+        self._record(lateness_s, missed)
+        period = self._next + missed
         self._next = period + 1
         return period
 
-    def _record(self, late_s: float, skipped: int) -> None:
-        self._late[self._periods % KEPT] = late_s
+    def _record(self, lateness_s: float, missed: int) -> None:
+        self._lateness[self._periods % LATENESS_HISTORY] = lateness_s
         self._periods += 1
-        self._missed += skipped
-        self._max_s = late_s if math.isnan(self._max_s) else max(self._max_s, late_s)
+        self._missed += missed
+        self._max_s = lateness_s if math.isnan(self._max_s) else max(self._max_s, lateness_s)
 
     def run(self, tick: Callable[[int], object], periods: int) -> LoopStatistics:
-        """Call `tick` with the number of the period until `periods` of them have passed, the missed ones included."""
+        """Call `tick` with the index of each period until `periods` periods, including missed ones, have elapsed."""
         while self._next < periods:
             tick(self.wait())
-        return self.statistics()
+        return self.compute_statistics()
 
-    def statistics(self) -> LoopStatistics:
-        """How the deadlines were kept so far."""
-        late = self._late[: self._periods] if self._periods else np.array([math.nan])
-        p50, p99 = np.percentile(late, (50, 99)).tolist()
+    def compute_statistics(self) -> LoopStatistics:
+        """Compute the lateness statistics of all ticks so far."""
+        lateness = self._lateness[: self._periods] if self._periods else np.array([math.nan])
+        p50, p99 = np.percentile(lateness, (50, 99)).tolist()
         return LoopStatistics(self._periods, self._missed, p50, p99, self._max_s)

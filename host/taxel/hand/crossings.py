@@ -1,4 +1,4 @@
-"""The crossing map: the ASCII picture of a board's TX x RX matrix, and the array it stands for."""
+"""Crossing map: ASCII picture of the TX x RX matrix of a board, and its array."""
 
 from __future__ import annotations
 
@@ -12,47 +12,47 @@ UNUSED = "."
 
 
 def parse_crossings(text: str) -> NDArray[np.bool_]:
-    """Read a crossing map that check_crossings has passed.
+    """Convert a checked crossing map to an array.
 
     Returns:
         bool[tx, rx], true where a crossing carries a taxel.
     """
-    return np.array([[character == TAXEL for character in row] for row in _rows(text)], dtype=np.bool_)
+    return np.array([[character == TAXEL for character in row] for row in _split_rows(text)], dtype=np.bool_)
 
 
 def check_crossings(text: str, tx: int, rx: int, taxels: int, field: Field) -> None:
-    """Check a crossing map against the numbers declared beside it.
+    """Check a crossing map against the declared numbers of lines and taxels.
 
     Args:
-        text: one row for each TX line, one column for each RX line; '#' a taxel, '.' none. Blanks round a row
-            and empty lines before the first and after the last row do not count.
+        text: one row per TX line, one column per RX line; '#' is a taxel, '.' an unused crossing. Blanks around a
+            row and empty lines before the first and after the last row are ignored.
         tx: declared number of TX lines.
         rx: declared number of RX lines.
         taxels: declared number of taxels.
-        field: where the map stands, for the error.
+        field: position of the map in the file, for errors.
 
     Raises:
-        HandDescriptionError: wrong character, rows of unequal length, a size or a number of taxels other than
-            declared, or a line without a taxel.
+        HandDescriptionError: a wrong character, rows of unequal length, a size or number of taxels that differs from
+            the declared one, or a line without a taxel.
     """
-    rows = _rows(text)
+    rows = _split_rows(text)
     _check_characters(rows, field)
     _check_size(rows, tx, rx, field)
     crossings = parse_crossings(text)
-    if (found := int(crossings.sum())) != taxels:
-        field.fail(f"{taxels} '#' (taxels = {taxels})", str(found), "correct the map or the number of taxels")
+    if (count := int(crossings.sum())) != taxels:
+        field.fail(f"{taxels} '#' (taxels = {taxels})", str(count), "correct the map or the number of taxels")
     for line, axis in (("TX", 1), ("RX", 0)):
         empty = np.flatnonzero(~crossings.any(axis=axis))
         if empty.size:
             field.fail(
                 "a taxel on every line",
                 f"{line} line {empty[0]} has no taxel",
-                f"mark its taxels with '#' or remove the line and lower {line.lower()}",
+                f"mark its taxels with '#', or remove the line and reduce {line.lower()}",
             )
 
 
-def _rows(text: str) -> list[str]:
-    # Not splitlines(): it would also split at characters that must be reported as wrong.
+def _split_rows(text: str) -> list[str]:
+    # Not splitlines(), which also splits at characters that must be reported as wrong.
     return [line.strip(" \t\r") for line in text.strip(" \t\r\n").split("\n")]
 
 
@@ -77,13 +77,13 @@ def _check_size(rows: list[str], tx: int, rx: int, field: Field) -> None:
             )
     if len(rows) != tx:
         field.fail(
-            f"{tx} rows, one for each TX line (tx = {tx})",
+            f"{tx} rows, one per TX line (tx = {tx})",
             str(len(rows)),
             "correct the map or tx; rows are TX lines",
         )
     if len(rows[0]) != rx:
         field.fail(
-            f"{rx} columns, one for each RX line (rx = {rx})",
+            f"{rx} columns, one per RX line (rx = {rx})",
             str(len(rows[0])),
             "correct the map or rx; columns are RX lines",
         )

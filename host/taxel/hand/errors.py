@@ -1,4 +1,4 @@
-"""The errors of this room: each prints as one line and carries its data."""
+"""Errors of the hand package; each message is one line."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ from typing import NoReturn
 
 from taxel.errors import FieldError, TaxelError
 
-_MAX_SHOWN = 60  # characters of a found value that an error repeats; keeps the line readable
+_MAX_VALUE_LENGTH = 60
+"""Largest number of characters of a value in an error message."""
 
 
 class HandDescriptionError(FieldError, ValueError):
-    """A hand description that cannot be used."""
+    """Invalid or unreadable hand description."""
 
 
 class UnknownBoardError(TaxelError, LookupError):
-    """A board that the hand does not have.
+    """The hand has no such board.
 
     Attributes:
         hand: name of the hand description.
-        board: the address or the name that was asked for, as text.
+        board: the requested address or name, as text.
+        known: addresses or names of the boards of the hand.
     """
 
     def __init__(self, hand: str, board: str, known: Sequence[str]) -> None:
@@ -30,11 +32,11 @@ class UnknownBoardError(TaxelError, LookupError):
         self.known = tuple(known)
 
     def __str__(self) -> str:
-        return f"hand {self.hand!r} has no board {self.board}; it has {', '.join(self.known)}"
+        return f"hand {self.hand!r} has no board {self.board}; expected one of {', '.join(self.known)}"
 
 
 class HandGeometryError(TaxelError, ValueError):
-    """A hand whose description does not say where its taxels are, where somebody needs to know.
+    """Taxel positions are required, but the hand description contains none.
 
     Attributes:
         hand: name of the hand description.
@@ -45,68 +47,69 @@ class HandGeometryError(TaxelError, ValueError):
         self.hand = hand
 
     def __str__(self) -> str:
-        return f"hand {self.hand!r}: its description gives no taxel positions; add robot, [geometry] and links"
+        return f"hand {self.hand!r}: the description contains no taxel positions; add robot, [geometry] and board links"
 
 
 class UnknownLinkError(TaxelError, LookupError):
-    """A link that the robot does not have.
+    """The robot has no such link.
 
     Attributes:
         robot: name of the robot.
-        link: what was asked for.
+        link_name: the requested link.
+        known: links of the robot.
     """
 
-    def __init__(self, robot: str, link: str, known: Sequence[str]) -> None:
-        super().__init__(robot, link, tuple(known))
+    def __init__(self, robot: str, link_name: str, known: Sequence[str]) -> None:
+        super().__init__(robot, link_name, tuple(known))
         self.robot = robot
-        self.link = link
+        self.link_name = link_name
         self.known = tuple(known)
 
     def __str__(self) -> str:
-        return f"robot {self.robot!r} has no link {self.link!r}; it has {', '.join(self.known)}"
+        return f"robot {self.robot!r} has no link {self.link_name!r}; expected one of {', '.join(self.known)}"
 
 
 @dataclass(frozen=True)
 class Field:
-    """A place in a description file: where an error points."""
+    """Position of a field in a description file, for error messages."""
 
     file: str
     path: str = ""
 
     def key(self, name: str) -> Field:
-        """The place of a key below this one."""
-        bare = name if name.isidentifier() and len(name) <= _MAX_SHOWN else format_value(name)
-        return Field(self.file, f"{self.path}.{bare}" if self.path else bare)
+        """Return the position of a key of this table."""
+        key = name if name.isidentifier() and len(name) <= _MAX_VALUE_LENGTH else format_value(name)
+        return Field(self.file, f"{self.path}.{key}" if self.path else key)
 
     def item(self, index: int) -> Field:
-        """The place of an element of the list that stands here."""
+        """Return the position of an element of this list."""
         return Field(self.file, f"{self.path}[{index}]")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise HandDescriptionError for this place."""
+        """Raise HandDescriptionError for this field."""
         raise HandDescriptionError(self.file, self.path or "file", expected, found, remedy)
 
 
 def format_value(value: object) -> str:
-    """A value found in a file, as one short printable piece of text; files are not trusted to be either."""
+    """Format a value of an untrusted file as a short printable text."""
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):
         return "a list"
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, int) and value.bit_length() > 64:  # Python refuses to print integers of many digits
+    if isinstance(value, int) and value.bit_length() > 64:  # str() raises for integers with many digits
         return f"an integer of {value.bit_length()} bits"
     text = repr(value)
-    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
+    return text if len(text) <= _MAX_VALUE_LENGTH else f"{text[: _MAX_VALUE_LENGTH - 3]}..."
 
 
 def format_path(path: object) -> str:
-    """A file name for an error: as it is, or quoted where it holds a character that would break the line."""
+    """Format a file name for an error message; quoted if it contains unprintable characters."""
     text = str(path)
     return text if text.isprintable() and text else repr(text)
 
 
 def format_address(address: int) -> str:
-    """An I2C address as people write it: 0x20. Anything that is no byte is shown plainly."""
+    """Format an I2C address in hexadecimal (0x20); other values as `format_value`."""
     return f"0x{address:02X}" if 0 <= address <= 0xFF else format_value(address)

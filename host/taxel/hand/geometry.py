@@ -1,7 +1,7 @@
-"""Where the taxels of a board are, in its bracket's frame.
+"""Taxel positions and directions on a board, in its bracket frame.
 
-The bracket frame is the board's own: z points out of the skin, x to the distal end (falling TX number), y to the left
-as seen from outside (falling RX number).
+Bracket frame of a board: z points out of the skin, x to the distal end (decreasing TX number), y to the left seen from
+outside (decreasing RX number).
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DEGENERATE = 1e-6
+"""Smallest length of a vector that defines a direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Taxel centres on one kind of board.
+    """Taxel centres and directions of one kind of board.
 
     Attributes:
         position: f64[count, 3], metres, centre of the electrode, bracket frame.
         normal: f64[count, 3], outward unit normal, bracket frame.
-        distal: f64[count, 3], unit vector along the electrode's side that points to the distal end.
+        distal: f64[count, 3], unit vector along the electrode side towards the distal end.
 
     Raises:
-        ValueError: shapes do not agree, or a normal has no length.
+        ValueError: shapes do not agree, or a vector has length 0.
     """
 
     position: NDArray[np.float64]
@@ -37,7 +38,7 @@ class Surface:
             if array.ndim != 2 or array.shape[1] != 3 or len(array) != len(self.position):
                 raise ValueError(f"{name}: expected [count, 3], found {array.shape}")
             if name != "position":
-                array = _unit(array, name)
+                array = _normalise(array, name)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
@@ -52,35 +53,35 @@ class Surface:
 
 
 def build_surface(rows: NDArray[np.float64], tx: NDArray[np.uint8], rx: NDArray[np.uint8]) -> Surface:
-    """The surface of a kind.
+    """Build the surface of a kind from its table of taxels.
 
-    rows: f64[count, 6]: x, y, z, nx, ny, nz. tx, rx: electrode lines of each taxel, u8[count]; a taxel's neighbours on
-    a line give the direction of its sides.
+    rows: f64[count, 6], x, y, z, nx, ny, nz. tx, rx: electrode lines of each taxel, u8[count]; the neighbours of a
+    taxel on its RX line determine its distal direction.
     """
-    position, normal = rows[:, :3], _unit(rows[:, 3:], "normal")
-    return Surface(position, normal, _distal(position, normal, tx.astype(int), rx.astype(int)))
+    position, normal = rows[:, :3], _normalise(rows[:, 3:], "normal")
+    return Surface(position, normal, _compute_distal(position, normal, tx.astype(int), rx.astype(int)))
 
 
-def _distal(
+def _compute_distal(
     position: NDArray[np.float64], normal: NDArray[np.float64], tx: NDArray[np.int_], rx: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Direction of falling TX at each taxel, tangential: from its neighbours, else from the frame's x, else its y."""
-    place = {crossing: index for index, crossing in enumerate(zip(tx.tolist(), rx.tolist(), strict=True))}
-    along = np.zeros_like(position)
-    for (row, column), index in place.items():
-        ahead, behind = place.get((row - 1, column), index), place.get((row + 1, column), index)
-        along[index] = position[ahead] - position[behind]
-    along -= normal * np.sum(along * normal, axis=1, keepdims=True)
+    """Compute the tangential direction of decreasing TX from the neighbours, else from the x or y axis."""
+    index_of = {crossing: index for index, crossing in enumerate(zip(tx.tolist(), rx.tolist(), strict=True))}
+    direction = np.zeros_like(position)
+    for (row, column), index in index_of.items():
+        next_distal, next_proximal = index_of.get((row - 1, column), index), index_of.get((row + 1, column), index)
+        direction[index] = position[next_distal] - position[next_proximal]
+    direction -= normal * np.sum(direction * normal, axis=1, keepdims=True)
     for fallback in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]):
-        lost = np.linalg.norm(along, axis=1) < _DEGENERATE
+        is_degenerate = np.linalg.norm(direction, axis=1) < _DEGENERATE
         projected = fallback - normal * (normal @ np.array(fallback))[:, None]
-        along[lost] = projected[lost]
-    return _unit(along, "distal")
+        direction[is_degenerate] = projected[is_degenerate]
+    return _normalise(direction, "distal")
 
 
-def _unit(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _normalise(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not np.all(length > _DEGENERATE):
-        raise ValueError(f"{name}: a vector has no length")
+        raise ValueError(f"{name}: expected vectors longer than 0, found a zero vector")
     result: NDArray[np.float64] = vectors / length
     return result

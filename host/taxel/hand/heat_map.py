@@ -1,4 +1,4 @@
-"""A picture of the whole skin: every board as its matrix of taxels, coloured by a value."""
+"""Picture of the whole skin: every board as its matrix of taxels, coloured by a value."""
 
 import os
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from taxel.hand.description import Board, Hand
 
 COLUMNS = 6
-CELL = 0.86
+TAXEL_SIDE = 0.86
 """Side of a drawn taxel, in pitches."""
 
 
@@ -21,8 +21,10 @@ def save_heat_map(
     title: str,
     label: str = "signal",
 ) -> None:
-    """Draw `values` [n] (NaN: missing) with the `active` [n] taxels framed, and save it as `path` (PNG, SVG or PDF by
-    its name).
+    """Draw the values of all taxels and save the picture.
+
+    values: f64[n], NaN where missing. active: bool[n], taxels drawn with a frame. path: its suffix selects PNG, SVG or
+    PDF. label: label of the colour bar.
     """
     import matplotlib
 
@@ -54,14 +56,14 @@ def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: ND
 
     kind = board.kind
     squares = [
-        Rectangle((rx - CELL / 2, tx - CELL / 2), CELL, CELL)
+        Rectangle((rx - TAXEL_SIDE / 2, tx - TAXEL_SIDE / 2), TAXEL_SIDE, TAXEL_SIDE)
         for tx, rx in zip(kind.tx.tolist(), kind.rx.tolist(), strict=True)
     ]
     collection = PatchCollection(squares, cmap="viridis", norm=Normalize(0.0, limit))
     collection.set_array(np.ma.masked_invalid(values))
     collection.cmap.set_bad("0.85")
-    collection.set_edgecolor(["#d62728" if on else "none" for on in active])
-    collection.set_linewidth([1.6 if on else 0.0 for on in active])
+    collection.set_edgecolor(["#d62728" if is_active else "none" for is_active in active])
+    collection.set_linewidth([1.6 if is_active else 0.0 for is_active in active])
     axis.add_collection(collection)
     axis.set_xlim(-0.7, kind.rx_count - 0.3)
     axis.set_ylim(kind.tx_count - 0.3, -0.7)

@@ -1,4 +1,4 @@
-"""Forward kinematics: from joint angles to the poses of links, brackets and taxels, vectorised over time."""
+"""Forward kinematics: poses of links, brackets and taxels from joint angles, vectorised over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taxel.hand.sheet import Sheet
 
 
 class JointCountError(TaxelError, ValueError):
-    """Joint angles for another number of joints than the robot has."""
+    """The number of joint angles differs from the number of joints of the robot."""
 
     def __init__(self, robot: str, expected: int, found: int) -> None:
         super().__init__(robot, expected, found)
@@ -26,11 +26,11 @@ class JointCountError(TaxelError, ValueError):
 
 
 class Kinematics:
-    """Where everything is, given the joint angles.
+    """Forward kinematics of a robot and the skin on it.
 
-    `robot`: the arm and hand. `hand`: the skin on it, or None where only links are wanted. Joint angles are radians
-    [..., j] in the order of `robot.joint_names`. Raises `HandGeometryError` if the skin's description gives no
-    positions, `UnknownLinkError` if it names a link that the robot lacks.
+    `robot`: arm and hand. `hand`: the skin; None if only link poses are needed. Joint angles are radians [..., j] in
+    the order of `robot.joint_names`. Raises `HandGeometryError` if the hand description contains no bracket poses, and
+    `UnknownLinkError` if it names a link that the robot does not have.
     """
 
     def __init__(self, robot: Robot, hand: Hand | None = None) -> None:
@@ -39,12 +39,12 @@ class Kinematics:
         self._parents = [robot.get_link_index(joint.parent) for joint in robot.joints]
         self._board_links: list[int] = []
         if hand is not None:
-            self._board_links = [self._link_of(hand, link) for link in (board.link for board in hand.boards)]
+            self._board_links = [self._get_link_index(hand, board.link_name) for board in hand.boards]
 
-    def _link_of(self, hand: Hand, link: str | None) -> int:
-        if link is None:
+    def _get_link_index(self, hand: Hand, link_name: str | None) -> int:
+        if link_name is None:
             raise HandGeometryError(hand.name)
-        return self.robot.get_link_index(link)
+        return self.robot.get_link_index(link_name)
 
     @cached_property
     def _bracket_poses(self) -> NDArray[np.float64]:
@@ -53,24 +53,24 @@ class Kinematics:
 
     def _require_hand(self) -> Hand:
         if self.hand is None:
-            raise ValueError("these kinematics were made without a hand; give one")
+            raise ValueError("kinematics: expected a hand, found None; pass a hand to Kinematics()")
         return self.hand
 
     def compute_link_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
-        """Pose of every link in the world (the robot's root), f64[..., links, 4, 4], in the order of `robot.links`.
+        """Compute the world pose of every link, f64[..., links, 4, 4], in the order of `robot.link_names`.
 
-        Raises `JointCountError` if `joint_position` [..., j] has another number of joints.
+        The world frame is the robot's root. Raises `JointCountError` for another number of joint angles [..., j].
         """
         angles = np.asarray(joint_position, dtype=np.float64)
         joints = len(self.robot.joint_names)
         if angles.ndim == 0 or angles.shape[-1] != joints:
             raise JointCountError(self.robot.name, joints, angles.shape[-1] if angles.ndim else 0)
-        poses = np.empty((*angles.shape[:-1], len(self.robot.links), 4, 4))
+        poses = np.empty((*angles.shape[:-1], len(self.robot.link_names), 4, 4))
         poses[..., 0, :, :] = np.eye(4)
-        steps = np.broadcast_to(self._origins, (*angles.shape[:-1], *self._origins.shape)).copy()
-        steps[..., self._moving, :, :] = self._origins[self._moving] @ _turns(self._axes, angles)
+        joint_poses = np.broadcast_to(self._origins, (*angles.shape[:-1], *self._origins.shape)).copy()
+        joint_poses[..., self._revolute, :, :] = self._origins[self._revolute] @ _compute_rotations(self._axes, angles)
         for children, parents in self._levels:
-            poses[..., children, :, :] = poses[..., parents, :, :] @ steps[..., children - 1, :, :]
+            poses[..., children, :, :] = poses[..., parents, :, :] @ joint_poses[..., children - 1, :, :]
         return poses
 
     @cached_property
@@ -78,7 +78,7 @@ class Kinematics:
         return np.stack([joint.origin for joint in self.robot.joints])
 
     @cached_property
-    def _moving(self) -> NDArray[np.intp]:
+    def _revolute(self) -> NDArray[np.intp]:
         return np.flatnonzero([joint.axis is not None for joint in self.robot.joints])
 
     @cached_property
@@ -88,57 +88,60 @@ class Kinematics:
 
     @cached_property
     def _levels(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Links by their depth in the tree, and their parents: those of one depth do not depend on each other."""
+        """(links, parents) of each depth of the tree; the poses of links of the same depth are independent."""
         depth = {self.robot.root: 0}
         for joint in self.robot.joints:
             depth[joint.child] = depth[joint.parent] + 1
         level = np.array([depth[joint.child] for joint in self.robot.joints])
-        rows = [np.flatnonzero(level == each) for each in range(1, int(level.max()) + 1)]
+        rows = [np.flatnonzero(level == number) for number in range(1, int(level.max()) + 1)]
         return [(row + 1, np.array(self._parents)[row]) for row in rows]
 
     def compute_sensor_poses(self, joint_position: ArrayLike) -> NDArray[np.float64]:
-        """Pose of every bracket in the world, f64[..., s, 4, 4], in the order of `hand.boards`."""
+        """Compute the world pose of every bracket, f64[..., s, 4, 4], in the order of `hand.boards`."""
         self._require_hand()
         poses = self.compute_link_poses(joint_position)[..., self._board_links, :, :] @ self._bracket_poses
         return np.asarray(poses)
 
     def compute_taxel_positions(self, joint_position: ArrayLike) -> NDArray[np.float64]:
-        """Centre of every taxel in the world, metres, f64[..., n, 3]."""
+        """Compute the taxel centres in the world, metres, f64[..., n, 3]."""
         return compute_taxel_positions(self._require_hand(), self.compute_sensor_poses(joint_position))
 
     def compute_taxel_normals(self, joint_position: ArrayLike) -> NDArray[np.float64]:
-        """Outward normal of every taxel in the world, f64[..., n, 3]."""
+        """Compute the outward taxel normals in the world, f64[..., n, 3]."""
         return compute_taxel_normals(self._require_hand(), self.compute_sensor_poses(joint_position))
 
 
 def build_kinematics(hand: Hand) -> Kinematics:
-    """The kinematics of a hand on the robot that its description names."""
+    """Build the kinematics of a hand on the robot named in its description.
+
+    Raises HandGeometryError if the description names no robot.
+    """
     if hand.robot is None:
         raise HandGeometryError(hand.name)
     return Kinematics(load_robot(hand.robot), hand)
 
 
 def compute_taxel_positions(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Taxel centres in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
+    """Compute the taxel centres in the world, f64[..., n, 3], from bracket poses f64[..., s, 4, 4]."""
     rotations, origins = sensor_poses[..., :3, :3], sensor_poses[..., :3, 3]
-    turned = np.einsum("...nij,nj->...ni", rotations[..., hand.board_index, :, :], hand.position)
-    return np.asarray(turned + origins[..., hand.board_index, :])
+    rotated = np.einsum("...nij,nj->...ni", rotations[..., hand.board_index, :, :], hand.position)
+    return np.asarray(rotated + origins[..., hand.board_index, :])
 
 
 def compute_taxel_normals(hand: Hand | Sheet, sensor_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Outward taxel normals in the world, f64[..., n, 3], from the poses of the brackets f64[..., s, 4, 4]."""
+    """Compute the outward taxel normals in the world, f64[..., n, 3], from bracket poses f64[..., s, 4, 4]."""
     rotations = sensor_poses[..., hand.board_index, :3, :3]
     return np.asarray(np.einsum("...nij,nj->...ni", rotations, hand.normal))
 
 
-def _turns(axes: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations about unit axes [k, 3] by angles [..., k] as poses f64[..., k, 4, 4] (Rodrigues' formula)."""
+def _compute_rotations(axes: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute rotations about unit axes [k, 3] by angles [..., k], f64[..., k, 4, 4] (Rodrigues' formula)."""
     cross = np.zeros((len(axes), 3, 3))
     x, y, z = axes.T
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
     cross -= cross.transpose(0, 2, 1)
     sine, cosine = np.sin(angles)[..., None, None], np.cos(angles)[..., None, None]
-    turn = np.zeros((*angles.shape, 4, 4))
-    turn[..., :3, :3] = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
-    turn[..., 3, 3] = 1.0
-    return turn
+    rotations = np.zeros((*angles.shape, 4, 4))
+    rotations[..., :3, :3] = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
+    rotations[..., 3, 3] = 1.0
+    return rotations

@@ -1,4 +1,4 @@
-"""The schema of a robot description file: every mistake in one is refused with one clear line."""
+"""Schema of a robot description file; the first error is reported in one line."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from taxel.hand.toml_text import parse_toml
 FORMAT = "taxel-robot"
 VERSION = 1
 MAX_JOINTS = 256
-MAX_REACH_M = 10.0  # no link is ten metres long: a larger figure is a mistake of unit
-MAX_TURNS_RAD = 100.0  # no joint turns sixteen times: a larger figure is a mistake of unit
+MAX_REACH_M = 10.0
+"""Largest length of a link, metres; a larger value indicates a wrong unit."""
+MAX_ANGLE_RAD = 100.0
+"""Largest joint angle, radians; a larger value indicates a wrong unit."""
 
 _ROBOT: Mapping[str, type] = {
     "format": str,
@@ -34,7 +36,7 @@ _ROBOT: Mapping[str, type] = {
 _ROBOT_OPTIONAL: Mapping[str, type] = {"shapes": list}
 _FIXED: Mapping[str, type] = {"name": str, "type": str, "parent": str, "child": str}
 _REVOLUTE: Mapping[str, type] = {**_FIXED, "axis": list, "range_rad": list}
-_PLACE: Mapping[str, type] = {"position_m": list, "quaternion_wxyz": list}
+_ORIGIN: Mapping[str, type] = {"position_m": list, "quaternion_wxyz": list}
 _SHAPES: Mapping[str, Mapping[str, type]] = {
     "box": {"link": str, "type": str, "half_size_m": list},
     "capsule": {"link": str, "type": str, "radius_m": float, "half_length_m": float},
@@ -45,18 +47,18 @@ def parse_robot(data: bytes, file: str) -> dict[str, Any]:
     """Parse and check the bytes of a robot description.
 
     Args:
-        data: the file's content, UTF-8 TOML.
-        file: its name, for errors.
+        data: content of the file, UTF-8 TOML.
+        file: file name, for errors.
 
     Raises:
-        HandDescriptionError: the first mistake found.
+        HandDescriptionError: the first error.
     """
     document = parse_toml(data, file)
     top = Field(file)
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if document.get(key) != expected or isinstance(document[key], bool):
             top.key(key).fail(
-                format_value(expected), format_value(document.get(key)), "is it a robot description of this version?"
+                format_value(expected), format_value(document.get(key)), "use a robot description of this version"
             )
     check_table(document, _ROBOT, top, _ROBOT_OPTIONAL)
     check_identifier(document["name"], top.key("name"))
@@ -77,10 +79,10 @@ def _check_joints(document: Mapping[str, Any], field: Field) -> None:
         here = field.item(index)
         _check_joint(joint, here)
         if joint["name"] in names:
-            here.key("name").fail("a joint name used once", format_value(joint["name"]), "rename one of them")
+            here.key("name").fail("a unique joint name", format_value(joint["name"]), "rename one of them")
         if joint["child"] in parents or joint["child"] == document["root"]:
             here.key("child").fail(
-                "a link that no other joint moves", format_value(joint["child"]), "a tree has one way down"
+                "a link moved by a single joint", format_value(joint["child"]), "remove one of the joints"
             )
         names.add(joint["name"])
         parents[joint["child"]] = joint["parent"]
@@ -98,16 +100,16 @@ def _check_joint(joint: Any, here: Field) -> None:
     kind = joint.get("type")
     if kind not in ("fixed", "revolute"):
         here.key("type").fail("'fixed' or 'revolute'", format_value(kind), "correct it")
-    check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, here, _PLACE)
+    check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, here, _ORIGIN)
     for key in ("name", "parent", "child"):
         check_identifier(joint[key], here.key(key))
-    _check_place(joint, here)
+    _check_origin(joint, here)
     if kind == "revolute":
         check_numbers(joint["axis"], 3, here.key("axis"), "x, y, z")
         check_unit(joint["axis"], here.key("axis"), "an axis")
         check_numbers(joint["range_rad"], 2, here.key("range_rad"), "lower, upper")
         lower, upper = joint["range_rad"]
-        if not -MAX_TURNS_RAD < lower < upper < MAX_TURNS_RAD:
+        if not -MAX_ANGLE_RAD < lower < upper < MAX_ANGLE_RAD:
             here.key("range_rad").fail("lower below upper, in radians", f"{lower:g} and {upper:g}", "correct them")
 
 
@@ -117,16 +119,20 @@ def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field
         if link == root:
             return
         link = parents[link]
-    field.fail(f"a link that leads to the root {root!r}", format_value(start), "the joints form a ring; open it")
+    field.fail(
+        f"a link that leads to the root {root!r}",
+        format_value(start),
+        "the joints form a closed loop; remove one of them",
+    )
 
 
-def _check_place(table: Mapping[str, Any], field: Field) -> None:
+def _check_origin(table: Mapping[str, Any], field: Field) -> None:
     if "position_m" in table:
         here = field.key("position_m")
         check_numbers(table["position_m"], 3, here, "x, y, z")
         if any(abs(value) > MAX_REACH_M for value in table["position_m"]):
             here.fail(
-                f"metres, at most {MAX_REACH_M:g}", format_value(max(table["position_m"], key=abs)), "give metres"
+                f"metres, at most {MAX_REACH_M:g}", format_value(max(table["position_m"], key=abs)), "convert to metres"
             )
     if "quaternion_wxyz" in table:
         check_numbers(table["quaternion_wxyz"], 4, field.key("quaternion_wxyz"), "w, x, y, z")
@@ -138,8 +144,8 @@ def _check_shape(shape: Any, document: Mapping[str, Any], here: Field) -> None:
     kind = shape.get("type")
     if not isinstance(kind, str) or kind not in _SHAPES:
         here.key("type").fail("'box' or 'capsule'", format_value(kind), "correct it")
-    check_table(shape, _SHAPES[kind], here, _PLACE)
-    _check_place(shape, here)
+    check_table(shape, _SHAPES[kind], here, _ORIGIN)
+    _check_origin(shape, here)
     links = [document["root"], *(joint["child"] for joint in document["joints"])]
     if shape["link"] not in links:
         here.key("link").fail("a link of this robot", format_value(shape["link"]), suggest_name(shape["link"], links))
@@ -147,5 +153,5 @@ def _check_shape(shape: Any, document: Mapping[str, Any], here: Field) -> None:
         check_numbers(shape["half_size_m"], 3, here.key("half_size_m"), "x, y, z")
     sizes = shape["half_size_m"] if kind == "box" else [shape["radius_m"], shape["half_length_m"]]
     for size in sizes:
-        if not 0 < size < MAX_REACH_M:  # also refuses nan and inf
-            here.fail("sizes above 0, in metres", format_value(size), "correct it")
+        if not 0 < size < MAX_REACH_M:  # also false for nan and inf
+            here.fail("sizes above 0 m", format_value(size), "correct it")

@@ -1,7 +1,7 @@
-"""The schema of a hand description file: every mistake in one is refused with one clear line.
+"""Schema of a hand description file; the first error is reported in one line.
 
-Keys are declared in tables (``_HAND``, ``_TAXEL``, ``_KIND``, ``_BOARD``); a new key is a new row there, and
-a check below where its type alone does not say enough. Nothing is repaired, and nothing unknown is ignored.
+Keys are declared in tables (``_HAND``, ``_TAXEL``, ``_KIND``, ``_BOARD``); a new key needs a row there, and a check
+below if its type is not sufficient. Invalid values are never corrected, and unknown keys are never ignored.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ __all__ = ["FORMAT", "VERSION", "HandDescriptionError", "HandDocument", "check_h
 FORMAT = "taxel-hand"
 VERSION = 1
 
-MAX_CODE = 255  # a kind code is one byte; 0 means a blank board
-MAX_LENGTH_M = 1.0  # no taxel pitch is a metre: a larger figure is a mistake of unit
+MAX_CODE = 255
+"""Largest kind code, which is one byte; 0 means a blank board."""
+MAX_LENGTH_M = 1.0
+"""Upper limit of taxel lengths, metres; a larger value indicates a wrong unit."""
 
 _HAND: Mapping[str, type] = {
     "format": str,
@@ -42,7 +44,7 @@ _BOARD_OPTIONAL: Mapping[str, type] = {"link": str, "position_m": list, "quatern
 
 
 class TaxelTable(TypedDict):
-    """``[taxel]``: the same for every taxel of the hand; metres."""
+    """``[taxel]``: dimensions of every taxel of the hand, metres."""
 
     pitch_m: float
     size_m: float
@@ -50,7 +52,7 @@ class TaxelTable(TypedDict):
 
 
 class KindTable(TypedDict):
-    """``[kinds.<name>]``: one design of a board."""
+    """``[kinds.<name>]``: a design of a board."""
 
     code: int
     tx: int
@@ -60,7 +62,7 @@ class KindTable(TypedDict):
 
 
 class BoardTable(TypedDict):
-    """``[[boards]]``: one board on the bus."""
+    """``[[boards]]``: a board on the bus."""
 
     name: str
     kind: str
@@ -71,13 +73,13 @@ class BoardTable(TypedDict):
 
 
 class GeometryTable(TypedDict):
-    """``[geometry.<kind>]``: one row x, y, z, nx, ny, nz for each taxel, bracket frame, metres."""
+    """``[geometry.<kind>]``: a row x, y, z, nx, ny, nz per taxel, bracket frame, metres."""
 
     taxels: list[list[float]]
 
 
 class HandDocument(TypedDict):
-    """A checked hand description, as it stands in the file."""
+    """Checked hand description with the structure of the file."""
 
     format: str
     version: int
@@ -94,11 +96,11 @@ def parse_hand(data: bytes, file: str) -> HandDocument:
     """Parse and check the bytes of a description file.
 
     Args:
-        data: the file's content, UTF-8 TOML.
-        file: its name, for errors.
+        data: content of the file, UTF-8 TOML.
+        file: file name, for errors.
 
     Raises:
-        HandDescriptionError: too large, not UTF-8, not TOML, or any mistake that check_hand finds.
+        HandDescriptionError: too large, not UTF-8, not TOML, or an error found by check_hand.
     """
     return check_hand(parse_toml(data, file), file)
 
@@ -107,17 +109,17 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
     """Check a parsed description against the schema.
 
     Args:
-        document: what the TOML parser made of the file.
-        file: its name, for errors.
+        document: parsed TOML document.
+        file: file name, for errors.
 
     Returns:
-        The same document, with its type known.
+        The same document with its static type.
 
     Raises:
-        HandDescriptionError: the first mistake found.
+        HandDescriptionError: the first error.
     """
     top = Field(file)
-    _check_header(document, top)  # first: a file of another version may have other keys
+    _check_header(document, top)  # first, because a file of another version may have other keys
     check_table(document, _HAND, top, _HAND_OPTIONAL)
     check_identifier(document["name"], top.key("name"))
     check_description(document["description"], top.key("description"))
@@ -132,35 +134,35 @@ def _check_header(document: dict[str, Any], top: Field) -> None:
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
             top.key(key).fail(
-                format_value(expected), "nothing", f"add {key} = {_toml(expected)} at the top of the file"
+                format_value(expected), "nothing", f"add {key} = {_format_toml(expected)} at the top of the file"
             )
-        # The type too: true == 1 and 1.0 == 1 in Python.
+        # The type is compared too, since true == 1 and 1.0 == 1 in Python.
         if type(document[key]) is not type(expected) or document[key] != expected:
             top.key(key).fail(
                 format_value(expected),
                 format_value(document[key]),
-                "use a taxel release that reads that file, or convert the file",
+                "use a taxel release that reads this version, or convert the file",
             )
 
 
-def _toml(value: str | int) -> str:
+def _format_toml(value: str | int) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def _check_taxel(taxel: Any, field: Field) -> None:
     check_table(taxel, _TAXEL, field, _TAXEL_OPTIONAL)
     for key in taxel:
-        if not 0 < taxel[key] < MAX_LENGTH_M:  # also refuses nan and inf
+        if not 0 < taxel[key] < MAX_LENGTH_M:  # also false for nan and inf
             field.key(key).fail(
                 f"metres, above 0 and below {MAX_LENGTH_M:g}",
                 format_value(taxel[key]),
-                "give the length in metres, as 0.005",
+                "write the length in metres, for example 0.005",
             )
     if taxel["size_m"] > taxel["pitch_m"]:
         field.key("size_m").fail(
             f"at most the pitch ({taxel['pitch_m']} m)",
             format_value(taxel["size_m"]),
-            "taxels would overlap; correct either",
+            "taxels would overlap; correct the pitch or the size",
         )
 
 
@@ -174,9 +176,9 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
         check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", here.key("code"))
         if code in names_by_code:
             here.key("code").fail(
-                "a code that no other kind has",
-                f"{code}, also {names_by_code[code]}'s",
-                "give it a free code",
+                "a unique code",
+                f"{code}, also used by {names_by_code[code]}",
+                "choose an unused code",
             )
         names_by_code[code] = name
         check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", here.key("tx"))
@@ -201,14 +203,14 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
             here.key("address").fail(
                 f"a 7-bit I2C address from {format_address(ADDRESS_MIN)} to {format_address(ADDRESS_MAX)}",
                 format_address(board["address"]),
-                "give the board a free address in that range (without the read/write bit)",
+                "choose an unused address in this range (without the read/write bit)",
             )
         for key, owner in owners.items():
             if board[key] in owner:
                 value = format_address(board[key]) if key == "address" else format_value(board[key])
                 here.key(key).fail(
-                    f"a board {key} used once",
+                    f"a unique board {key}",
                     f"{value}, also in {owner[board[key]]}",
-                    f"give one of them a free {key}",
+                    f"choose an unused {key} for one of them",
                 )
             owner[board[key]] = here.path

@@ -1,6 +1,6 @@
-"""The dielectric sheet of each board: over its taxels, and the bare margin beside them.
+"""Dielectric sheet of each board: squares over the taxels and a margin of squares beside them.
 
-The margin touches and bears like the rest, but no electrode is under it.
+The margin transmits contact forces like the other squares, but there is no electrode below it.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from taxel.hand.description import Board, BoardKind, Hand
 from taxel.hand.geometry import Surface
 from taxel.types import FloatArray
 
-_STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
-_FLAT = 1e-9
+_NEIGHBOUR_STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
+_FLAT_RAD = 1e-9
+"""Angle between neighbouring normals, radians, below which the sheet is flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Squares of sheet, one pitch wide: first those over the taxels in the hand's order, then the bare ones.
+    """Squares of the sheet, one pitch wide: first over the taxels in the order of the hand, then the margin.
 
     Attributes:
-        position, normal, distal: f64[n_taxels + m, 3], as those of `Hand`.
-        board_index: which board each belongs to, [n_taxels + m].
-        n_taxels: squares in all (named as on a `Hand`, for whoever takes either).
-        name, boards, layer_m: those of the hand.
+        position, normal, distal: f64[n, 3], as in `Hand`.
+        board_index: index of the board of each square, [n].
+        n_taxels: number of squares n; has this name so that functions accept a `Hand` or a `Sheet`.
+        name, boards, layer_m: of the hand.
     """
 
     name: str
@@ -46,52 +47,55 @@ class Sheet:
 
 @lru_cache(maxsize=8)
 def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
-    """The sheet of every board, each square cut into parts x parts pieces that follow each other.
+    """Build the sheet of all boards, each square divided into parts x parts consecutive pieces.
 
-    Pieces over a taxel follow the sheet's curvature there, bare ones lie in their square's plane. Raises
-    HandGeometryError if the description gives no positions.
+    Pieces over a taxel follow the curvature of the sheet; pieces of the margin lie in the plane of their square. Raises
+    HandGeometryError if the description contains no positions.
     """
-    rows, owners = [np.hstack([hand.position, hand.normal, hand.distal])], [hand.board_index]
-    bends = [_bends(board.kind, board.kind.surface) for board in hand.boards if board.kind.surface is not None]
+    rows, board_indices = [np.hstack([hand.position, hand.normal, hand.distal])], [hand.board_index]
+    curvatures = [
+        _compute_curvatures(board.kind, board.kind.surface) for board in hand.boards if board.kind.surface is not None
+    ]
     for index, board in enumerate(hand.boards):
         if board.kind.surface is not None:
             rows.append(build_margin(board.kind, board.kind.surface, hand.pitch_m))
-            owners.append(np.full(len(rows[-1]), index))
-            bends.append(np.zeros((len(rows[-1]), 2)))
-    table = _cut(np.vstack(rows), np.vstack(bends), parts, hand.pitch_m)
-    owner = np.repeat(np.concatenate(owners), parts * parts)
-    return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], owner)
+            board_indices.append(np.full(len(rows[-1]), index))
+            curvatures.append(np.zeros((len(rows[-1]), 2)))
+    table = _divide_squares(np.vstack(rows), np.vstack(curvatures), parts, hand.pitch_m)
+    board_index = np.repeat(np.concatenate(board_indices), parts * parts)
+    return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], board_index)
 
 
-def _bends(kind: BoardKind, surface: Surface) -> FloatArray:
-    """Curvature along the distal and the left direction at every taxel, 1/m, f64[count, 2]; 0 without neighbours.
+def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
+    """Compute the curvature in the distal and the left direction at every taxel, 1/m, f64[count, 2].
 
-    By how much the normals of the neighbours on both sides lean apart, over their distance.
+    Curvature: change of the normal between the neighbours on both sides, divided by their distance; 0 without
+    neighbours.
     """
-    place = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
-    bends = np.zeros((len(surface.position), 2))
-    for (tx, rx), index in place.items():
+    index_of = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    curvatures = np.zeros((len(surface.position), 2))
+    for (tx, rx), index in index_of.items():
         distal = surface.distal[index]
         for axis, (along, step) in enumerate(((distal, (1, 0)), (np.cross(surface.normal[index], distal), (0, 1)))):
-            ends = [place.get((tx + way * step[0], rx + way * step[1]), index) for way in (-1, 1)]
-            apart = (surface.position[ends[0]] - surface.position[ends[1]]) @ along
-            if apart > 0.0:
-                bends[index, axis] = (surface.normal[ends[0]] - surface.normal[ends[1]]) @ along / apart
-    return bends
+            ends = [index_of.get((tx + sign * step[0], rx + sign * step[1]), index) for sign in (-1, 1)]
+            distance = (surface.position[ends[0]] - surface.position[ends[1]]) @ along
+            if distance > 0.0:
+                curvatures[index, axis] = (surface.normal[ends[0]] - surface.normal[ends[1]]) @ along / distance
+    return curvatures
 
 
-def _cut(table: FloatArray, bends: FloatArray, parts: int, pitch_m: float) -> FloatArray:
+def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int, pitch_m: float) -> FloatArray:
     if parts == 1:
         return table
     offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
     normal, distal = table[:, None, 3:6], table[:, None, 6:]
     left = np.cross(normal, distal)
     along, across = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, offsets, indexing="ij"))
-    lean_along, lean_across = bends[:, :1, None] * along, bends[:, 1:, None] * across
-    sink = 0.5 * (lean_along * along + lean_across * across)
+    slope_along, slope_across = curvatures[:, :1, None] * along, curvatures[:, 1:, None] * across
+    depth = 0.5 * (slope_along * along + slope_across * across)
     pieces = np.repeat(table[:, None], parts * parts, axis=1)
-    pieces[..., :3] += along * distal + across * left - sink * normal
-    pieces[..., 3:6] += lean_along * distal + lean_across * left
+    pieces[..., :3] += along * distal + across * left - depth * normal
+    pieces[..., 3:6] += slope_along * distal + slope_across * left
     pieces[..., 3:6] /= np.linalg.norm(pieces[..., 3:6], axis=2, keepdims=True)
     pieces[..., 6:] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:], axis=2, keepdims=True)
     pieces[..., 6:] /= np.linalg.norm(pieces[..., 6:], axis=2, keepdims=True)
@@ -99,20 +103,20 @@ def _cut(table: FloatArray, bends: FloatArray, parts: int, pitch_m: float) -> Fl
 
 
 def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
-    """Squares of bare sheet at every place beside a taxel, in the map or just outside it, that has none.
+    """Build the margin: a square at every crossing without a taxel that has a taxel as neighbour.
 
-    Each is carried on from its neighbours along the sheet's curvature. f64[m, 9]: centre (metres), normal, and the
-    direction of the distal side, bracket frame.
+    Crossings just outside the map are included. Each square is extrapolated from its neighbours along the curvature of
+    the sheet. Returns f64[m, 9]: centre (metres), normal and distal direction, in the bracket frame.
     """
-    place = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
-    found: dict[tuple[int, int], list[FloatArray]] = {}
-    for (tx, rx), index in place.items():
-        for step in _STEPS:
-            beside = (tx + step[0], rx + step[1])
-            if beside not in place:
-                behind = place.get((tx - step[0], rx - step[1]))
-                found.setdefault(beside, []).append(_carried_on(surface, index, behind, step, pitch_m))
-    squares = [np.mean(found[beside], axis=0) for beside in sorted(found)]
+    index_of = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    extrapolated: dict[tuple[int, int], list[FloatArray]] = {}
+    for (tx, rx), index in index_of.items():
+        for step in _NEIGHBOUR_STEPS:
+            crossing = (tx + step[0], rx + step[1])
+            if crossing not in index_of:
+                opposite = index_of.get((tx - step[0], rx - step[1]))
+                extrapolated.setdefault(crossing, []).append(_extrapolate(surface, index, opposite, step, pitch_m))
+    squares = [np.mean(extrapolated[crossing], axis=0) for crossing in sorted(extrapolated)]
     if not squares:
         return np.empty((0, 9))
     rows = np.stack(squares)
@@ -122,19 +126,19 @@ def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArra
     return rows
 
 
-def _carried_on(surface: Surface, index: int, behind: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
-    """One pitch beyond taxel `index`, on a circle through it that bends as from the taxel on its other side."""
+def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
+    """Extrapolate one pitch beyond taxel `index` on a circle with the curvature towards the opposite neighbour."""
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     left = np.cross(normal, distal)
     along = -step[0] * distal - step[1] * left  # TX 0 is distal, RX 0 is left
     angle = 0.0
-    if behind is not None:  # the normal there leans back by the sine of the angle between them
-        angle = float(np.arcsin(np.clip(-surface.normal[behind] @ along, -1.0, 1.0)))
-    if abs(angle) < _FLAT:
-        moved = pitch * along
+    if opposite is not None:  # the component of its normal is the sine of the angle between the normals
+        angle = float(np.arcsin(np.clip(-surface.normal[opposite] @ along, -1.0, 1.0)))
+    if abs(angle) < _FLAT_RAD:
+        offset = pitch * along
     else:
         radius = pitch / angle
-        moved = radius * (np.sin(angle) * along - (1.0 - np.cos(angle)) * normal)
-    turned = np.cos(angle) * along - np.sin(angle) * normal
-    direction = -step[0] * turned if step[0] else distal
-    return np.concatenate([position + moved, np.cos(angle) * normal + np.sin(angle) * along, direction])
+        offset = radius * (np.sin(angle) * along - (1.0 - np.cos(angle)) * normal)
+    tangent = np.cos(angle) * along - np.sin(angle) * normal
+    direction = -step[0] * tangent if step[0] else distal
+    return np.concatenate([position + offset, np.cos(angle) * normal + np.sin(angle) * along, direction])

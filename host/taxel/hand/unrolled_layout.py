@@ -1,4 +1,4 @@
-"""Which board of the default hand stands where when the hand is unrolled, seen from outside, fingertips on top."""
+"""Layout of the boards of the default hand when unrolled, seen from outside, with the fingertips on top."""
 
 PALM_SIDE = (
     ("fingertip_pinkie", "fingertip_middle", "fingertip_index"),
@@ -18,7 +18,7 @@ _PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
 
 
 def get_short_name(name: str) -> str:
-    """The words over a board of the default hand; its finger stands over the column, but for the thumb."""
+    """Return the label of a board without the name of its finger, which labels the column; except for the thumb."""
     if name == "fingertip_thumb":
         return "thumb tip"
     part = name.rpartition("_")[0]

@@ -1,4 +1,4 @@
-"""The emulator's world file (firmware/emulator/world_file.h) of a hand."""
+"""World file of the emulator (firmware/emulator/world_file.h) for a hand."""
 
 import random
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from taxel.hand.description import Hand
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """How boards measure a crossing at power-on; the fields of taxel_protocol.registers.ScanSettings."""
+    """Scan settings of the boards at power-on; fields of `taxel_protocol.registers.ScanSettings`."""
 
     sub_conversions: int = 160
     sense_clock_divider: int = 40
@@ -20,13 +20,14 @@ class ScanSettings:
 
 @dataclass(frozen=True)
 class WorldSettings:
-    """What surrounds the hand in the emulator.
+    """Settings of the emulated world of a hand.
 
-    `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: each board's oscillator is
-    off by up to this much (PSoC 4200: up to 2 %). `parts_seed`: draws what stays from one power-up to the next: clocks,
-    unique ids, gains and stiffness of taxels; None: `seed` does. `boot_ms`: from power to the first acknowledge.
-    `faults`: lines of the world file without the word `fault`, in order of time, such as "1.5 unplug 0x22". `effects`:
-    lines without the word `effect`, such as "spread film length_m=0.002" (firmware/emulator/README.md lists them).
+    `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: largest rate error of a
+    board's oscillator (PSoC 4200: up to 2 %). `parts_seed`: seed of the properties that persist over power cycles
+    (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: from power-on to the first acknowledge.
+    `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x22".
+    `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
+    firmware/emulator/README.md).
     """
 
     seed: int = 1
@@ -43,26 +44,26 @@ class WorldSettings:
     effects: Sequence[str] = ()
 
     @property
-    def parts(self) -> int:
-        """The seed of what stays."""
+    def effective_parts_seed(self) -> int:
+        """Seed of the properties that persist over power cycles."""
         return self.seed if self.parts_seed is None else self.parts_seed
 
 
 def sample_board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
-    """How far each board's oscillator is off in this world, parts per million, in the order of `hand.boards`."""
-    generator = random.Random(f"clock {settings.parts}")
+    """Sample the rate error of each board's oscillator, parts per million, in the order of `hand.boards`."""
+    generator = random.Random(f"clock {settings.effective_parts_seed}")
     return [round(generator.uniform(-1.0, 1.0) * settings.clock_spread_ppm, 3) for _ in hand.boards]
 
 
 def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
-    """The world file of `hand` under `settings`."""
+    """Format the world file of `hand` with `settings`; None: default settings."""
     settings = settings or WorldSettings()
     scan = settings.scan
     lines = [
         "taxel-world 1",
         f"# hand {hand.name}: {len(hand.boards)} boards, {hand.n_taxels} taxels",
         f"seed {settings.seed}",
-        f"parts_seed {settings.parts}",
+        f"parts_seed {settings.effective_parts_seed}",
         f"scl_hz {settings.scl_hz!r}",
         f"baud {settings.baud:.10g}",
         f"usb_latency_ms {settings.usb_latency_ms!r}",
@@ -74,7 +75,7 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
     ]
     for board, ppm in zip(hand.boards, sample_board_clocks_ppm(hand, settings), strict=True):
         kind = board.kind
-        unique_id = random.Random(f"unique id {settings.parts} {board.address}").randbytes(8).hex()
+        unique_id = random.Random(f"unique id {settings.effective_parts_seed} {board.address}").randbytes(8).hex()
         lines.append(
             f"board 0x{board.address:02X} {kind.code} {kind.tx_count} {kind.rx_count} {kind.taxel_count} "
             f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"

@@ -92,7 +92,7 @@ class Scene:
     @cached_property
     def board_bodies(self) -> npt.NDArray[np.intp]:
         """MuJoCo's bodies that carry the boards, [s]."""
-        names = [board.link for board in self.hand.boards if board.link is not None]
+        names = [board.link_name for board in self.hand.boards if board.link_name is not None]
         return np.array([self.model.body(_link(name)).id for name in names], dtype=np.intp)
 
     @cached_property
@@ -122,10 +122,10 @@ def build_scene(hand: Hand, item: GraspObject, wrist: str, friction: float = 0.0
     joints = tuple(_below(robot, wrist))
     links = (wrist, *(joint.child for joint in joints))
     for board in hand.boards:
-        if board.link is None or board.pose is None:
+        if board.link_name is None or board.pose is None:
             raise HandGeometryError(hand.name)
-        if board.link not in links:
-            raise UnknownLinkError(f"{robot.name} below {wrist}", board.link, links)
+        if board.link_name not in links:
+            raise UnknownLinkError(f"{robot.name} below {wrist}", board.link_name, links)
     model = mujoco.MjModel.from_xml_string(scene_xml(hand, robot, item, wrist, friction, self_contact))
     board_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
     for index, board in enumerate(hand.boards):
@@ -254,8 +254,8 @@ def _link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], joint: 
             f'<joint name={quoteattr(joint.name)} axis="{_row(joint.axis)}" '
             f'range="{joint.lower!r} {joint.upper!r}" limited="true"/>\n'
         )
-    parts += [_shape_geom(shape) for shape in robot.shapes if shape.link == link]
-    parts += [_board_geom(board) for board in hand.boards if board.link == link]
+    parts += [_shape_geom(shape) for shape in robot.shapes if shape.link_name == link]
+    parts += [_board_geom(board) for board in hand.boards if board.link_name == link]
     parts += [_link_body(hand, robot, below.child, joints, below) for below in joints if below.parent == link]
     return "".join([*parts, "</body>\n"])
 

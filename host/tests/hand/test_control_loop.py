@@ -1,4 +1,4 @@
-"""The control loop keeps absolute deadlines and owns up to those it missed; all under a clock made of plain numbers."""
+"""The control loop keeps absolute deadlines and counts missed periods; tested with a simulated clock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from taxel.hand.control_loop import ControlLoop
 
 
 class FakeTime:
-    """Time passes when somebody sleeps, or works."""
+    """Simulated clock that advances in sleep() and by explicit work."""
 
     def __init__(self, now_s: float = 0.0, oversleep_s: float = 0.0) -> None:
         self.now_s = now_s
@@ -25,19 +25,19 @@ class FakeTime:
         self.now_s += seconds + self.oversleep_s
 
 
-def loop_of(time: FakeTime, period_s: float = 0.25) -> ControlLoop:
+def make_loop(time: FakeTime, period_s: float = 0.25) -> ControlLoop:
     return ControlLoop(period_s, time.clock, time.sleep)
 
 
 def test_the_first_tick_starts_at_once_and_sets_the_schedule() -> None:
     time = FakeTime(now_s=7.0)
-    assert loop_of(time).wait() == 0
+    assert make_loop(time).wait() == 0
     assert time.slept_s == []
 
 
-def test_ticks_start_at_multiples_of_the_period_however_long_the_work() -> None:
+def test_ticks_start_at_multiples_of_the_period_for_any_work_time() -> None:
     time = FakeTime()
-    loop = loop_of(time)
+    loop = make_loop(time)
     starts = []
     for work_s in (0.125, 0.0, 0.2, 0.01, 0.24):
         loop.wait()
@@ -46,15 +46,15 @@ def test_ticks_start_at_multiples_of_the_period_however_long_the_work() -> None:
     assert starts == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
 
 
-def test_a_late_tick_does_not_move_the_ones_after_it() -> None:
+def test_a_late_tick_does_not_shift_later_ticks() -> None:
     time = FakeTime(oversleep_s=0.0625)
-    loop = loop_of(time)
+    loop = make_loop(time)
     starts = []
     for _ in range(1000):
         loop.wait()
         starts.append(time.now_s)
     assert starts[1:] == [0.25 * k + 0.0625 for k in range(1, 1000)]
-    statistics = loop.statistics()
+    statistics = loop.compute_statistics()
     assert (statistics.missed, statistics.periods) == (0, 1000)
     assert statistics.p50_s == statistics.max_s == 0.0625
 
@@ -62,20 +62,20 @@ def test_a_late_tick_does_not_move_the_ones_after_it() -> None:
 @pytest.mark.parametrize(
     ("work_s", "next_period", "missed"), [(0.4375, 1, 0), (0.5, 2, 1), (0.5625, 2, 1), (1.3, 5, 4)]
 )
-def test_a_period_is_missed_when_its_tick_starts_later_than_the_next_deadline(
+def test_a_period_is_missed_if_its_tick_would_start_after_the_next_deadline(
     work_s: float, next_period: int, missed: int
 ) -> None:
     time = FakeTime()
-    loop = loop_of(time)
+    loop = make_loop(time)
     loop.wait()
     time.now_s += work_s
     assert loop.wait() == next_period
-    assert loop.statistics().missed == missed
-    assert loop.wait() == next_period + 1  # no burst: the schedule goes on
+    assert loop.compute_statistics().missed == missed
+    assert loop.wait() == next_period + 1  # missed ticks are not executed
     assert time.now_s == 0.25 * (next_period + 1)
 
 
-def test_a_run_counts_missed_periods_as_passed() -> None:
+def test_missed_periods_count_towards_the_length_of_a_run() -> None:
     time = FakeTime()
     ticks = []
 
@@ -84,38 +84,38 @@ def test_a_run_counts_missed_periods_as_passed() -> None:
         if period == 2:
             time.now_s += 0.8
 
-    statistics = loop_of(time).run(tick, 8)
+    statistics = make_loop(time).run(tick, 8)
     assert ticks == [0, 1, 2, 5, 6, 7]
     assert (statistics.periods, statistics.missed) == (6, 2)
 
 
-def test_lateness_is_told_by_percentiles_and_maximum() -> None:
+def test_statistics_contain_percentiles_and_maximum_of_the_lateness() -> None:
     time = FakeTime()
-    loop = loop_of(time)
+    loop = make_loop(time)
     for k in range(100):
         time.oversleep_s = 0.125 if k == 50 else 0.0
         loop.wait()
-    statistics = loop.statistics()
+    statistics = loop.compute_statistics()
     assert statistics.p50_s == 0.0
     assert 0.0 < statistics.p99_s < 0.125
     assert statistics.max_s == 0.125
 
 
-def test_before_the_first_tick_there_is_no_lateness() -> None:
-    statistics = loop_of(FakeTime()).statistics()
+def test_the_lateness_is_nan_before_the_first_tick() -> None:
+    statistics = make_loop(FakeTime()).compute_statistics()
     assert (statistics.periods, statistics.missed) == (0, 0)
     assert math.isnan(statistics.p50_s)
     assert math.isnan(statistics.max_s)
 
 
-def test_sleep_ends_before_the_deadline_and_the_clock_is_watched_for_the_rest() -> None:
+def test_the_clock_is_polled_in_the_last_part_of_each_wait() -> None:
     time = FakeTime()
     reads = 0
 
     def clock() -> float:
         nonlocal reads
         reads += 1
-        time.now_s += 0.001  # time passes by itself
+        time.now_s += 0.001  # every read of the clock advances the time
         return time.now_s
 
     loop = ControlLoop(0.25, clock, time.sleep, spin_s=0.02)
@@ -127,14 +127,14 @@ def test_sleep_ends_before_the_deadline_and_the_clock_is_watched_for_the_rest() 
     assert reads >= 20
 
 
-def test_sleep_that_ends_early_is_slept_again() -> None:
+def test_a_sleep_that_ends_early_is_repeated() -> None:
     time = FakeTime(oversleep_s=-0.0625)
 
-    def wake_early_once(seconds: float) -> None:
+    def end_early_once(seconds: float) -> None:
         time.sleep(seconds)
         time.oversleep_s = 0.0
 
-    loop = ControlLoop(0.25, time.clock, wake_early_once)
+    loop = ControlLoop(0.25, time.clock, end_early_once)
     for _ in range(2):
         loop.wait()
     assert time.slept_s == [0.25, 0.0625]
@@ -142,6 +142,6 @@ def test_sleep_that_ends_early_is_slept_again() -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, math.inf])
-def test_a_period_that_is_no_time_is_refused(period_s: float) -> None:
+def test_an_invalid_period_is_rejected(period_s: float) -> None:
     with pytest.raises(ValueError, match="period_s"):
         ControlLoop(period_s)

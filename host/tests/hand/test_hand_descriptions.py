@@ -1,4 +1,4 @@
-"""The packaged hands are what they say they are."""
+"""The packaged hands agree with the thesis and with their documentation."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ def allegro_kinds() -> dict[str, BoardKind]:
 
 
 def is_connected(crossings: NDArray[np.bool_]) -> bool:
-    """Whether every taxel can be reached from every other through neighbours on the same TX or RX line."""
-    left = {(int(tx), int(rx)) for tx, rx in np.argwhere(crossings)}
-    edge = [left.pop()]
+    """Whether all taxels are connected through neighbours on the same TX or RX line."""
+    remaining = {(int(tx), int(rx)) for tx, rx in np.argwhere(crossings)}
+    edge = [remaining.pop()]
     while edge:
         tx, rx = edge.pop()
-        near = left & {(tx - 1, rx), (tx + 1, rx), (tx, rx - 1), (tx, rx + 1)}
-        left -= near
+        near = remaining & {(tx - 1, rx), (tx + 1, rx), (tx, rx - 1), (tx, rx + 1)}
+        remaining -= near
         edge += near
-    return not left
+    return not remaining
 
 
 def test_three_hands_are_packaged() -> None:
@@ -61,13 +61,13 @@ def test_three_hands_are_packaged() -> None:
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])
-def test_a_packaged_hand_bears_its_own_name(name: str) -> None:
+def test_the_name_of_a_packaged_hand_equals_its_file_name(name: str) -> None:
     assert load_hand(name).name == name
 
 
-def test_the_allegro_kinds_have_the_numbers_of_the_thesis() -> None:
-    measured = {name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in allegro_kinds().items()}
-    assert measured == TABLE_2_1
+def test_the_allegro_kinds_agree_with_table_2_1_of_the_thesis() -> None:
+    described = {name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in allegro_kinds().items()}
+    assert described == TABLE_2_1
 
 
 def test_the_allegro_kind_codes_are_one_to_seven() -> None:
@@ -80,7 +80,7 @@ def test_the_allegro_hand_has_17_boards_and_1073_taxels() -> None:
     assert hand.n_taxels == 1073
 
 
-def test_the_allegro_boards_are_at_their_addresses() -> None:
+def test_the_allegro_boards_have_the_documented_addresses() -> None:
     assert {b.address: (b.name, b.kind.name) for b in load_hand("allegro").boards} == BOARDS
 
 
@@ -97,7 +97,7 @@ def test_every_line_carries_a_taxel(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", TABLE_2_1)
-def test_a_board_is_one_connected_sheet(kind: str) -> None:
+def test_the_taxels_of_a_board_are_connected(kind: str) -> None:
     assert is_connected(allegro_kinds()[kind].crossings)
 
 
@@ -107,13 +107,13 @@ def test_kinds_shared_by_fingers_or_centred_on_the_hand_are_symmetric(kind: str)
     assert np.array_equal(crossings, crossings[:, ::-1])
 
 
-def test_the_palm_is_cut_most_on_the_thumb_side() -> None:
+def test_the_palm_has_most_unused_crossings_on_the_thumb_side() -> None:
     unused = ~allegro_kinds()["palm"].crossings
     assert unused[:, 6:].sum() > unused[:, :5].sum()
 
 
-def test_proximal_wings_of_front_and_back_interlock() -> None:
-    """Both wrap the flanks of one link, so at one height along it only one of them may reach round."""
+def test_proximal_front_and_back_boards_do_not_overlap_on_the_flanks() -> None:
+    """Both boards wrap around the same link, so only one of them may be wide at each height."""
     kinds = allegro_kinds()
     heights = {}
     for name in ("proximal_front", "proximal_back"):
@@ -124,7 +124,7 @@ def test_proximal_wings_of_front_and_back_interlock() -> None:
     assert distance.min() >= 5.0
 
 
-def test_flat8_is_one_full_8_by_8_board() -> None:
+def test_flat8_is_a_board_of_8_by_8_taxels() -> None:
     hand = load_hand("flat8")
     (board,) = hand.boards
     assert (board.name, board.address, board.kind.name, board.kind.code) == ("flat8", 0x40, "flat8", 8)

@@ -1,4 +1,4 @@
-"""The packaged skins: where their taxels are on the brackets, and the brackets on the hand."""
+"""Geometry of the packaged skins: taxel positions on the brackets and bracket poses on the hand."""
 
 from __future__ import annotations
 
@@ -18,150 +18,152 @@ HAND = load_hand("allegro")
 KINDS = {board.kind.name: board.kind for board in HAND.boards}
 FLAT = ("palm", "back_of_hand", "medial_front")
 WRAPPED = ("proximal_front", "proximal_back", "medial_back")
-ROUNDED = 2e-6  # positions and normals are written to six decimals
+ROUNDING = 2e-6  # the files contain positions and normals with six decimals
 TIP_RADIUS_M = 0.017  # 12 mm of dome and 5 mm of bracket
 BRACKETS = Path(__file__).parents[3] / "tools" / "hand" / "brackets.py"
 
 
-def surface(kind: str) -> Surface:
-    found = KINDS[kind].surface
-    assert found is not None
-    return found
+def get_surface(kind: str) -> Surface:
+    result = KINDS[kind].surface
+    assert result is not None
+    return result
 
 
-def distances(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    apart = np.linalg.norm(points[:, None] - points, axis=-1)
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray(apart)
+def compute_distances(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    result = np.linalg.norm(points[:, None] - points, axis=-1)
+    np.fill_diagonal(result, np.inf)
+    return np.asarray(result)
 
 
-def pairs(kind: BoardKind, tx: int, rx: int) -> list[tuple[int, int]]:
-    """Indices of the taxels that are that many lines apart."""
-    place = {(int(t), int(r)): i for i, (t, r) in enumerate(zip(kind.tx, kind.rx, strict=True))}
-    return [(i, place[t + tx, r + rx]) for (t, r), i in place.items() if (t + tx, r + rx) in place]
+def find_pairs(kind: BoardKind, tx: int, rx: int) -> list[tuple[int, int]]:
+    """Find pairs of taxels that are `tx` and `rx` lines apart."""
+    index_of = {(int(t), int(r)): i for i, (t, r) in enumerate(zip(kind.tx, kind.rx, strict=True))}
+    return [(i, index_of[t + tx, r + rx]) for (t, r), i in index_of.items() if (t + tx, r + rx) in index_of]
 
 
-def bent_length(sheet: Surface, one: int, other: int) -> float:
-    """Length of the circular arc between two taxels: chord, and angle between the normals."""
+def compute_arc_length(sheet: Surface, one: int, other: int) -> float:
+    """Compute the length of the arc between two taxels from the chord and the angle between the normals."""
     chord = float(np.linalg.norm(sheet.position[one] - sheet.position[other]))
     half = 0.5 * np.arccos(np.clip(sheet.normal[one] @ sheet.normal[other], -1.0, 1.0))
     return chord if half < 1e-6 else chord * float(half / np.sin(half))
 
 
-def open_pose() -> NDArray[np.float64]:
-    """Arm and fingers straight, the thumb at the lower end of its first joint."""
+def make_open_pose() -> NDArray[np.float64]:
+    """Make joint angles of straight fingers, with the thumb at the lower limit of its first joint."""
     robot = build_kinematics(HAND).robot
     return np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper)
 
 
-def test_every_taxel_of_the_hand_has_a_place_and_three_right_angles() -> None:
+def test_every_taxel_has_a_position_and_orthogonal_directions() -> None:
     assert HAND.position.shape == HAND.normal.shape == HAND.distal.shape == (1073, 3)
     for name in ("normal", "distal"):
         np.testing.assert_allclose(np.linalg.norm(getattr(HAND, name), axis=1), 1.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.sum(HAND.normal * HAND.distal, axis=1), 0.0, atol=1e-12)
 
 
-def test_positions_follow_the_order_of_every_other_array() -> None:
+def test_positions_are_in_the_order_of_all_other_arrays() -> None:
     for index, board in enumerate(HAND.boards):
         part = HAND.get_slice(board.address)
-        np.testing.assert_array_equal(HAND.position[part], surface(board.kind.name).position)
+        np.testing.assert_array_equal(HAND.position[part], get_surface(board.kind.name).position)
         assert set(HAND.board_index[part].tolist()) == {index}
         assert set(HAND.sensor[part].tolist()) == {board.address}
 
 
-def test_arrays_cannot_be_written() -> None:
-    for array in (HAND.position, HAND.normal, HAND.distal, HAND.board_index, surface("palm").position):
+def test_arrays_are_read_only() -> None:
+    for array in (HAND.position, HAND.normal, HAND.distal, HAND.board_index, get_surface("palm").position):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
 
 
-def test_no_taxel_is_further_than_60_mm_from_its_brackets_origin() -> None:
+def test_every_taxel_is_within_60_mm_of_its_bracket_origin() -> None:
     assert np.linalg.norm(HAND.position, axis=1).max() < 0.060
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_two_squares_of_a_board_overlap(kind: str) -> None:
-    assert distances(surface(kind).position).min() > HAND.size_m
+def test_taxels_of_a_board_do_not_overlap(kind: str) -> None:
+    assert compute_distances(get_surface(kind).position).min() > HAND.size_m
 
 
 @pytest.mark.parametrize("kind", FLAT)
 def test_a_flat_board_is_flat(kind: str) -> None:
-    sheet = surface(kind)
+    sheet = get_surface(kind)
     np.testing.assert_array_equal(sheet.normal, np.broadcast_to([0.0, 0.0, 1.0], sheet.normal.shape))
     np.testing.assert_array_equal(sheet.distal, np.broadcast_to([1.0, 0.0, 0.0], sheet.distal.shape))
     assert np.abs(sheet.position[:, 2]).max() == 0.0
 
 
 @pytest.mark.parametrize("kind", [*FLAT, *WRAPPED])
-def test_tx_falls_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
-    sheet = surface(kind)
-    assert all(sheet.position[one, 0] > sheet.position[next_, 0] for one, next_ in pairs(KINDS[kind], 1, 0))
-    left = [sheet.position[one] - sheet.position[next_] for one, next_ in pairs(KINDS[kind], 0, 1)]
-    normals = [sheet.normal[one] + sheet.normal[next_] for one, next_ in pairs(KINDS[kind], 0, 1)]
-    # x distal, y left and the normal are right-handed everywhere, also round the corner.
+def test_tx_decreases_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
+    sheet = get_surface(kind)
+    assert all(sheet.position[one, 0] > sheet.position[next_, 0] for one, next_ in find_pairs(KINDS[kind], 1, 0))
+    left = [sheet.position[one] - sheet.position[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
+    normals = [sheet.normal[one] + sheet.normal[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
+    # x distal, y left and the normal are right-handed everywhere, also on the flanks.
     np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(left, normals), np.eye(3)[[0] * len(left)]))
 
 
 @pytest.mark.parametrize("kind", WRAPPED)
-def test_a_wrapped_board_turns_to_a_right_angle_on_both_flanks(kind: str) -> None:
-    sheet = surface(kind)
+def test_the_normals_of_a_wrapped_board_reach_a_right_angle_on_both_flanks(kind: str) -> None:
+    sheet = get_surface(kind)
     np.testing.assert_array_equal(sheet.distal, np.broadcast_to([1.0, 0.0, 0.0], sheet.distal.shape))
     angle = np.degrees(np.arctan2(sheet.normal[:, 1], sheet.normal[:, 2]))
     assert (angle.min(), angle.max()) == (-90.0, 90.0)
     assert np.count_nonzero(angle == 0.0) > 0.4 * len(angle)
-    assert (sheet.position[np.abs(angle) == 90.0, 2] < 0).all()  # down the flanks, towards the other side
-    assert np.ptp(sheet.position[:, 1]) < 0.032  # no wider than the link, its brackets and 0.5 mm
+    assert (sheet.position[np.abs(angle) == 90.0, 2] < 0).all()  # on the flanks, towards the opposite board
+    assert np.ptp(sheet.position[:, 1]) < 0.032  # width of the link, its brackets and 0.5 mm
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_neighbours_on_a_line_are_one_pitch_apart_where_the_sheet_is_flat(kind: str) -> None:
-    sheet = surface(kind)
-    for one, other in [*pairs(KINDS[kind], 1, 0), *pairs(KINDS[kind], 0, 1)]:
+    sheet = get_surface(kind)
+    for one, other in [*find_pairs(KINDS[kind], 1, 0), *find_pairs(KINDS[kind], 0, 1)]:
         if sheet.normal[one] @ sheet.normal[other] > 1 - 1e-9:
-            apart = np.linalg.norm(sheet.position[one] - sheet.position[other])
-            assert apart == pytest.approx(HAND.pitch_m, abs=ROUNDED)
+            distance = np.linalg.norm(sheet.position[one] - sheet.position[other])
+            assert distance == pytest.approx(HAND.pitch_m, abs=ROUNDING)
 
 
-def test_a_fingertip_is_a_sphere_on_a_cylinder() -> None:
-    sheet = surface("fingertip")
+def test_a_fingertip_is_a_dome_on_a_cylinder() -> None:
+    sheet = get_surface("fingertip")
     dome = KINDS["fingertip"].tx < 7
-    np.testing.assert_allclose(sheet.position[dome], TIP_RADIUS_M * sheet.normal[dome], rtol=0, atol=ROUNDED)
-    below = sheet.position[~dome]
-    assert (below[:, 0] < 0).all()
-    np.testing.assert_allclose(below[:, 1:], TIP_RADIUS_M * sheet.normal[~dome, 1:], rtol=0, atol=ROUNDED)
+    np.testing.assert_allclose(sheet.position[dome], TIP_RADIUS_M * sheet.normal[dome], rtol=0, atol=ROUNDING)
+    cylinder = sheet.position[~dome]
+    assert (cylinder[:, 0] < 0).all()
+    np.testing.assert_allclose(cylinder[:, 1:], TIP_RADIUS_M * sheet.normal[~dome, 1:], rtol=0, atol=ROUNDING)
     np.testing.assert_array_equal(sheet.normal[~dome, 0], 0.0)
 
 
-def test_a_fingertips_middle_line_runs_one_pitch_at_a_time_from_the_nail_over_the_apex() -> None:
-    kind, sheet = KINDS["fingertip"], surface("fingertip")
+def test_taxels_on_the_middle_line_of_a_fingertip_are_one_pitch_apart_from_nail_to_apex() -> None:
+    kind, sheet = KINDS["fingertip"], get_surface("fingertip")
     middle = np.flatnonzero(kind.rx == 4)
-    lengths = [bent_length(sheet, one, other) for one, other in pairs(kind, 1, 0) if {one, other} <= set(middle)]
+    lengths = [
+        compute_arc_length(sheet, one, other) for one, other in find_pairs(kind, 1, 0) if {one, other} <= set(middle)
+    ]
     assert len(lengths) == len(middle) - 1
-    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDED)
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING)
     nail, rows = sheet.normal[middle[0]], sheet.normal[middle]
-    assert nail[2] < -0.3  # turned to the back of the finger
-    assert rows[:, 0].max() > 0.99  # one looks straight out of the finger's end
+    assert nail[2] < -0.3  # faces the back of the finger
+    assert rows[:, 0].max() > 0.99  # one faces along the finger
     assert rows[-1, 2] == 1.0
 
 
-def test_a_fingertips_rows_across_are_one_pitch_apart_round_the_finger() -> None:
-    kind, sheet = KINDS["fingertip"], surface("fingertip")
-    lengths = [bent_length(sheet, one, other) for one, other in pairs(kind, 0, 1)]
-    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDED)
+def test_taxels_across_a_fingertip_are_one_pitch_apart() -> None:
+    kind, sheet = KINDS["fingertip"], get_surface("fingertip")
+    lengths = [compute_arc_length(sheet, one, other) for one, other in find_pairs(kind, 0, 1)]
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING)
 
 
-def test_boards_do_not_meet_on_the_open_hand() -> None:
-    positions = build_kinematics(HAND).compute_taxel_positions(open_pose())
-    apart = distances(positions)
-    apart[HAND.board_index[:, None] == HAND.board_index] = np.inf
-    closest = np.unravel_index(np.argmin(apart), apart.shape)
-    assert apart[closest] > 0.002, [HAND.boards[HAND.board_index[index]].name for index in closest]
+def test_boards_do_not_touch_each_other_on_the_open_hand() -> None:
+    positions = build_kinematics(HAND).compute_taxel_positions(make_open_pose())
+    separation = compute_distances(positions)
+    separation[HAND.board_index[:, None] == HAND.board_index] = np.inf
+    closest = np.unravel_index(np.argmin(separation), separation.shape)
+    assert separation[closest] > 0.002, [HAND.boards[HAND.board_index[index]].name for index in closest]
 
 
-def test_fronts_look_out_of_the_palm_and_backs_away_from_it() -> None:
+def test_front_boards_face_out_of_the_palm_and_back_boards_away_from_it() -> None:
     kinematics = build_kinematics(HAND)
-    palm = kinematics.compute_link_poses(open_pose())[kinematics.robot.get_link_index("palm")]
-    for board, pose in zip(HAND.boards, kinematics.compute_sensor_poses(open_pose()), strict=True):
+    palm = kinematics.compute_link_poses(make_open_pose())[kinematics.robot.get_link_index("palm")]
+    for board, pose in zip(HAND.boards, kinematics.compute_sensor_poses(make_open_pose()), strict=True):
         if board.name.endswith("thumb"):
             continue
         outward = float(palm[:3, 0] @ pose[:3, 2])
@@ -170,51 +172,51 @@ def test_fronts_look_out_of_the_palm_and_backs_away_from_it() -> None:
         assert float(palm[:3, 2] @ pose[:3, 0]) > 0.99, board.name  # distal is towards the fingertips
 
 
-def test_boards_of_one_kind_on_one_finger_are_where_their_names_say() -> None:
+def test_the_link_of_a_board_agrees_with_its_name() -> None:
     fingers = {"index": "ff", "middle": "mf", "pinkie": "rf", "thumb": "th"}
     for board in HAND.boards:
         part, _, finger = board.name.rpartition("_")
         if finger in fingers:
             link = "distal" if part == "fingertip" else part.split("_")[0]
-            assert board.link == f"{fingers[finger]}_{link}"
+            assert board.link_name == f"{fingers[finger]}_{link}"
 
 
 def test_flat8_lies_on_the_plate() -> None:
     hand = load_hand("flat8")
-    assert (hand.robot, hand.boards[0].link, hand.n_taxels) == ("plate", "plate", 64)
+    assert (hand.robot, hand.boards[0].link_name, hand.n_taxels) == ("plate", "plate", 64)
     np.testing.assert_array_equal(hand.normal, np.broadcast_to([0.0, 0.0, 1.0], (64, 3)))
     assert np.ptp(hand.position, axis=0) == pytest.approx([0.035, 0.035, 0.0])
     np.testing.assert_allclose(hand.position.mean(axis=0), 0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize("hand", [HAND, load_hand("flat8")], ids=lambda hand: hand.name)
-def test_the_layer_over_the_electrodes_is_thinner_than_the_pitch(hand: Hand) -> None:
+def test_the_dielectric_is_2_mm_thick(hand: Hand) -> None:
     assert hand.layer_m == 0.002
     assert hand.layer_m < hand.pitch_m
 
 
-def test_the_descriptions_hold_what_the_tool_writes() -> None:
+def test_the_descriptions_agree_with_the_brackets_tool() -> None:
     check = subprocess.run(
         [sys.executable, str(BRACKETS), "--check"], capture_output=True, text=True, timeout=60, check=False
     )
     assert (check.returncode, check.stdout) == (0, "")
 
 
-def test_a_surface_normalises_what_was_written_rounded() -> None:
+def test_a_surface_normalises_its_vectors() -> None:
     sheet = Surface(np.zeros((1, 3)), np.array([[0.0, 0.0, 3.0]]), np.array([[2.0, 0.0, 0.0]]))
     np.testing.assert_array_equal(sheet.normal, [[0.0, 0.0, 1.0]])
     np.testing.assert_array_equal(sheet.distal, [[1.0, 0.0, 0.0]])
 
 
-def test_a_surface_of_another_shape_or_without_a_normal_is_refused() -> None:
+def test_a_surface_with_wrong_shapes_or_a_zero_normal_is_rejected() -> None:
     one = np.eye(3)[:1]
     with pytest.raises(ValueError, match=r"normal: expected \[count, 3\]"):
         Surface(one, np.ones((2, 3)), one)
-    with pytest.raises(ValueError, match="normal: a vector has no length"):
+    with pytest.raises(ValueError, match="normal: expected vectors longer than 0"):
         Surface(one, np.zeros((1, 3)), one)
 
 
-def test_equal_surfaces_compare_and_hash_alike() -> None:
+def test_equal_surfaces_are_equal_and_have_equal_hashes() -> None:
     first, second = load_hand("flat8"), load_hand("flat8")
     assert first == second
     assert hash(first.boards[0].kind) == hash(second.boards[0].kind)
@@ -224,7 +226,7 @@ def test_equal_surfaces_compare_and_hash_alike() -> None:
 
 
 @pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-def test_a_lone_taxel_still_has_a_direction_along_its_side(normal: list[float]) -> None:
+def test_a_single_taxel_has_a_distal_direction(normal: list[float]) -> None:
     rows = np.array([[0.0, 0.0, 0.0, *normal]])
     line = np.zeros(1, dtype=np.uint8)
     sheet = build_surface(rows, line, line)

@@ -1,7 +1,7 @@
-"""Forward kinematics agree with the arm's own Denavit-Hartenberg table and with MuJoCo, down to every taxel.
+"""Forward kinematics agree with the Denavit-Hartenberg table of the arm and with MuJoCo, for every taxel.
 
-Neither side of the comparison reads what the other reads: the figures of arm and fingers are written here by hand, and
-the brackets are taken from the description's text by a TOML parser alone.
+The reference is independent: the dimensions of arm and fingers are constants of this file, and the brackets are read
+from the description with a TOML parser.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ KINEMATICS = build_kinematics(HAND)
 ROBOT = KINEMATICS.robot
 SEED = 32
 VECTORS = 50
-EXACT = 1e-9  # metres; of a rotation's entries: none
+EXACT = 1e-9  # metres, and entries of a rotation matrix
 
 # UR5e: d (along z), a (along x), alpha (about x) of each joint.
 DENAVIT_HARTENBERG = (
@@ -43,7 +43,7 @@ DENAVIT_HARTENBERG = (
 )
 PALM_ABOVE_FLANGE_M = 0.115  # 20 mm of adapter, 95 mm of palm
 
-# Allegro V4, right: body, its place in the one before, the joint's axis. Three fingers differ only in their base.
+# Allegro V4, right: body, its position in the previous body, the joint axis. Three fingers differ only in their base.
 BASES = {
     "ff": ("0 0.0435 -0.001542", "0.999048 -0.0436194 0 0"),
     "mf": ("0 0 0.0007", "1 0 0 0"),
@@ -68,68 +68,70 @@ def denavit_hartenberg(theta: float, d: float, a: float, alpha: float) -> NDArra
     return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
-def arm_flange(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def compute_flange_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     pose = np.eye(4)
     for theta, (d, a, alpha) in zip(angles, DENAVIT_HARTENBERG, strict=True):
         pose = pose @ denavit_hartenberg(theta, d, a, alpha)
     return pose
 
 
-def palm_in_world(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The palm's z is the flange's; its x, out of the front, is the flange's -x."""
-    return arm_flange(angles) @ np.array([[-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, PALM_ABOVE_FLANGE_M], [0, 0, 0, 1]])
+def compute_palm_pose(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the palm pose: its z axis is the z axis of the flange, its x axis (out of the front) the -x axis."""
+    return compute_flange_pose(angles) @ np.array(
+        [[-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, PALM_ABOVE_FLANGE_M], [0, 0, 0, 1]]
+    )
 
 
-def chain(finger: str, bodies: list[tuple[str, str, str, str]], skin: dict[str, str]) -> str:
+def format_finger(finger: str, bodies: list[tuple[str, str, str, str]], skin: dict[str, str]) -> str:
     if not bodies:
         return ""
     name, position, quaternion, axis = bodies[0]
     joint = f'<joint name="{finger}_j{4 - len(bodies)}" axis="{axis}"/>'
     inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    place = f'<body name="{finger}_{name}" pos="{position}" quat="{quaternion}">'
+    start = f'<body name="{finger}_{name}" pos="{position}" quat="{quaternion}">'
     boards = skin.get(f"{finger}_{name}", "")
-    return place + inertia + joint + boards + chain(finger, bodies[1:], skin) + "</body>"
+    return start + inertia + joint + boards + format_finger(finger, bodies[1:], skin) + "</body>"
 
 
-def spaced(numbers: list[float]) -> str:
+def join_numbers(numbers: list[float]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 
-def skin_bodies() -> dict[str, str]:
-    """For each link the bodies of its brackets, with a site for every taxel, from the description's text."""
+def format_brackets() -> dict[str, str]:
+    """Format the MJCF bodies of the brackets of each link, with a site per taxel, from the text of the description."""
     text = resources.files("taxel.hand").joinpath("descriptions/allegro.toml").read_text(encoding="utf-8")
     document = tomllib.loads(text)
     bodies: dict[str, str] = {}
     for board in sorted(document["boards"], key=lambda board: board["address"]):
         rows = document["geometry"][board["kind"]]["taxels"]
         sites = "".join(
-            f'<site name="{board["name"]}/{index}" pos="{spaced(row[:3])}" zaxis="{spaced(row[3:])}"/>'
+            f'<site name="{board["name"]}/{index}" pos="{join_numbers(row[:3])}" zaxis="{join_numbers(row[3:])}"/>'
             for index, row in enumerate(rows)
         )
-        place = f'pos="{spaced(board["position_m"])}" quat="{spaced(board["quaternion_wxyz"])}"'
-        body = f'<body name="{board["name"]}_board" {place}>{sites}</body>'
+        attributes = f'pos="{join_numbers(board["position_m"])}" quat="{join_numbers(board["quaternion_wxyz"])}"'
+        body = f'<body name="{board["name"]}_board" {attributes}>{sites}</body>'
         bodies[board["link"]] = bodies.get(board["link"], "") + body
     return bodies
 
 
 @cache
-def mujoco_hand() -> Any:
-    """The hand alone: the palm is at the world's origin."""
-    skin = skin_bodies()
+def load_mujoco_hand() -> Any:
+    """Load the hand without the arm into MuJoCo; the palm is at the origin."""
+    skin = format_brackets()
     fingers = "".join(
-        chain(
+        format_finger(
             finger,
-            [("base", *BASES[finger], "0 0 1"), *((name, place, "1 0 0 0", "0 1 0") for name, place in FINGER)],
+            [("base", *BASES[finger], "0 0 1"), *((name, position, "1 0 0 0", "0 1 0") for name, position in FINGER)],
             skin,
         )
         for finger in BASES
     )
-    thumb = chain("th", list(THUMB), skin)
+    thumb = format_finger("th", list(THUMB), skin)
     xml = f'<body name="palm">{skin["palm"]}{fingers}{thumb}</body>'
     return mujoco.MjModel.from_xml_string(f'<mujoco><compiler angle="radian"/><worldbody>{xml}</worldbody></mujoco>')
 
 
-def moved(model: Any, angles: NDArray[np.float64]) -> Any:
+def set_joints(model: Any, angles: NDArray[np.float64]) -> Any:
     data = mujoco.MjData(model)
     for name, angle in zip(ROBOT.joint_names[6:], angles[6:], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
@@ -137,61 +139,61 @@ def moved(model: Any, angles: NDArray[np.float64]) -> Any:
     return data
 
 
-def site_ids(model: Any) -> list[int]:
+def find_sites(model: Any) -> list[int]:
     counts = [(board.name, board.kind.taxel_count) for board in HAND.boards]
     return [model.site(f"{name}/{index}").id for name, count in counts for index in range(count)]
 
 
-def test_the_joints_are_the_arms_six_and_then_the_fingers() -> None:
+def test_the_joints_are_the_six_arm_joints_followed_by_the_finger_joints() -> None:
     fingers = tuple(f"{finger}_j{joint}" for finger in ("ff", "mf", "rf", "th") for joint in range(4))
     assert ROBOT.joint_names[6:] == fingers
     assert len(ROBOT.joint_names) == 22
 
 
-def test_the_arm_follows_its_denavit_hartenberg_table() -> None:
+def test_the_flange_agrees_with_the_denavit_hartenberg_table() -> None:
     q = joint_vectors()
     poses = KINEMATICS.compute_link_poses(q)
-    expected = np.stack([arm_flange(angles[:6]) for angles in q])
+    expected = np.stack([compute_flange_pose(angles[:6]) for angles in q])
     np.testing.assert_allclose(poses[:, ROBOT.get_link_index("flange")], expected, rtol=0, atol=EXACT)
 
 
-def test_the_palm_sits_on_the_flange_with_its_fingers_pointing_away() -> None:
+def test_the_palm_is_mounted_on_the_flange_with_the_fingers_away_from_it() -> None:
     q = joint_vectors()
-    expected = np.stack([palm_in_world(angles[:6]) for angles in q])
+    expected = np.stack([compute_palm_pose(angles[:6]) for angles in q])
     np.testing.assert_allclose(
         KINEMATICS.compute_link_poses(q)[:, ROBOT.get_link_index("palm")], expected, rtol=0, atol=EXACT
     )
 
 
-def test_every_link_of_the_hand_is_where_mujoco_puts_it() -> None:
-    model, q = mujoco_hand(), joint_vectors()
-    links = [link for link in ROBOT.links if link[:3] in ("ff_", "mf_", "rf_", "th_")]
+def test_every_link_pose_of_the_hand_agrees_with_mujoco() -> None:
+    model, q = load_mujoco_hand(), joint_vectors()
+    links = [link for link in ROBOT.link_names if link[:3] in ("ff_", "mf_", "rf_", "th_")]
     assert len(links) == 16
     bodies = [model.body(link).id for link in links]
     found = KINEMATICS.compute_link_poses(q)[:, [ROBOT.get_link_index(link) for link in links]]
     for index, angles in enumerate(q):
-        data, palm = moved(model, angles), palm_in_world(angles[:6])
+        data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
         np.testing.assert_allclose(found[index, :, :3, 3], tf.apply(palm, data.xpos[bodies]), rtol=0, atol=EXACT)
-        turned = palm[:3, :3] @ data.xmat[bodies].reshape(-1, 3, 3)
-        np.testing.assert_allclose(found[index, :, :3, :3], turned, rtol=0, atol=EXACT)
+        rotation = palm[:3, :3] @ data.xmat[bodies].reshape(-1, 3, 3)
+        np.testing.assert_allclose(found[index, :, :3, :3], rotation, rtol=0, atol=EXACT)
 
 
-def test_every_taxel_is_where_mujoco_puts_its_site_and_looks_the_same_way() -> None:
-    model, q = mujoco_hand(), joint_vectors(10)
-    sites = site_ids(model)
+def test_every_taxel_position_and_normal_agrees_with_mujoco() -> None:
+    model, q = load_mujoco_hand(), joint_vectors(10)
+    sites = find_sites(model)
     assert len(sites) == HAND.n_taxels == 1073
     positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     for index, angles in enumerate(q):
-        data, palm = moved(model, angles), palm_in_world(angles[:6])
+        data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
         np.testing.assert_allclose(positions[index], tf.apply(palm, data.site_xpos[sites]), rtol=0, atol=EXACT)
         outward = data.site_xmat[sites].reshape(-1, 3, 3)[..., 2]
         np.testing.assert_allclose(normals[index], tf.rotate(palm, outward), rtol=0, atol=EXACT)
 
 
-def test_every_bracket_is_where_mujoco_puts_its_body() -> None:
-    model = mujoco_hand()
+def test_every_bracket_pose_agrees_with_mujoco() -> None:
+    model = load_mujoco_hand()
     angles = joint_vectors(1)[0]
-    data, palm = moved(model, angles), palm_in_world(angles[:6])
+    data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
     found = KINEMATICS.compute_sensor_poses(angles)
     for pose, board in zip(found, HAND.boards, strict=True):
         body = data.body(f"{board.name}_board")
@@ -199,24 +201,26 @@ def test_every_bracket_is_where_mujoco_puts_its_body() -> None:
         np.testing.assert_allclose(pose[:3, :3], palm[:3, :3] @ body.xmat.reshape(3, 3), rtol=0, atol=EXACT)
 
 
-@pytest.mark.parametrize("name", ["compute_link_poses", "compute_sensor_poses", "compute_taxel_positions", "compute_taxel_normals"])
-def test_many_times_at_once_are_the_times_one_by_one(name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["compute_link_poses", "compute_sensor_poses", "compute_taxel_positions", "compute_taxel_normals"]
+)
+def test_a_batch_of_times_equals_the_single_times(name: str) -> None:
     function = getattr(KINEMATICS, name)
     q = joint_vectors(12)
-    one_by_one = np.stack([function(angles) for angles in q])
-    # Products of other batch sizes may round differently.
-    np.testing.assert_allclose(function(q), one_by_one, rtol=0, atol=1e-15)
+    expected = np.stack([function(angles) for angles in q])
+    # Matrix products of other batch sizes may round differently.
+    np.testing.assert_allclose(function(q), expected, rtol=0, atol=1e-15)
     np.testing.assert_allclose(
-        function(q.reshape(3, 4, 22)), one_by_one.reshape(3, 4, *one_by_one.shape[1:]), rtol=0, atol=1e-15
+        function(q.reshape(3, 4, 22)), expected.reshape(3, 4, *expected.shape[1:]), rtol=0, atol=1e-15
     )
 
 
-def test_no_times_give_no_poses() -> None:
-    assert KINEMATICS.compute_link_poses(np.empty((0, 22))).shape == (0, len(ROBOT.links), 4, 4)
+def test_an_empty_batch_gives_an_empty_array() -> None:
+    assert KINEMATICS.compute_link_poses(np.empty((0, 22))).shape == (0, len(ROBOT.link_names), 4, 4)
     assert KINEMATICS.compute_taxel_positions(np.empty((0, 22))).shape == (0, 1073, 3)
 
 
-def test_joint_angles_may_be_a_list_of_integers() -> None:
+def test_joint_angles_can_be_a_list_of_integers() -> None:
     np.testing.assert_array_equal(KINEMATICS.compute_link_poses([0] * 22), KINEMATICS.compute_link_poses(np.zeros(22)))
 
 
@@ -226,7 +230,7 @@ def test_every_pose_is_rigid() -> None:
 
 
 @pytest.mark.parametrize(("angles", "found"), [(np.zeros(16), 16), (np.zeros((22, 5)), 5), (0.0, 0), ([], 0)])
-def test_another_number_of_joints_is_refused_with_one_line(angles: Any, found: int) -> None:
+def test_another_number_of_joints_raises_a_one_line_error(angles: Any, found: int) -> None:
     with pytest.raises(JointCountError) as caught:
         KINEMATICS.compute_taxel_positions(angles)
     line = f"robot 'ur5e_allegro': expected 22 joint angles on the last axis, found {found}"
@@ -235,19 +239,21 @@ def test_another_number_of_joints_is_refused_with_one_line(angles: Any, found: i
     assert str(pickle.loads(pickle.dumps(caught.value))) == line
 
 
-def test_a_hand_on_another_robot_is_refused_with_the_links_that_it_has() -> None:
-    with pytest.raises(UnknownLinkError, match="robot 'plate' has no link 'palm'; it has world, plate"):
+def test_the_error_of_a_hand_on_another_robot_lists_the_links() -> None:
+    with pytest.raises(UnknownLinkError, match="robot 'plate' has no link 'palm'; expected one of world, plate"):
         Kinematics(load_robot("plate"), HAND)
 
 
-def test_links_need_no_hand_but_taxels_do() -> None:
-    bare = Kinematics(ROBOT)
-    np.testing.assert_array_equal(bare.compute_link_poses(np.zeros(22)), KINEMATICS.compute_link_poses(np.zeros(22)))
-    with pytest.raises(ValueError, match="without a hand"):
-        bare.compute_taxel_positions(np.zeros(22))
+def test_taxel_positions_require_a_hand_but_link_poses_do_not() -> None:
+    kinematics = Kinematics(ROBOT)
+    np.testing.assert_array_equal(
+        kinematics.compute_link_poses(np.zeros(22)), KINEMATICS.compute_link_poses(np.zeros(22))
+    )
+    with pytest.raises(ValueError, match="expected a hand, found None"):
+        kinematics.compute_taxel_positions(np.zeros(22))
 
 
-def test_the_index_finger_flexes_towards_the_palms_front() -> None:
+def test_the_index_finger_flexes_towards_the_front_of_the_palm() -> None:
     straight, bent = np.zeros(22), np.zeros(22)
     bent[7] = 0.5
     palm = tf.inverse(KINEMATICS.compute_link_poses(straight)[ROBOT.get_link_index("palm")])
@@ -260,7 +266,7 @@ def test_the_index_finger_flexes_towards_the_palms_front() -> None:
     assert tips[0][1] > 0.03  # the index finger is on the thumb's side
 
 
-def test_flat8_lifts_its_distal_edge_on_the_hinge() -> None:
+def test_the_hinge_of_flat8_lifts_its_distal_edge() -> None:
     hand = load_hand("flat8")
     kinematics = build_kinematics(hand)
     down, up = kinematics.compute_taxel_positions([[0.0], [np.pi / 2]])
@@ -275,15 +281,15 @@ def test_a_hand_without_a_robot_has_no_kinematics() -> None:
 
 
 def test_neighbours_on_a_line_are_one_pitch_apart_along_the_sheet() -> None:
-    """Where both look the same way the sheet is flat between them; the world's figures, not the bracket's."""
+    """The sheet is flat between neighbours with equal normals; checked in world coordinates."""
     q = joint_vectors(1)[0]
     positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     checked = 0
     for board in HAND.boards:
         part = HAND.get_slice(board.address)
-        place = {key: part.start + i for i, key in enumerate(zip(board.kind.tx, board.kind.rx, strict=True))}
-        for (tx, rx), index in place.items():
-            for neighbour in (place.get((tx + 1, rx)), place.get((tx, rx + 1))):
+        index_of = {key: part.start + i for i, key in enumerate(zip(board.kind.tx, board.kind.rx, strict=True))}
+        for (tx, rx), index in index_of.items():
+            for neighbour in (index_of.get((tx + 1, rx)), index_of.get((tx, rx + 1))):
                 if neighbour is not None and normals[index] @ normals[neighbour] > 1 - 1e-9:
                     distance = np.linalg.norm(positions[neighbour] - positions[index])
                     assert distance == pytest.approx(HAND.pitch_m, abs=2e-6), (board.name, tx, rx)

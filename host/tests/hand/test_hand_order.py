@@ -1,4 +1,4 @@
-"""The order of taxels, of boards, and of bits: what every array in the library relies on."""
+"""Order of taxels, boards and bitmap bits, on which every array of the library depends."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from taxel.hand import Board, BoardKind, Hand, UnknownBoardError, load_hand
 SMALL = np.array([[0, 1, 1], [1, 0, 0], [1, 0, 1]], dtype=bool)
 
 
-def small_hand() -> Hand:
+def make_small_hand() -> Hand:
     kind = BoardKind("small", 1, SMALL)
     single = BoardKind("single", 2, np.ones((1, 1), dtype=bool))
     boards = (Board("last", kind, 0x30), Board("first", single, 0x10), Board("middle", kind, 0x20))
     return Hand("small", "", 0.005, 0.003, boards)
 
 
-def random_crossings() -> st.SearchStrategy[NDArray[np.bool_]]:
+def crossing_arrays() -> st.SearchStrategy[NDArray[np.bool_]]:
     shapes = st.tuples(st.integers(1, 16), st.integers(1, 16))
     return hnp.arrays(np.bool_, shapes).filter(lambda crossings: 1 <= crossings.sum() <= 240)
 
 
-def test_taxels_of_a_board_run_row_major_over_the_map() -> None:
+def test_taxels_of_a_board_are_in_row_major_order() -> None:
     kind = BoardKind("small", 1, SMALL)
     assert kind.tx.tolist() == [0, 0, 1, 2, 2]
     assert kind.rx.tolist() == [1, 2, 0, 0, 2]
@@ -42,8 +42,8 @@ def test_the_bitmap_has_bit_tx_times_rx_count_plus_rx_least_significant_first() 
     assert BoardKind("small", 1, SMALL).crossing_bitmap() == bytes([0b0100_1110, 0b1]) + bytes(30)
 
 
-@given(random_crossings())
-def test_the_bitmap_says_exactly_which_crossings_are_taxels(crossings: NDArray[np.bool_]) -> None:
+@given(crossing_arrays())
+def test_the_bitmap_contains_exactly_the_crossings_with_taxels(crossings: NDArray[np.bool_]) -> None:
     bitmap = BoardKind("any", 1, crossings).crossing_bitmap()
     tx_count, rx_count = crossings.shape
     assert len(bitmap) == 32
@@ -52,17 +52,17 @@ def test_the_bitmap_says_exactly_which_crossings_are_taxels(crossings: NDArray[n
         assert (bitmap[bit // 8] >> (bit % 8) & 1) == (on_board and crossings[bit // rx_count, bit % rx_count])
 
 
-@given(random_crossings())
-def test_tx_and_rx_name_each_taxel_once_and_in_order(crossings: NDArray[np.bool_]) -> None:
+@given(crossing_arrays())
+def test_tx_and_rx_identify_each_taxel_once_and_in_order(crossings: NDArray[np.bool_]) -> None:
     kind = BoardKind("any", 1, crossings)
-    places = list(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))
-    assert places == sorted(set(places))
-    assert len(places) == kind.taxel_count
-    assert all(crossings[tx, rx] for tx, rx in places)
+    crossing_lines = list(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))
+    assert crossing_lines == sorted(set(crossing_lines))
+    assert len(crossing_lines) == kind.taxel_count
+    assert all(crossings[tx, rx] for tx, rx in crossing_lines)
 
 
 @pytest.mark.parametrize("shape", [(17, 1), (1, 17), (0, 3), (3,), (2, 2, 2)])
-def test_a_kind_has_1_to_16_lines_each_way(shape: tuple[int, ...]) -> None:
+def test_a_kind_has_1_to_16_tx_and_rx_lines(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=r"1\.\.16"):
         BoardKind("any", 1, np.ones(shape, dtype=bool))
 
@@ -73,11 +73,11 @@ def test_a_kind_has_1_to_240_taxels(crossings: NDArray[np.bool_]) -> None:
         BoardKind("any", 1, crossings)
 
 
-def test_boards_are_sorted_by_address_whatever_the_order_in_the_file() -> None:
-    assert [board.name for board in small_hand().boards] == ["first", "middle", "last"]
+def test_boards_are_sorted_by_address() -> None:
+    assert [board.name for board in make_small_hand().boards] == ["first", "middle", "last"]
 
 
-def test_slices_follow_one_another_and_cover_the_taxel_axis() -> None:
+def test_slices_are_contiguous_and_cover_the_taxel_axis() -> None:
     hand = load_hand("allegro")
     end = 0
     for board in hand.boards:
@@ -99,7 +99,7 @@ def test_the_taxel_table_is_in_the_order_of_the_slices() -> None:
 
 
 def test_split_gives_each_board_its_part_of_the_last_axis() -> None:
-    hand = small_hand()
+    hand = make_small_hand()
     counts = np.arange(2 * 11, dtype=np.uint16).reshape(2, 11)
     parts = hand.split(counts)
     assert list(parts) == [0x10, 0x20, 0x30]
@@ -109,9 +109,9 @@ def test_split_gives_each_board_its_part_of_the_last_axis() -> None:
 
 
 @pytest.mark.parametrize("shape", [(), (10,), (11, 10)])
-def test_split_refuses_another_number_of_taxels(shape: tuple[int, ...]) -> None:
+def test_split_rejects_another_number_of_taxels(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="expected an array with 11 taxels"):
-        small_hand().split(np.zeros(shape))
+        make_small_hand().split(np.zeros(shape))
 
 
 def test_boards_are_found_by_address_and_by_name() -> None:
@@ -119,26 +119,26 @@ def test_boards_are_found_by_address_and_by_name() -> None:
     assert hand.get_board(0x23) is hand.find_board("fingertip_index")
 
 
-@pytest.mark.parametrize("ask", [lambda hand: hand.get_board(0x77), lambda hand: hand.get_slice(0x77)])
-def test_an_unknown_address_is_named_with_those_that_exist(ask: object) -> None:
-    assert callable(ask)
-    with pytest.raises(UnknownBoardError, match=r"^hand 'small' has no board 0x77; it has 0x10, 0x20, 0x30$"):
-        ask(small_hand())
+@pytest.mark.parametrize("function", [lambda hand: hand.get_board(0x77), lambda hand: hand.get_slice(0x77)])
+def test_the_error_of_an_unknown_address_lists_the_addresses(function: object) -> None:
+    assert callable(function)
+    with pytest.raises(UnknownBoardError, match=r"^hand 'small' has no board 0x77; expected one of 0x10, 0x20, 0x30$"):
+        function(make_small_hand())
 
 
-def test_an_unknown_name_is_named_with_those_that_exist() -> None:
-    with pytest.raises(UnknownBoardError, match="no board 'thumb'; it has first, middle, last"):
-        small_hand().find_board("thumb")
+def test_the_error_of_an_unknown_name_lists_the_names() -> None:
+    with pytest.raises(UnknownBoardError, match="no board 'thumb'; expected one of first, middle, last"):
+        make_small_hand().find_board("thumb")
 
 
-def test_arrays_of_a_hand_cannot_be_changed_by_accident() -> None:
+def test_arrays_of_a_hand_are_read_only() -> None:
     hand = load_hand("flat8")
     for array in (hand.sensor, hand.tx, hand.rx, hand.boards[0].kind.crossings, hand.boards[0].kind.tx):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
 
-def test_a_kind_does_not_change_with_the_array_it_was_made_of() -> None:
+def test_a_kind_copies_its_crossings() -> None:
     crossings = np.ones((2, 2), dtype=bool)
     kind = BoardKind("any", 1, crossings)
     crossings[0, 0] = False
@@ -153,21 +153,21 @@ def test_a_kind_does_not_change_with_the_array_it_was_made_of() -> None:
         (Board("a", BoardKind("k", 1, SMALL), 0x10), Board("b", BoardKind("k", 1, SMALL), 0x10)),
         (Board("a", BoardKind("k", 1, SMALL), 0x10), Board("a", BoardKind("k", 1, SMALL), 0x11)),
     ],
-    ids=["none", "one address twice", "one name twice"],
+    ids=["no boards", "duplicate address", "duplicate name"],
 )
-def test_a_hand_needs_boards_with_their_own_address_and_name(boards: tuple[Board, ...]) -> None:
-    with pytest.raises(ValueError, match="expected boards, each with its own"):
+def test_a_hand_requires_boards_with_unique_addresses_and_names(boards: tuple[Board, ...]) -> None:
+    with pytest.raises(ValueError, match="expected at least one board and a unique"):
         Hand("any", "", 0.005, 0.003, boards)
 
 
-def test_hands_are_equal_when_their_descriptions_are() -> None:
+def test_hands_with_equal_descriptions_are_equal() -> None:
     assert load_hand("allegro") == load_hand("allegro")
     assert hash(load_hand("allegro")) == hash(load_hand("allegro"))
     assert load_hand("allegro") != load_hand("flat8")
     assert BoardKind("any", 1, SMALL) != BoardKind("any", 1, ~SMALL)
 
 
-def test_a_hand_and_its_errors_can_be_sent_to_another_process() -> None:
+def test_a_hand_and_its_errors_can_be_pickled() -> None:
     hand = load_hand("allegro")
     assert pickle.loads(pickle.dumps(hand)) == hand
     error = UnknownBoardError("small", "0x77", ["0x10"])

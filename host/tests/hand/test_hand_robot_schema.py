@@ -1,4 +1,4 @@
-"""Every mistake in a robot description is refused with one line that names the file and the field."""
+"""Every error in a robot description is reported in one line that names the file and the field."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taxel.hand.errors import UnknownLinkError
 from taxel.hand.robot import list_packaged_robots, load_robot
 from taxel.hand.robot_schema import parse_robot
 
-GOOD = """\
+VALID = """\
 format = "taxel-robot"
 version = 1
 name = "bench"
@@ -64,11 +64,11 @@ radius_m = 0.02
 half_length_m = 0.05
 """
 
-JOINTS = GOOD[GOOD.index("[[joints]]") : GOOD.index("[[shapes]]")]
+JOINTS = VALID[VALID.index("[[joints]]") : VALID.index("[[shapes]]")]
 MANY = "".join(f'[[joints]]\nname = "j{i}"\ntype = "fixed"\nparent = "world"\nchild = "l{i}"\n' for i in range(257))
 
-# What is replaced in GOOD, by what; the field that the error names; a piece of the error.
-MISTAKES: dict[str, tuple[str, str, str, str]] = {
+# Text in VALID, its replacement, the field in the error, and a part of the error message.
+INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "not TOML": ("version = 1", "version = = 1", "line 2, column 11", "expected valid TOML"),
     "another format": ('"taxel-robot"', '"taxel-hand"', "format", "expected 'taxel-robot', found 'taxel-hand'"),
     "no format": ('format = "taxel-robot"\n', "", "format", "expected 'taxel-robot'"),
@@ -81,23 +81,33 @@ MISTAKES: dict[str, tuple[str, str, str, str]] = {
     "root not a string": ('root = "world"', "root = 1", "root", "expected a string, found 1"),
     "root no identifier": ('root = "world"', 'root = "the world"', "root", "found 'the world'; rename it"),
     "name no identifier": ('"bench"', '"../bench"', "name", "found '../bench'; rename it"),
-    "unknown key at the top": ("root =", "links = 3\nroot =", "links", "an unknown one"),
+    "unknown key at the top": ("root =", "links = 3\nroot =", "links", "an unknown key"),
     "no joints": (JOINTS, "", "joints", "expected a list, found nothing"),
-    "an empty list of joints": (GOOD[GOOD.index("[[joints]]") :], "joints = []", "joints", "1 to 256 joints, found 0"),
+    "an empty list of joints": (
+        VALID[VALID.index("[[joints]]") :],
+        "joints = []",
+        "joints",
+        "1 to 256 joints, found 0",
+    ),
     "too many joints": (JOINTS, MANY, "joints", "1 to 256 joints, found 257"),
-    "one [joints] table": (GOOD[GOOD.index("[[joints]]") :], "[joints]\n", "joints", "expected a list, found a table"),
-    "a joint that is no table": (GOOD[GOOD.index("[[joints]]") :], "joints = [3]", "joints[0]", "expected a table"),
+    "one [joints] table": (
+        VALID[VALID.index("[[joints]]") :],
+        "[joints]\n",
+        "joints",
+        "expected a list, found a table",
+    ),
+    "a joint that is no table": (VALID[VALID.index("[[joints]]") :], "joints = [3]", "joints[0]", "expected a table"),
     "unknown type": ('"fixed"', '"floating"', "joints[1].type", "'fixed' or 'revolute', found 'floating'"),
     "no type": ('type = "fixed"\n', "", "joints[1].type", "'fixed' or 'revolute', found None"),
     "type a list": ('"fixed"', '["fixed"]', "joints[1].type", "found a list"),
     "no joint name": ('name = "mast"\n', "", "joints[1].name", "add name"),
     "no parent": ('parent = "mast"\n', "", "joints[2].parent", "add parent"),
     "no child": ('child = "hand"\n', "", "joints[0].child", "add child"),
-    "duplicate joint name": ('name = "mast"', 'name = "grip"', "joints[1].name", "used once, found 'grip'"),
+    "duplicate joint name": ('name = "mast"', 'name = "grip"', "joints[1].name", "a unique joint name, found 'grip'"),
     "joint name no identifier": ('name = "mast"', 'name = "2nd"', "joints[1].name", "found '2nd'; rename it"),
     "child no identifier": ('child = "hand"', 'child = ""', "joints[0].child", "found ''; rename it"),
     "unknown key of a joint": ("range_rad = [-0.5", "range = [-0.5", "joints[0].range", "did you mean range_rad?"),
-    "an axis on a fixed joint": ("[0, 0, 1.0]", "[0, 0, 1.0]\naxis = [0, 0, 1]", "joints[1].axis", "an unknown one"),
+    "an axis on a fixed joint": ("[0, 0, 1.0]", "[0, 0, 1.0]\naxis = [0, 0, 1]", "joints[1].axis", "an unknown key"),
     "missing axis": ("axis = [0, 1, 0]\n", "", "joints[0].axis", "expected a list, found nothing; add axis"),
     "axis zero": ("axis = [0, 1, 0]", "axis = [0, 0, 0]", "joints[0].axis", "an axis of length 1, found length 0"),
     "axis of length 2": ("axis = [0, 1, 0]", "axis = [0, 2, 0]", "joints[0].axis", "found length 2; normalise it"),
@@ -119,46 +129,56 @@ MISTAKES: dict[str, tuple[str, str, str, str]] = {
         "an axis of length 1",
     ),
     "control code in the description": ("A mast", r"\u001b[2J", "description", "one printable line"),
-    "place in millimetres": ("[0.3, 0, 0]", "[300, 0, 0]", "joints[0].position_m", "found 300; give metres"),
-    "place of two numbers": ("[0.3, 0, 0]", "[0.3, 0]", "joints[0].position_m", "3 numbers (x, y, z), found 2"),
-    "place not a number": ("[0.3, 0, 0]", "[nan, 0, 0]", "joints[0].position_m[0]", "found nan"),
+    "position in millimetres": ("[0.3, 0, 0]", "[300, 0, 0]", "joints[0].position_m", "found 300; convert to metres"),
+    "position of two numbers": ("[0.3, 0, 0]", "[0.3, 0]", "joints[0].position_m", "3 numbers (x, y, z), found 2"),
+    "position not a number": ("[0.3, 0, 0]", "[nan, 0, 0]", "joints[0].position_m[0]", "found nan"),
     "quaternion not unit": ("[0.6, 0.8, 0, 0]", "[1, 1, 0, 0]", "joints[0].quaternion_wxyz", "found length 1.414"),
     "quaternion zero": ("[0.6, 0.8, 0, 0]", "[0, 0, 0, 0]", "joints[0].quaternion_wxyz", "found length 0"),
     "quaternion of three": ("[0.6, 0.8, 0, 0]", "[0, 0, 0]", "joints[0].quaternion_wxyz", "4 numbers (w, x, y, z)"),
     "unknown parent": ('parent = "mast"', 'parent = "mest"', "joints[2].parent", "'mest'; did you mean mast?"),
-    "two parents": ('child = "mast"', 'child = "arm"', "joints[2].child", "a link that no other joint moves"),
+    "two parents": ('child = "mast"', 'child = "arm"', "joints[2].child", "a link moved by a single joint"),
     "child equals root": (
         'child = "mast"',
         'child = "world"',
         "joints[1].child",
-        "no other joint moves, found 'world'",
+        "a single joint, found 'world'",
     ),
-    "a link that carries itself": ('parent = "mast"', 'parent = "arm"', "joints[0].parent", "the joints form a ring"),
-    "a ring": ('parent = "mast"', 'parent = "hand"', "joints[0].parent", "leads to the root 'world', found 'arm'"),
+    "a link that carries itself": (
+        'parent = "mast"',
+        'parent = "arm"',
+        "joints[0].parent",
+        "the joints form a closed loop",
+    ),
+    "a closed loop": (
+        'parent = "mast"',
+        'parent = "hand"',
+        "joints[0].parent",
+        "leads to the root 'world', found 'arm'",
+    ),
     "unknown root": ('root = "world"', 'root = "floor"', "joints[1].parent", "a link of this robot, found 'world'"),
-    "shapes a table": (GOOD[GOOD.index("[[shapes]]") :], "[shapes]\n", "shapes", "expected a list, found a table"),
+    "shapes a table": (VALID[VALID.index("[[shapes]]") :], "[shapes]\n", "shapes", "expected a list, found a table"),
     "shape on unknown link": ('link = "arm"', 'link = "arn"', "shapes[0].link", "'arn'; did you mean arm?"),
     "shape without a link": ('link = "arm"\n', "", "shapes[0].link", "add link"),
     "unknown shape": ('"capsule"', '"sphere"', "shapes[1].type", "'box' or 'capsule', found 'sphere'"),
     "shape without a type": ('type = "capsule"\n', "", "shapes[1].type", "'box' or 'capsule', found None"),
-    "a radius for a box": ('"capsule"', '"box"', "shapes[1].radius_m", "an unknown one"),
+    "a radius for a box": ('"capsule"', '"box"', "shapes[1].radius_m", "an unknown key"),
     "negative size": (
         "half_size_m = [0.15,",
         "half_size_m = [-0.15,",
         "shapes[0]",
-        "sizes above 0, in metres, found -0.15",
+        "sizes above 0 m, found -0.15",
     ),
-    "size in millimetres": ("radius_m = 0.02", "radius_m = 20", "shapes[1]", "in metres, found 20"),
+    "size in millimetres": ("radius_m = 0.02", "radius_m = 20", "shapes[1]", "above 0 m, found 20"),
     "radius of infinity": ("radius_m = 0.02", "radius_m = inf", "shapes[1]", "found inf"),
-    "radius zero": ("radius_m = 0.02", "radius_m = 0", "shapes[1]", "sizes above 0"),
-    "radius not a number": ("radius_m = 0.02", "radius_m = nan", "shapes[1]", "sizes above 0"),
+    "radius zero": ("radius_m = 0.02", "radius_m = 0", "shapes[1]", "sizes above 0 m"),
+    "radius not a number": ("radius_m = 0.02", "radius_m = nan", "shapes[1]", "sizes above 0 m"),
     "radius a string": ("radius_m = 0.02", 'radius_m = "20 mm"', "shapes[1].radius_m", "a number, found '20 mm'"),
     "box of two sizes": ("[0.15, 0.02, 0.03]", "[0.15, 0.02]", "shapes[0].half_size_m", "3 numbers (x, y, z), found 2"),
     "box infinite": ("[0.15, 0.02, 0.03]", "[0.15, inf, 0.03]", "shapes[0].half_size_m[1]", "found inf"),
-    "shape in millimetres": ("[0.15, 0, 0]", "[150, 0, 0]", "shapes[0].position_m", "give metres"),
+    "shape in millimetres": ("[0.15, 0, 0]", "[150, 0, 0]", "shapes[0].position_m", "convert to metres"),
 }
 
-ODD: st.SearchStrategy[Any] = st.one_of(
+ODD_VALUES: st.SearchStrategy[Any] = st.one_of(
     st.none(),
     st.booleans(),
     st.integers(-(10**100), 10**100),
@@ -172,13 +192,13 @@ ODD: st.SearchStrategy[Any] = st.one_of(
 )
 
 
-def refusal(path: Path | str) -> HandDescriptionError:
+def load_error(path: Path | str) -> HandDescriptionError:
     with pytest.raises(HandDescriptionError) as caught:
         load_robot(path)
     return caught.value
 
 
-def refusal_or_none(data: bytes) -> str | None:
+def read_error_message(data: bytes) -> str | None:
     try:
         parse_robot(data, "any.toml")
     except HandDescriptionError as error:
@@ -195,46 +215,47 @@ def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
     assert (error.file, error.field) == (file, field)
 
 
-def places(value: Any) -> list[tuple[Any, Any]]:
-    """Every table or list of a document with each of its keys or indices."""
+def list_entries(value: Any) -> list[tuple[Any, Any]]:
+    """List every table or list of a document with each of its keys or indices."""
     keys = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
-    found = [(value, key) for key in keys]
+    entries = [(value, key) for key in keys]
     for key in keys:
-        found += places(value[key])
-    return found
+        entries += list_entries(value[key])
+    return entries
 
 
-def test_the_base_that_mistakes_are_made_in_is_good(tmp_path: Path) -> None:
+def test_the_unmodified_description_is_valid(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD)
+    path.write_text(VALID)
     robot = load_robot(path)
-    assert robot.links == ("world", "mast", "arm", "hand")  # parents first, whatever the file's order
+    assert robot.link_names == ("world", "mast", "arm", "hand")  # parents first, independent of the order in the file
     assert robot.joint_names == ("turn", "grip")
     assert robot.lower.tolist() == [-3.1, -0.5]
     assert robot.upper.tolist() == [3.1, 1.5]
-    assert [(shape.link, shape.type, shape.size) for shape in robot.shapes] == [
+    assert [(shape.link_name, shape.type, shape.size) for shape in robot.shapes] == [
         ("arm", "box", (0.15, 0.02, 0.03)),
         ("hand", "capsule", (0.02, 0.05)),
     ]
-    np.testing.assert_allclose(robot.joint_of("hand").origin[:3, 3], [0.3, 0.0, 0.0])
-    np.testing.assert_array_equal(robot.joint_of("arm").origin, np.eye(4))
+    origins = {joint.child: joint.origin for joint in robot.joints}
+    np.testing.assert_allclose(origins["hand"][:3, 3], [0.3, 0.0, 0.0])
+    np.testing.assert_array_equal(origins["arm"], np.eye(4))
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_refused_with_one_line(mistake: str, tmp_path: Path) -> None:
-    old, new, field, piece = MISTAKES[mistake]
-    assert old in GOOD
+@pytest.mark.parametrize("edit", INVALID_EDITS)
+def test_an_invalid_description_raises_a_one_line_error(edit: str, tmp_path: Path) -> None:
+    old, new, field, message = INVALID_EDITS[edit]
+    assert old in VALID
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD.replace(old, new, 1))
-    error = refusal(path)
+    path.write_text(VALID.replace(old, new, 1))
+    error = load_error(path)
     assert_one_line(error, str(path), field)
-    assert piece in str(error)
+    assert message in str(error)
 
 
-def test_an_axis_written_rounded_is_normalised(tmp_path: Path) -> None:
+def test_a_rounded_axis_is_normalised(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD.replace("axis = [0, 1, 0]", "axis = [0.577, 0.577, 0.577]"))
-    axis = load_robot(path).joint_of("hand").axis
+    path.write_text(VALID.replace("axis = [0, 1, 0]", "axis = [0.577, 0.577, 0.577]"))
+    axis = {joint.child: joint.axis for joint in load_robot(path).joints}["hand"]
     assert axis is not None
     np.testing.assert_allclose(axis, np.full(3, 3**-0.5), rtol=1e-15)
 
@@ -245,39 +266,39 @@ def test_the_packaged_robots_are_the_plate_and_the_workstation() -> None:
     assert load_robot("plate").joint_names == ("hinge",)
 
 
-def test_a_file_that_is_missing_is_answered_with_the_packaged_names() -> None:
-    error = refusal("ur5")
+def test_the_error_of_a_missing_file_lists_the_packaged_names() -> None:
+    error = load_error("ur5")
     assert_one_line(error, "ur5", "file")
     assert "the packaged robots are plate, ur5e_allegro" in str(error)
 
 
 @pytest.mark.parametrize("name", ["", "two\nlines", "nul\0byte", "a" * 5000])
-def test_a_name_that_no_file_has_is_refused_with_one_line(name: str) -> None:
-    error = refusal(name)
+def test_an_impossible_file_name_raises_a_one_line_error(name: str) -> None:
+    error = load_error(name)
     assert str(error).isprintable()
     assert error.field == "file"
 
 
-def test_a_directory_is_refused(tmp_path: Path) -> None:
-    assert_one_line(refusal(tmp_path), str(tmp_path), "file")
+def test_a_directory_is_rejected(tmp_path: Path) -> None:
+    assert_one_line(load_error(tmp_path), str(tmp_path), "file")
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
-def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_rejected_without_waiting(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
-    assert_one_line(refusal(pipe), str(pipe), "file")
+    assert_one_line(load_error(pipe), str(pipe), "file")
 
 
-def test_an_unknown_link_is_answered_with_the_known_ones() -> None:
+def test_the_error_of_an_unknown_link_lists_the_links() -> None:
     robot = load_robot("plate")
-    for ask in (robot.get_link_index, robot.joint_of):
-        with pytest.raises(UnknownLinkError, match=r"robot 'plate' has no link 'hand'; it has .*plate$"):
-            ask("hand")
+    for function in (robot.get_link_index, robot.get_subtree):
+        with pytest.raises(UnknownLinkError, match=r"robot 'plate' has no link 'hand'; expected one of .*plate$"):
+            function("hand")
 
 
-def test_a_long_chain_of_joints_is_read() -> None:
-    text = GOOD[: GOOD.index("[[joints]]")]
+def test_a_chain_of_256_joints_is_read() -> None:
+    text = VALID[: VALID.index("[[joints]]")]
     links = ["world", *(f"l{i}" for i in range(256))]
     for index, (parent, child) in enumerate(pairwise(links)):
         text += f'[[joints]]\nname = "j{index}"\ntype = "fixed"\nparent = "{parent}"\nchild = "{child}"\n'
@@ -285,28 +306,28 @@ def test_a_long_chain_of_joints_is_read() -> None:
 
 
 @given(data=st.data())
-def test_a_changed_value_anywhere_is_read_or_refused_with_one_line(data: st.DataObject) -> None:
-    document = copy.deepcopy(tomllib.loads(GOOD))
+def test_a_random_value_is_accepted_or_raises_a_one_line_error(data: st.DataObject) -> None:
+    document = copy.deepcopy(tomllib.loads(VALID))
     for _ in range(data.draw(st.integers(1, 3))):
-        if not places(document):
+        if not list_entries(document):
             break
-        holder, key = data.draw(st.sampled_from(places(document)))
+        holder, key = data.draw(st.sampled_from(list_entries(document)))
         if data.draw(st.booleans()):
             del holder[key]
         else:
-            holder[key] = data.draw(ODD)
+            holder[key] = data.draw(ODD_VALUES)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(robot_schema, "parse_toml", lambda data, file: document)
-        line = refusal_or_none(b"")
+        line = read_error_message(b"")
     assert line is None or (line.isprintable() and line.startswith("any.toml: "))
 
 
 @given(
-    place=st.integers(0, len(GOOD)),
+    position=st.integers(0, len(VALID)),
     removed=st.integers(0, 12),
-    put=st.text(st.sampled_from("\"'#.=[]{}\n 0123456789abx-_\\\r\u2028é"), max_size=6),
+    inserted=st.text(st.sampled_from("\"'#.=[]{}\n 0123456789abx-_\\\r\u2028é"), max_size=6),
 )
-def test_an_edit_of_a_good_file_is_read_or_refused_with_one_line(place: int, removed: int, put: str) -> None:
-    edited = GOOD[:place] + put + GOOD[place + removed :]
-    line = refusal_or_none(edited.encode())
+def test_a_random_edit_is_accepted_or_raises_a_one_line_error(position: int, removed: int, inserted: str) -> None:
+    edited = VALID[:position] + inserted + VALID[position + removed :]
+    line = read_error_message(edited.encode())
     assert line is None or (line.isprintable() and line.startswith("any.toml: "))

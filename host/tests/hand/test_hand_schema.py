@@ -1,4 +1,4 @@
-"""Every mistake in a description file is refused with one line that names the file and the field."""
+"""Every error in a hand description is reported in one line that names the file and the field."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from taxel.hand import HandDescriptionError, load_hand
 from taxel.hand.schema import parse_hand
 
-GOOD = """\
+VALID = """\
 format = "taxel-hand"
 version = 1
 name = "bench"
@@ -59,8 +59,8 @@ address = 0x12
 TAXELS_241 = "\n".join(["#" * 16] * 15 + ["#" + "." * 15])
 BIG_KIND = f"[kinds.big]\ncode = 3\ntx = 16\nrx = 16\ntaxels = 241\ncrossings = '''\n{TAXELS_241}\n'''\n\n[[boards]]"
 
-# What is replaced in GOOD, by what; the field that the error names; a piece of the error.
-MISTAKES: dict[str, tuple[str, str, str, str]] = {
+# Text in VALID, its replacement, the field in the error, and a part of the error message.
+INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "not TOML": ("tx = 2", "tx = = 2", "line 12, column 6", "expected valid TOML, found 'Invalid value'"),
     "unclosed string": ('"bench"', '"bench', "line 3, column 14", "expected valid TOML"),
     "a kind twice": ("[kinds.strip]", "[kinds.patch]", "line 20, column 13", "Cannot declare"),
@@ -71,7 +71,7 @@ MISTAKES: dict[str, tuple[str, str, str, str]] = {
     "a version that only equals": ("version = 1", "version = 1.0", "version", "found 1.0"),
     "no version": ("version = 1\n", "", "version", "add version = 1"),
     "unknown key at the top": ("[taxel]", "[taxels]", "taxels", "did you mean taxel?"),
-    "unknown key of a kind": ("code = 1", "code = 1\ncolour = 1", "kinds.patch.colour", "known are code"),
+    "unknown key of a kind": ("code = 1", "code = 1\ncolour = 1", "kinds.patch.colour", "known names: code"),
     "unknown key of a board": (
         "address = 0x11",
         "adress = 0x11",
@@ -132,32 +132,32 @@ MISTAKES: dict[str, tuple[str, str, str, str]] = {
     "too many taxels": ("[[boards]]", BIG_KIND, "kinds.big.taxels", "from 1 to 240, found 241"),
     "kind code 0": ("code = 1", "code = 0", "kinds.patch.code", "0 is a blank board"),
     "kind code of two bytes": ("code = 1", "code = 256", "kinds.patch.code", "from 1 to 255, found 256"),
-    "duplicate kind code": ("code = 2", "code = 1", "kinds.strip.code", "found 1, also patch's"),
-    "no boards": (GOOD[GOOD.index("[[boards]]") :], "", "boards", "expected a list, found nothing"),
+    "duplicate kind code": ("code = 2", "code = 1", "kinds.strip.code", "found 1, also used by patch"),
+    "no boards": (VALID[VALID.index("[[boards]]") :], "", "boards", "expected a list, found nothing"),
     "an empty list of boards": (
-        GOOD,
-        GOOD[: GOOD.index("[[boards]]")].replace("[taxel]", "boards = []\n[taxel]", 1),
+        VALID,
+        VALID[: VALID.index("[[boards]]")].replace("[taxel]", "boards = []\n[taxel]", 1),
         "boards",
         "expected at least one board, found none",
     ),
-    "one [boards] table": (GOOD[GOOD.index("[[boards]]") :], "[boards]\n", "boards", "write [[boards]]"),
+    "one [boards] table": (VALID[VALID.index("[[boards]]") :], "[boards]\n", "boards", "put [[boards]]"),
     "pitch zero": ("0.005", "0.0", "taxel.pitch_m", "above 0"),
     "pitch negative": ("0.005", "-0.005", "taxel.pitch_m", "found -0.005"),
     "pitch not a number": ("0.005", "nan", "taxel.pitch_m", "found nan"),
-    "pitch in millimetres": ("0.005", "5", "taxel.pitch_m", "give the length in metres"),
+    "pitch in millimetres": ("0.005", "5", "taxel.pitch_m", "write the length in metres"),
     "size zero": ("0.003", "0", "taxel.size_m", "above 0"),
     "size infinite": ("0.003", "inf", "taxel.size_m", "found inf"),
     "size above pitch": ("0.003", "0.006", "taxel.size_m", "at most the pitch (0.005 m), found 0.006"),
 }
 
 
-def refusal(path: Path | str) -> HandDescriptionError:
+def load_error(path: Path | str) -> HandDescriptionError:
     with pytest.raises(HandDescriptionError) as caught:
         load_hand(path)
     return caught.value
 
 
-def refusal_or_none(data: bytes) -> str | None:
+def read_error_message(data: bytes) -> str | None:
     try:
         parse_hand(data, "any.toml")
     except HandDescriptionError as error:
@@ -174,9 +174,9 @@ def assert_one_line(error: HandDescriptionError, file: str, field: str) -> None:
     assert (error.file, error.field) == (file, field)
 
 
-def test_the_base_that_mistakes_are_made_in_is_good(tmp_path: Path) -> None:
+def test_the_unmodified_description_is_valid(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD)
+    path.write_text(VALID)
     hand = load_hand(path)
     assert [(b.name, b.address, b.kind.taxel_count) for b in hand.boards] == [
         ("left", 0x10, 5),
@@ -186,93 +186,93 @@ def test_the_base_that_mistakes_are_made_in_is_good(tmp_path: Path) -> None:
     assert load_hand(str(path)) == hand
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_refused_with_one_line(mistake: str, tmp_path: Path) -> None:
-    old, new, field, piece = MISTAKES[mistake]
-    assert old in GOOD
+@pytest.mark.parametrize("edit", INVALID_EDITS)
+def test_an_invalid_description_raises_a_one_line_error(edit: str, tmp_path: Path) -> None:
+    old, new, field, message = INVALID_EDITS[edit]
+    assert old in VALID
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD.replace(old, new, 1))
-    error = refusal(path)
+    path.write_text(VALID.replace(old, new, 1))
+    error = load_error(path)
     assert_one_line(error, str(path), field)
-    assert piece in str(error)
+    assert message in str(error)
 
 
-def test_blanks_round_the_map_do_not_count(tmp_path: Path) -> None:
+def test_blanks_around_the_map_are_ignored(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
-    path.write_text(GOOD.replace("###\n.##\n", "\n\t###\r\n    .##  \n\n  ", 1))
+    path.write_text(VALID.replace("###\n.##\n", "\n\t###\r\n    .##  \n\n  ", 1))
     assert load_hand(path).n_taxels == 12
 
 
-def test_a_file_that_is_missing_is_answered_with_the_packaged_names() -> None:
-    error = refusal("alegro")
+def test_the_error_of_a_missing_file_lists_the_packaged_names() -> None:
+    error = load_error("alegro")
     assert_one_line(error, "alegro", "file")
     assert "no such file; the packaged hands are allegro, flat8" in str(error)
 
 
 @pytest.mark.parametrize("name", ["", "two\nlines", "nul\0byte", "a" * 5000])
-def test_a_name_that_no_file_has_is_refused_with_one_line(name: str) -> None:
-    error = refusal(name)
+def test_an_impossible_file_name_raises_a_one_line_error(name: str) -> None:
+    error = load_error(name)
     assert str(error).isprintable()
     assert error.field == "file"
 
 
-def test_a_directory_is_refused(tmp_path: Path) -> None:
-    assert_one_line(refusal(tmp_path), str(tmp_path), "file")
+def test_a_directory_is_rejected(tmp_path: Path) -> None:
+    assert_one_line(load_error(tmp_path), str(tmp_path), "file")
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
-def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_rejected_without_waiting(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
-    assert_one_line(refusal(pipe), str(pipe), "file")
+    assert_one_line(load_error(pipe), str(pipe), "file")
 
 
-def test_a_file_above_one_mebibyte_is_refused(tmp_path: Path) -> None:
+def test_a_file_above_one_mebibyte_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "big.toml"
-    path.write_text(GOOD + "#\n" * (1 << 19))
-    error = refusal(path)
+    path.write_text(VALID + "#\n" * (1 << 19))
+    error = load_error(path)
     assert_one_line(error, str(path), "file")
     assert "1048576 bytes" in str(error)
 
 
-def test_a_key_of_a_hundred_thousand_parts_is_refused_before_it_takes_the_memory(tmp_path: Path) -> None:
+def test_a_dotted_key_of_100000_parts_is_rejected_before_parsing(tmp_path: Path) -> None:
     path = tmp_path / "dots.toml"
     path.write_text("a." * 100_000 + "a = 1\n")
-    assert_one_line(refusal(path), str(path), "line 1")
+    assert_one_line(load_error(path), str(path), "line 1")
 
 
-def test_lists_nested_too_deeply_are_refused(tmp_path: Path) -> None:
+def test_deeply_nested_lists_are_rejected(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     path.write_text("a = " + "[\n" * 100_000)
-    assert_one_line(refusal(path), str(path), "file")
+    assert_one_line(load_error(path), str(path), "file")
 
 
-def test_a_file_that_is_not_utf_8_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_file_that_is_not_utf_8_is_rejected_with_the_line_number(tmp_path: Path) -> None:
     path = tmp_path / "latin1.toml"
-    path.write_bytes(GOOD.replace("Two boards", "Zwölf").encode("latin-1"))
-    error = refusal(path)
+    path.write_bytes(VALID.replace("Two boards", "Zwölf").encode("latin-1"))
+    error = load_error(path)
     assert_one_line(error, str(path), "line 4")
     assert "byte 0xF6" in str(error)
 
 
-def test_an_error_can_be_sent_to_another_process() -> None:
-    error = refusal("alegro")
+def test_an_error_can_be_pickled() -> None:
+    error = load_error("alegro")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
 @given(st.binary(max_size=300))
-def test_any_bytes_are_refused_with_one_line(data: bytes) -> None:
+def test_random_bytes_raise_a_one_line_error(data: bytes) -> None:
     with pytest.raises(HandDescriptionError) as caught:
         parse_hand(data, "any.toml")
     assert str(caught.value).isprintable()
 
 
 @given(
-    place=st.integers(0, len(GOOD)),
+    position=st.integers(0, len(VALID)),
     removed=st.integers(0, 12),
-    put=st.text(st.sampled_from("\"'#.=[]{}\n 0123456789abx-_\\\r\u2028é"), max_size=6),
+    inserted=st.text(st.sampled_from("\"'#.=[]{}\n 0123456789abx-_\\\r\u2028é"), max_size=6),
 )
-def test_an_edit_of_a_good_file_is_read_or_refused_with_one_line(place: int, removed: int, put: str) -> None:
-    edited = GOOD[:place] + put + GOOD[place + removed :]
-    line = refusal_or_none(edited.encode())
+def test_a_random_edit_is_accepted_or_raises_a_one_line_error(position: int, removed: int, inserted: str) -> None:
+    edited = VALID[:position] + inserted + VALID[position + removed :]
+    line = read_error_message(edited.encode())
     assert line is None or (line.isprintable() and line.startswith("any.toml: "))

@@ -1,4 +1,4 @@
-"""The URDF of a robot is read by other people's tools, which then find every link where we do."""
+"""MuJoCo and Pinocchio read the exported URDF and compute the same link poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from taxel.hand import transforms as tf
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Joint, Robot, Shape, load_robot
-from taxel.hand.urdf import BARE_RADIUS_M, DENSITY_KG_M3, format_urdf
+from taxel.hand.urdf import DEFAULT_RADIUS_M, DENSITY_KG_M3, format_urdf
 
 ROBOT = load_robot("ur5e_allegro")
 HAND = load_hand("allegro")
@@ -27,7 +27,7 @@ VECTORS = 200
 EXACT = 1e-9  # metres and radians
 
 
-def parsed(robot: Robot = ROBOT, hand: Any = None) -> ET.Element:
+def parse_urdf(robot: Robot = ROBOT, hand: Any = None) -> ET.Element:
     return ET.fromstring(format_urdf(robot, hand))
 
 
@@ -38,14 +38,14 @@ def joint_vectors(robot: Robot = ROBOT) -> NDArray[np.float64]:
 
 def assert_same_poses(found: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
     np.testing.assert_allclose(found[..., :3, 3], expected[..., :3, 3], rtol=0, atol=EXACT)
-    turn = tf.to_rotation_vector(tf.inverse(expected) @ found)
-    assert np.linalg.norm(turn, axis=-1).max() < EXACT
+    rotation = tf.to_rotation_vector(tf.inverse(expected) @ found)
+    assert np.linalg.norm(rotation, axis=-1).max() < EXACT
 
 
-def mujoco_poses(text: str, names: list[str], joint_names: tuple[str, ...], q: NDArray[np.float64]) -> Any:
-    """Where MuJoCo puts the links of a URDF, f64[T, links, 4, 4]."""
+def compute_mujoco_poses(text: str, names: list[str], joint_names: tuple[str, ...], q: NDArray[np.float64]) -> Any:
+    """Compute the link poses of a URDF with MuJoCo, f64[T, links, 4, 4]."""
     spec = mujoco.MjSpec.from_string(text)
-    spec.compiler.fusestatic = False  # or fixed links would melt into their parents
+    spec.compiler.fusestatic = False  # otherwise MuJoCo merges fixed links into their parents
     model = spec.compile()
     data = mujoco.MjData(model)
     bodies = [model.body(name).id for name in names]
@@ -60,23 +60,23 @@ def mujoco_poses(text: str, names: list[str], joint_names: tuple[str, ...], q: N
     return poses
 
 
-def one_link(*shapes: Shape) -> Robot:
+def make_link(*shapes: Shape) -> Robot:
     joint = Joint("j", "root", "part", np.eye(4), np.array([0.0, 0.0, 1.0]), -1.0, 1.0)
     return Robot("one", "A link", "root", (joint,), shapes)
 
 
-def test_every_link_and_joint_is_there_once_parents_first() -> None:
-    root = parsed()
+def test_every_link_and_joint_occurs_once_with_parents_first() -> None:
+    root = parse_urdf()
     assert root.tag == "robot"
     assert root.get("name") == "ur5e_allegro"
-    assert [link.get("name") for link in root.findall("link")] == list(ROBOT.links)
+    assert [link.get("name") for link in root.findall("link")] == list(ROBOT.link_names)
     assert [joint.get("name") for joint in root.findall("joint")] == [joint.name for joint in ROBOT.joints]
     assert len(root.findall("joint[@type='revolute']")) == 22
     assert len(root.findall("joint[@type='fixed']")) == len(ROBOT.joints) - 22
 
 
-def test_a_revolute_joint_has_its_axis_and_every_limit() -> None:
-    for element, joint in zip(parsed().findall("joint"), ROBOT.joints, strict=True):
+def test_a_revolute_joint_has_an_axis_and_all_limits() -> None:
+    for element, joint in zip(parse_urdf().findall("joint"), ROBOT.joints, strict=True):
         limit, axis = element.find("limit"), element.find("axis")
         if joint.axis is None:
             assert limit is None
@@ -90,19 +90,21 @@ def test_a_revolute_joint_has_its_axis_and_every_limit() -> None:
         assert float(limit.attrib["velocity"]) > 0
 
 
-def test_a_box_is_a_box_and_a_capsule_a_cylinder_and_two_spheres_seen_and_touched() -> None:
+def test_a_capsule_is_a_cylinder_and_two_spheres_in_visual_and_collision_geometry() -> None:
     boxes = sum(shape.type == "box" for shape in ROBOT.shapes)
     capsules = len(ROBOT.shapes) - boxes
     for role in ("visual", "collision"):
-        root = parsed()
+        root = parse_urdf()
         assert len(root.findall(f"link/{role}/geometry/box")) == boxes
         assert len(root.findall(f"link/{role}/geometry/cylinder")) == capsules
         assert len(root.findall(f"link/{role}/geometry/sphere")) == 2 * capsules
 
 
-def test_the_spheres_of_a_capsule_sit_on_the_ends_of_its_cylinder() -> None:
-    turned = tf.make_pose([0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])  # the capsule's z is the link's x
-    link = parsed(one_link(Shape("part", "capsule", (0.01, 0.04), turned))).find("link[@name='part']")
+def test_the_spheres_of_a_capsule_are_at_the_ends_of_its_cylinder() -> None:
+    rotated = tf.make_pose(
+        [0.1, 0.2, 0.3], [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]
+    )  # z axis of the capsule = x axis of the link
+    link = parse_urdf(make_link(Shape("part", "capsule", (0.01, 0.04), rotated))).find("link[@name='part']")
     assert link is not None
     centres = [
         [float(value) for value in part.find("origin").attrib["xyz"].split()]  # type: ignore[union-attr]
@@ -112,7 +114,7 @@ def test_the_spheres_of_a_capsule_sit_on_the_ends_of_its_cylinder() -> None:
 
 
 @pytest.mark.parametrize("kind", ["box", "capsule"])
-def test_mass_and_inertia_are_those_that_mujoco_gives_the_same_solid(kind: str) -> None:
+def test_mass_and_inertia_agree_with_mujoco(kind: str) -> None:
     size = (0.01, 0.02, 0.05) if kind == "box" else (0.012, 0.03)
     origin = tf.make_pose([0.01, -0.02, 0.03], [0.9, 0.1, -0.3, 0.2])
     w, x, y, z = tf.to_quaternion(origin)
@@ -120,20 +122,20 @@ def test_mass_and_inertia_are_those_that_mujoco_gives_the_same_solid(kind: str) 
     expected = mujoco.MjModel.from_xml_string(
         f'<mujoco><worldbody><body><joint/>{geom} quat="{w} {x} {y} {z}"/></body></worldbody></mujoco>'
     )
-    found = mujoco.MjModel.from_xml_string(format_urdf(one_link(Shape("part", kind, size, origin))))
+    found = mujoco.MjModel.from_xml_string(format_urdf(make_link(Shape("part", kind, size, origin))))
     np.testing.assert_allclose(found.body_mass[-1], expected.body_mass[-1], rtol=1e-12)
     np.testing.assert_allclose(found.body_ipos[-1], expected.body_ipos[-1], rtol=1e-12)
     np.testing.assert_allclose(np.sort(found.body_inertia[-1]), np.sort(expected.body_inertia[-1]), rtol=1e-9)
 
 
-def test_the_masses_of_a_links_shapes_add_up_about_their_common_centre() -> None:
+def test_the_inertia_of_two_half_boxes_equals_the_inertia_of_the_box() -> None:
     ends = [tf.make_pose([0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]) for z in (0.01, 0.03)]
     halves = [Shape("part", "box", (0.01, 0.02, 0.01), end) for end in ends]
     middle = tf.make_pose([0.0, 0.0, 0.02], [1.0, 0.0, 0.0, 0.0])
-    whole = parsed(one_link(Shape("part", "box", (0.01, 0.02, 0.02), middle)))
+    box = parse_urdf(make_link(Shape("part", "box", (0.01, 0.02, 0.02), middle)))
     for tag in ("origin", "mass", "inertia"):
-        found = parsed(one_link(*halves)).find(f"link/inertial/{tag}")
-        expected = whole.find(f"link/inertial/{tag}")
+        found = parse_urdf(make_link(*halves)).find(f"link/inertial/{tag}")
+        expected = box.find(f"link/inertial/{tag}")
         assert found is not None
         assert expected is not None
         for key in expected.attrib:
@@ -141,50 +143,50 @@ def test_the_masses_of_a_links_shapes_add_up_about_their_common_centre() -> None
             np.testing.assert_allclose(*numbers, rtol=1e-12, atol=1e-18)
 
 
-def test_a_moving_link_without_a_shape_has_the_mass_of_a_small_ball_and_a_fixed_one_none() -> None:
-    root = parsed()
+def test_a_moving_link_without_shapes_has_the_mass_of_a_small_sphere() -> None:
+    root = parse_urdf()
     mass = root.find("link[@name='forearm']/inertial/mass")
     assert mass is not None
-    assert float(mass.attrib["value"]) == pytest.approx(800 * 4 / 3 * np.pi * BARE_RADIUS_M**3)
+    assert float(mass.attrib["value"]) == pytest.approx(800 * 4 / 3 * np.pi * DEFAULT_RADIUS_M**3)
     assert root.find("link[@name='flange']/inertial") is None
 
 
-def test_a_bracket_is_a_link_fixed_to_the_one_that_carries_it() -> None:
-    root = parsed(hand=HAND)
+def test_a_bracket_is_a_link_with_a_fixed_joint_to_its_carrier() -> None:
+    root = parse_urdf(hand=HAND)
     links = [link.get("name") for link in root.findall("link")]
-    assert links[len(ROBOT.links) :] == ["palm_bracket", *(board.name for board in HAND.boards[1:])]
+    assert links[len(ROBOT.link_names) :] == ["palm_bracket", *(board.name for board in HAND.boards[1:])]
     joint = root.find("joint[child][@name='fingertip_index']")
     assert joint is not None
     assert joint.get("type") == "fixed"
     assert joint.find("parent").get("link") == "ff_distal"  # type: ignore[union-attr]
 
 
-def test_link_and_joint_names_are_unique_even_where_a_board_has_the_suffixed_name() -> None:
+def test_link_and_joint_names_are_unique_if_a_board_has_the_suffixed_name() -> None:
     boards = (*HAND.boards[:1], replace(HAND.boards[1], name="palm_bracket"))
-    root = parsed(hand=replace(HAND, boards=boards))
+    root = parse_urdf(hand=replace(HAND, boards=boards))
     for tag in ("link", "joint"):
         names = [element.get("name") for element in root.findall(tag)]
         assert len(set(names)) == len(names)
 
 
 @pytest.mark.parametrize(("robot", "hand"), [("ur5e_allegro", "allegro"), ("plate", "flat8")])
-def test_mujoco_finds_every_link_where_we_do(robot: str, hand: str) -> None:
+def test_link_poses_agree_with_mujoco(robot: str, hand: str) -> None:
     model, skin = load_robot(robot), load_hand(hand)
     q = joint_vectors(model)
     kinematics = Kinematics(model, skin)
     expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
     text = format_urdf(model, skin)
     names = [link.attrib["name"] for link in ET.fromstring(text).findall("link")]
-    assert_same_poses(mujoco_poses(text, names, model.joint_names, q), expected)
+    assert_same_poses(compute_mujoco_poses(text, names, model.joint_names, q), expected)
 
 
-def test_mujoco_takes_over_the_joint_limits() -> None:
+def test_mujoco_reads_the_joint_limits() -> None:
     model = mujoco.MjModel.from_xml_string(format_urdf(ROBOT))
     ranges = [model.joint(name).range for name in ROBOT.joint_names]
     np.testing.assert_allclose(ranges, np.column_stack([ROBOT.lower, ROBOT.upper]), rtol=0, atol=1e-12)
 
 
-def test_pinocchio_finds_every_link_where_we_do() -> None:
+def test_link_poses_agree_with_pinocchio() -> None:
     pytest.importorskip("pinocchio")
     pinocchio: Any = importlib.import_module("pinocchio")
     model = pinocchio.buildModelFromXML(format_urdf(ROBOT, HAND))
@@ -192,24 +194,24 @@ def test_pinocchio_finds_every_link_where_we_do() -> None:
     q = joint_vectors()
     kinematics = Kinematics(ROBOT, HAND)
     expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
-    names = [*ROBOT.links, "palm_bracket", *(board.name for board in HAND.boards[1:])]
+    names = [*ROBOT.link_names, "palm_bracket", *(board.name for board in HAND.boards[1:])]
     frames = [model.getFrameId(name, pinocchio.FrameType.BODY) for name in names]
-    places = [model.joints[model.getJointId(name)].idx_q for name in ROBOT.joint_names]
+    indices = [model.joints[model.getJointId(name)].idx_q for name in ROBOT.joint_names]
     found = np.empty_like(expected)
     for index, angles in enumerate(q):
-        given = np.empty(model.nq)
-        given[places] = angles
-        pinocchio.framesForwardKinematics(model, data, given)
+        values = np.empty(model.nq)
+        values[indices] = angles
+        pinocchio.framesForwardKinematics(model, data, values)
         found[index] = [data.oMf[frame].homogeneous for frame in frames]
     assert_same_poses(found, expected)
 
 
-def test_names_are_escaped() -> None:
+def test_special_characters_in_names_are_escaped() -> None:
     robot = replace(ROBOT, name='a<b> & "c"')
-    assert parsed(robot).get("name") == 'a<b> & "c"'
+    assert parse_urdf(robot).get("name") == 'a<b> & "c"'
 
 
-def test_the_same_robot_gives_the_same_text_one_element_a_line() -> None:
+def test_the_text_is_deterministic_with_one_element_per_line() -> None:
     text = format_urdf(ROBOT, HAND)
     assert text == format_urdf(load_robot("ur5e_allegro"), load_hand("allegro"))
     assert text.startswith('<?xml version="1.0"?>\n<robot name="ur5e_allegro">\n  <link name="world" />\n')
@@ -217,12 +219,12 @@ def test_the_same_robot_gives_the_same_text_one_element_a_line() -> None:
     assert re.search(r'-0\.0[ "]', text) is None
 
 
-def test_a_hand_without_places_is_refused() -> None:
-    boards = tuple(replace(board, link=None, pose=None) for board in HAND.boards)
-    with pytest.raises(HandGeometryError, match="'allegro': its description gives no taxel positions"):
+def test_a_hand_without_bracket_poses_is_rejected() -> None:
+    boards = tuple(replace(board, link_name=None, pose=None) for board in HAND.boards)
+    with pytest.raises(HandGeometryError, match="'allegro': the description contains no taxel positions"):
         format_urdf(ROBOT, replace(HAND, boards=boards))
 
 
-def test_a_hand_on_another_robots_links_is_refused() -> None:
+def test_a_hand_of_another_robot_is_rejected() -> None:
     with pytest.raises(UnknownLinkError, match="'plate' has no link 'palm'"):
         format_urdf(load_robot("plate"), HAND)

@@ -94,11 +94,11 @@ def test_the_contact_forces_on_a_finger_balance_its_joints_torques():
     """J^T f = torque for the middle finger, within the joints' friction."""
     approach, motion = APPROACHES["cylinder-side_1"], motion_of("cylinder-side_1")
     scene, end = scene_of("cylinder"), last(motion, Phase.HOLD)
-    on_board = {i for i, board in enumerate(HAND.boards) if board.link and board.link.startswith("mf_")}
+    on_board = {i for i, board in enumerate(HAND.boards) if board.link_name and board.link_name.startswith("mf_")}
     for index, name in enumerate(("mf_j1", "mf_j2", "mf_j3")):
         joint = next(j for j in scene.robot.joints if j.name == name)
         below = [f"mf_{part}" for part in ("proximal", "medial", "distal")][index:]
-        boards = [i for i in on_board if HAND.boards[i].link in below]
+        boards = [i for i in on_board if HAND.boards[i].link_name in below]
         here = (motion.contacts.sample == end) & np.isin(motion.contacts.board, boards)
         frame = motion.link_poses[end, scene.links.index(joint.child)]
         moment = np.cross(motion.contacts.position[here] - frame[:3, 3], motion.contacts.force[here]).sum(axis=0)

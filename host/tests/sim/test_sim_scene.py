@@ -23,7 +23,7 @@ def scene():
 def test_the_links_below_the_wrist_and_their_joints_are_simulated(scene):
     robot = scene.robot
     assert scene.joint_names == robot.joint_names[6:]
-    assert scene.links == robot.links[robot.get_link_index("palm") :]
+    assert scene.links == robot.link_names[robot.get_link_index("palm") :]
     assert np.allclose(scene.model.jnt_range[[scene.model.joint(n).id for n in scene.joint_names], 0], robot.lower[6:])
 
 

@@ -97,7 +97,7 @@ def test_the_layers_forces_on_a_finger_balance_its_joints_torques():
         frame = motion.link_poses[end, scene.links.index(joint.child)]
         moment = np.zeros(3)
         for i, board in enumerate(HAND.boards):
-            if board.link in below:
+            if board.link_name in below:
                 pose, wrench = motion.sensor_poses[end, i], motion.wrench[end, i]
                 force = pose[:3, :3] @ wrench[:3]
                 moment += pose[:3, :3] @ wrench[3:] + np.cross(pose[:3, 3] - frame[:3, 3], force)

@@ -118,7 +118,7 @@ def read_joints(
         *pose_columns("object"),
     )
     table = read_csv(path, columns, progress)
-    whole, below = robot, robot.get_subtree(WRIST_LINK) if WRIST_LINK in robot.links else robot
+    whole, below = robot, robot.get_subtree(WRIST_LINK) if WRIST_LINK in robot.link_names else robot
     arm = [name for name in names if name not in below.joint_names]
     wrist_poses = table.poses("wrist")
     if wrist_poses is None and wrist is not None:
@@ -167,9 +167,9 @@ def read_poses(path: str | os.PathLike[str], hand: Hand, progress: Progress = si
         wanted, key = [board.name for board in hand.boards], "board"
         after = np.tile(np.eye(4), (len(wanted), 1, 1))
     else:
-        if any(board.link is None or board.pose is None for board in hand.boards):
+        if any(board.link_name is None or board.pose is None for board in hand.boards):
             raise HandGeometryError(hand.name)
-        wanted, key = [str(board.link) for board in hand.boards], "link"
+        wanted, key = [str(board.link_name) for board in hand.boards], "link"
         after = np.stack([board.pose for board in hand.boards if board.pose is not None])
     moments = _moments(table, table.texts[key], wanted, key)
     rows = np.array([[moment[name] for name in wanted] for moment in moments], np.intp)

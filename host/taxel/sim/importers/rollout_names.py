@@ -88,7 +88,7 @@ def find_parts(model: mujoco.MjModel, hand: Hand, given: Mapping[str, Any], sour
     for key in given:
         if key not in _KEYS:
             source.key(key).fail("known keys", "an unknown one", f"correct or remove it ({near_names(key, _KEYS)})")
-    if any(board.link is None or board.pose is None for board in hand.boards):
+    if any(board.link_name is None or board.pose is None for board in hand.boards):
         raise HandGeometryError(hand.name)
     names = {kind: model_names(model, kind) for kind in KINDS}
     finder = _Finder(model, hand, names, source)
@@ -145,7 +145,7 @@ class _Finder:
             return {}
         if prefix is not None and not isinstance(prefix, str):
             self.source.key("prefix").fail("a text", format_value(prefix), "write the part before the links' names")
-        links = {board.name: str(board.link) for board in self.hand.boards if board.name in boards}
+        links = {board.name: str(board.link_name) for board in self.hand.boards if board.name in boards}
         found = self._with_prefix("geom", {name: name for name in boards}, prefix)
         if found is None:
             found = self._with_prefix("body", links, prefix)
