@@ -1,4 +1,4 @@
-"""A page in headless Chromium, through the Chrome DevTools protocol: what its console says, and how it looks."""
+"""A page in headless Chromium, controlled through the Chrome DevTools protocol."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ import pytest
 from numpy.typing import NDArray
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-START_S = 60.0
-ANSWER_S = 120.0
+START_TIMEOUT_S = 60.0
+ANSWER_TIMEOUT_S = 120.0
 
 
-def need_chromium() -> str:
-    """The program; skips the test, with one line, where there is none."""
-    found = next((path for name in PROGRAMS if (path := shutil.which(name))), None)
-    if found is None:
+def chromium_program() -> str:
+    """Path of the browser. Skips the test if no browser is installed."""
+    path = next((path for name in PROGRAMS if (path := shutil.which(name))), None)
+    if path is None:
         pytest.skip("no chromium: 'apt-get install chromium' opens the pages for this test")
-    pytest.importorskip("websockets", reason="no websockets: pip install 'taxel[test]' speaks to chromium")
-    return found
+    pytest.importorskip("websockets", reason="no websockets: pip install 'taxel[test]' connects to chromium")
+    return path
 
 
 class Page:
-    """A page at `url` (http:// or file://) in a browser of its own. A context manager.
+    """A page at `url` (http:// or file://) in its own browser. A context manager.
 
-    `problems`: what the console complained about and exceptions that nobody caught, so far.
+    The attribute `problems` lists the errors of the console and the uncaught exceptions so far.
     """
 
     def __init__(self, url: str, width: int = 1400, height: int = 900) -> None:
-        program = need_chromium()
+        program = chromium_program()
         self.problems: list[str] = []
         self._folder = tempfile.TemporaryDirectory(prefix="taxel-chromium-", ignore_cleanup_errors=True)
         self._process = subprocess.Popen(
@@ -53,10 +53,10 @@ class Page:
         try:
             self._connect()
             for domain in ("Runtime", "Log", "Page"):
-                self.ask(f"{domain}.enable")
+                self.send_command(f"{domain}.enable")
             size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-            self.ask("Emulation.setDeviceMetricsOverride", **size)
-            self.ask("Page.navigate", url=url)
+            self.send_command("Emulation.setDeviceMetricsOverride", **size)
+            self.send_command("Page.navigate", url=url)
         except BaseException:
             self.close()
             raise
@@ -68,31 +68,31 @@ class Page:
 
         assert self._process.stderr is not None
         address = ""
-        for line in self._process.stderr:  # ends when the browser does
+        for line in self._process.stderr:  # ends when the browser ends
             if "DevTools listening on " in line:
                 address = line.split("DevTools listening on ")[1].strip()
                 break
         assert address, "chromium ended before it listened"
         port = address.split("/")[2]
-        deadline = time.monotonic() + START_S
+        deadline = time.monotonic() + START_TIMEOUT_S
         pages: list[dict[str, Any]] = []
         while not pages and time.monotonic() < deadline:
-            with urllib.request.urlopen(f"http://{port}/json/list", timeout=START_S) as answer:
+            with urllib.request.urlopen(f"http://{port}/json/list", timeout=START_TIMEOUT_S) as answer:
                 pages = [page for page in json.load(answer) if page["type"] == "page"]
         self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=None, proxy=None)
 
-    def ask(self, method: str, **parameters: object) -> dict[str, Any]:
-        """Send a command of the protocol; its result."""
+    def send_command(self, method: str, **parameters: object) -> dict[str, Any]:
+        """Send a command of the DevTools protocol and return its result."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            message = json.loads(self._socket.recv(timeout=ANSWER_S))
+            message = json.loads(self._socket.recv(timeout=ANSWER_TIMEOUT_S))
             if message.get("id") == self._number:
                 assert "error" not in message, f"{method}: {message}"
                 return dict(message["result"])
-            self._note(message)
+            self._record_problem(message)
 
-    def _note(self, message: dict[str, Any]) -> None:
+    def _record_problem(self, message: dict[str, Any]) -> None:
         event, details = message.get("method"), message.get("params", {})
         if event == "Runtime.exceptionThrown":
             self.problems.append(json.dumps(details["exceptionDetails"])[:500])
@@ -101,21 +101,21 @@ class Page:
         elif event == "Log.entryAdded" and details["entry"]["level"] == "error":
             self.problems.append(f"{details['entry']['text']} {details['entry'].get('url', '')}")
 
-    def value(self, expression: str) -> Any:
-        """What a JavaScript expression gives, as JSON knows it."""
-        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+    def evaluate(self, expression: str) -> Any:
+        """The value of a JavaScript expression, converted through JSON."""
+        answer = self.send_command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
     def text(self) -> str:
-        """All text that the page shows."""
-        return str(self.value("document.body ? document.body.innerText : ''"))
+        """The visible text of the page."""
+        return str(self.evaluate("document.body ? document.body.innerText : ''"))
 
-    def picture(self) -> NDArray[np.uint8]:
-        """How the page looks, u8[height, width, 3]."""
+    def take_picture(self) -> NDArray[np.uint8]:
+        """A screenshot of the page, u8[height, width, 3]. The attribute `png` contains the PNG file."""
         import matplotlib.image
 
-        data = base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"])
+        data = base64.b64decode(self.send_command("Page.captureScreenshot", format="png")["data"])
         self.png = data
         pixels = matplotlib.image.imread(io.BytesIO(data), format="png")[..., :3]
         return np.rint(255 * pixels).astype(np.uint8)

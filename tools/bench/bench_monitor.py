@@ -41,9 +41,9 @@ PAGE_TEXT = "the skin is at "
 _CHILD = """
 import json, sys, time
 from rich.console import Console
-from taxel.monitor import LineView, SkinMonitor, TerminalView, open_watched, watch
+from taxel.monitor import LineView, SkinMonitor, TerminalView, open_paced, watch
 url, kind, seconds, out = sys.argv[1:]
-with open_watched(url) as skin:
+with open_paced(url) as skin:
     monitor = SkinMonitor(skin)
     if kind == "terminal":
         view = TerminalView(Console(force_terminal=True, color_system="truecolor"), monitor, url)

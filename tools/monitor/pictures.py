@@ -1,8 +1,8 @@
-"""Make the pictures of docs/how-to-monitor.md: the terminal and the browser, on the emulated hand under five presses.
+"""Write the pictures of docs/how-to-monitor.md: both views of the emulated hand with five contacts.
 
 python tools/monitor/pictures.py [--out docs/images]
 
-Needs chromium, for both.
+Needs chromium for both pictures.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.hand.indentation import Indentation, compute_indentation_forces
 from taxel.link import write_stimulus
-from taxel.monitor import Screen, SkinMonitor, SkinReading, open_watched
+from taxel.monitor import Screen, SkinMonitor, SkinReading, open_paced
 from taxel.monitor.web import WebView
 
 WIDTH, HEIGHT = 170, 36
-PRESSES = tuple(
+INDENTATIONS = tuple(
     Indentation(board, tx, rx, force_n, start_s, hold_s=60.0, diameter_m=diameter_m)
     for board, tx, rx, force_n, start_s, diameter_m in (
         ("palm", 6.0, 5.0, 8.0, 8.0, 0.024),
@@ -37,12 +37,11 @@ PRESSES = tuple(
     )
 )
 END_S = 24.0
-"""Seconds of the skin's clock: all are pressed."""
+"""Time on the skin's clock at which all indentations are in contact, seconds."""
 
 TITLE = "emulator: · hand allegro"
-QUIET = (
-    "for (const box of document.querySelectorAll('.mantine-Notification-root')) box.remove();"  # no graphics card here
-)
+# viser warns about a missing graphics card, which a headless browser does not have.
+REMOVE_NOTIFICATIONS = "for (const box of document.querySelectorAll('.mantine-Notification-root')) box.remove();"
 
 
 def main() -> int:
@@ -52,15 +51,15 @@ def main() -> int:
     out: Path = parser.parse_args().out
     hand = load_hand("allegro")
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
-        stimulus = Path(folder) / "presses.stm"
-        write_stimulus(stimulus, *compute_indentation_forces(hand, PRESSES))
-        with open_watched(f"emulator:?speed=max&stimulus={stimulus}", hand) as skin:
+        stimulus = Path(folder) / "indentations.stm"
+        write_stimulus(stimulus, *compute_indentation_forces(hand, INDENTATIONS))
+        with open_paced(f"emulator:?speed=max&stimulus={stimulus}", hand) as skin:
             monitor = SkinMonitor(skin)
             with WebView(monitor, TITLE, 0) as view:
-                reading = _watch(monitor, view)
+                reading = _draw_until_contact(monitor, view)
                 with Page(view.url, 1400, 860) as page:
-                    _settle(view, reading, page)
-                    page.picture()
+                    _wait_for_page(view, reading, page)
+                    page.take_picture()
                     (out / "monitor-web.png").write_bytes(page.png)
     console = Console(
         file=io.StringIO(), width=WIDTH, height=HEIGHT, record=True, color_system="truecolor", force_terminal=True
@@ -71,13 +70,13 @@ def main() -> int:
         console.save_svg(str(drawing), title="taxel monitor")
         with Page(drawing.as_uri(), 1400, 640) as page:
             time.sleep(2.0)
-            page.picture()
+            page.take_picture()
             (out / "monitor-terminal.png").write_bytes(page.png)
     return 0
 
 
-def _watch(monitor: SkinMonitor, view: WebView) -> SkinReading:
-    """Ten readings a second of the skin's clock, until all is pressed."""
+def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
+    """Draw ten readings in a second of the skin's clock up to `END_S`; returns the last one."""
     due_s = 0.0
     while True:
         for frame in monitor.skin.poll():
@@ -90,14 +89,14 @@ def _watch(monitor: SkinMonitor, view: WebView) -> SkinReading:
                     return reading
 
 
-def _settle(view: WebView, reading: SkinReading, page: Page) -> None:
-    """Until the page shows the reading."""
+def _wait_for_page(view: WebView, reading: SkinReading, page: Page) -> None:
+    """Draw the reading until the page shows it."""
     for _ in range(100):
         view.draw(reading)
         time.sleep(0.3)
         if "back of hand" in page.text():
             break
-    page.value(QUIET)
+    page.evaluate(REMOVE_NOTIFICATIONS)
     time.sleep(5.0)
 
 

@@ -1,5 +1,7 @@
 """`taxel monitor`."""
 
+from __future__ import annotations
+
 import json
 import time
 from contextlib import AbstractContextManager, nullcontext
@@ -8,52 +10,51 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from taxel.cli.options import HandOption, Seconds, ThresholdCounts, Url
 from taxel.errors import TaxelError
-from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_watched, watch
-from taxel.monitor.header import line
+from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_paced, watch
+from taxel.monitor.summary_text import format_line
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 
 LINES_HZ = 1.0
+"""Lines per second where the output is no terminal."""
 
 
-class NothingCameError(TaxelError):
-    """There was nothing to show."""
+class NoFrameError(TaxelError):
+    """No frame arrived."""
 
 
 def monitor(
-    url: Annotated[str, typer.Argument(help="serial:///dev/ttyUSB0, emulator: or file:capture.bin")],
-    web: Annotated[bool, typer.Option("--web", help="Show the hand in 3-D in a browser; needs viser.")] = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0: a free one.")] = 8080,
-    hand: Annotated[
-        str | None, typer.Option(help="Packaged hand or description file; of a recording, its own by default.")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Scans a second; as many as the bus gives if left out.")] = None,
-    speed: Annotated[float, typer.Option(help="Speed at which a capture plays.")] = 1.0,
-    baseline: Annotated[
-        int, typer.Option(min=2, max=10000, help="Frames of each board that its baseline is taken from.")
+    url: Url,
+    web: Annotated[bool, typer.Option("--web", help="Show the hand in 3-D in a browser (extra web).")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1. 0: a free port.")] = 8080,
+    hand: HandOption = None,
+    rate_hz: Annotated[float | None, typer.Option(help="Scans per second. Default: the rate of the bus.")] = None,
+    speed: Annotated[float, typer.Option(help="Speed of a recording, times real time.")] = 1.0,
+    baseline_frames: Annotated[
+        int, typer.Option(min=2, max=10000, help="Number of frames of each board in the baseline.")
     ] = BASELINE_SAMPLES,
-    threshold: Annotated[
-        float, typer.Option(min=1.0, help="Signal in counts above which a taxel is active.")
-    ] = ACTIVATION_THRESHOLD_COUNTS,
-    seconds: Annotated[float | None, typer.Option(help="End after so many seconds.")] = None,
+    threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
+    seconds: Seconds = None,
     once: Annotated[
-        bool, typer.Option("--once", help="Show the skin once, when its baseline is known, and end.")
+        bool, typer.Option("--once", help="Print one view after the baseline is complete, and exit.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="A line of JSON a second.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one line of JSON per second.")] = False,
 ) -> None:
-    """Show the skin live: boards as heat maps, rates, errors and active taxels; or in 3-D in a browser.
+    """Show a skin live, in the terminal or in a browser.
 
-    Keys on the terminal: q ends (so does Ctrl-C), b takes the baseline again, t shows the table of boards. Nothing may
-    touch the skin while the baseline is taken. Into a pipe goes one line a second.
+    The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the baseline
+    is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output is no
+    terminal, one line per second is printed.
 
     Example: taxel monitor emulator: --seconds 2
     """
     console = Console(markup=False)
     with _opening(console, url):
-        skin = open_watched(url, hand, rate, speed)
+        skin = open_paced(url, hand, rate_hz, speed)
     with skin:
-        model = SkinMonitor(skin, baseline, threshold)
+        model = SkinMonitor(skin, baseline_frames, threshold_counts)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:
@@ -65,11 +66,11 @@ def monitor(
             else:
                 _on_terminal(skin, model, console, title, seconds)
         except KeyboardInterrupt:
-            return  # the way to end it
+            return  # Ctrl-C is the usual end
 
 
 def _opening(console: Console, url: str) -> AbstractContextManager[object]:
-    """Says what is waited for, on a terminal."""
+    """Show on a terminal that the command waits for the hub."""
     return console.status(f"opening {url}: waiting for the hub") if console.is_terminal else nullcontext()
 
 
@@ -80,7 +81,7 @@ def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, s
             watch(skin, model, view, seconds)
     finally:
         if view.last is not None:
-            console.print(line(view.last), soft_wrap=True, highlight=False)
+            console.print(format_line(view.last), soft_wrap=True, highlight=False)
 
 
 def _once(skin: Skin, model: SkinMonitor, console: Console, title: str, as_json: bool, seconds: float | None) -> None:
@@ -93,17 +94,17 @@ def _once(skin: Skin, model: SkinMonitor, console: Console, title: str, as_json:
         screen = Screen(skin.hand, title, model.threshold)
         console.print(screen.draw(reading, width, height - 1, has_colour), soft_wrap=True)
     else:
-        print(line(reading))
+        print(format_line(reading))
     if not reading.frames:
-        raise NothingCameError(f"{skin.link.name}: no frame came; {reading.advice}")
+        raise NoFrameError(f"{skin.link.name}: no frame arrived; {reading.advice}")
 
 
 def _in_browser(skin: Skin, model: SkinMonitor, title: str, port: int, seconds: float | None) -> None:
     from taxel.monitor.web import WebView
 
     with WebView(model, title, port) as view:
-        print(f"the skin is at {view.url}; Ctrl-C ends it", flush=True)
+        print(f"the skin is at {view.url}; press Ctrl-C to quit", flush=True)
         reading = watch(skin, model, view, seconds)
-        print(line(reading), flush=True)
-        while reading.is_ended and seconds is None:  # the end of a capture can still be looked at
+        print(format_line(reading), flush=True)
+        while reading.is_ended and seconds is None:  # the last view of a recording stays visible
             time.sleep(0.2)

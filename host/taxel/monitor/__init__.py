@@ -1,9 +1,9 @@
-"""The skin as it is now: a model that takes every frame, and views of it on a terminal and in a browser."""
+"""Live view of the skin: a model that processes every frame, and views on a terminal, in a browser and as lines."""
 
 from taxel.monitor.history import History
+from taxel.monitor.line_view import LineView, OnceView
 from taxel.monitor.model import SkinMonitor
-from taxel.monitor.paced import PacedLink, SpeedError, open_watched
-from taxel.monitor.plain import LineView, OnceView
+from taxel.monitor.paced_link import PacedLink, SpeedError, open_paced
 from taxel.monitor.reading import BoardReading, SkinReading
 from taxel.monitor.run import View, watch
 from taxel.monitor.screen import Screen
@@ -21,6 +21,6 @@ __all__ = [
     "SpeedError",
     "TerminalView",
     "View",
-    "open_watched",
+    "open_paced",
     "watch",
 ]

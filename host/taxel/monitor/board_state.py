@@ -1,4 +1,4 @@
-"""What a monitor keeps of one board between two readings."""
+"""State of one board between two readings of the monitor."""
 
 from __future__ import annotations
 
@@ -12,51 +12,53 @@ from taxel.hand import Board
 from taxel.monitor.reading import BoardReading
 from taxel.signal import Activation, ActivationFrame, Baseline
 from taxel.stream import BoardCount, TaxelFrame
-from taxel_protocol import BoardState as HubsBoardState
+from taxel_protocol import BoardState as HubBoardState
 
 SILENT_S = 1.0
-"""A board that has sent nothing for so long is silent: what it said last is shown no more."""
+"""Time without a frame after which a board counts as silent and its last signals are no longer shown, seconds. The
+default hand sends a frame of each board every 50 ms; a larger value shows outdated signals for longer.
+"""
 
 _BUS_FAULTS = ("nacks", "timeouts", "crc_errors", "bus_errors")
-_WORDS = {HubsBoardState.ABSENT: "absent", HubsBoardState.INCOMPATIBLE: "incompatible"}
+_STATE_NAMES = {HubBoardState.ABSENT: "absent", HubBoardState.INCOMPATIBLE: "incompatible"}
 
 
 class BoardState:
     """Counts, baseline and activation of a board.
 
-    `where`: its taxels in the hand's order. `raw`, `lowest`: u16 views of the hand's arrays: newest count of each
-    taxel, and the lowest since the last reading. `last_s`: when its last frame came, on the monitor's clock; `time_s`:
-    that frame's own time; NaN before the first.
+    taxels: position of the board on the hand's taxel axis. raw, lowest: u16 views of the hand's arrays with the newest
+    count of each taxel and the lowest count since the last reading. The attribute `last_s` is the time of arrival of
+    the last frame on the monitor's clock, and `time_s` the time of that frame; both are NaN before the first frame.
     """
 
     def __init__(
-        self, board: Board, where: slice, raw: NDArray[np.uint16], lowest: NDArray[np.uint16], samples: int
+        self, board: Board, taxels: slice, raw: NDArray[np.uint16], lowest: NDArray[np.uint16], samples: int
     ) -> None:
         self.board = board
-        self.where = where
+        self.taxels = taxels
         self.frames = 0
         self.last_s = float("nan")
         self.time_s = float("nan")
         self.disturbed = 0
         self._raw, self._lowest = raw, lowest
-        self._has_new = False
+        self._has_new_frame = False
         self._baseline = Baseline(board.kind.taxel_count, samples=samples)
         self._activation: Activation | None = None
 
-    def begin_baseline(self) -> None:
-        """Forget the baseline and take it from the next frames."""
+    def restart_baseline(self) -> None:
+        """Discard the baseline; the next frames give a new one."""
         self._baseline.reset()
         self._activation = None
         self.disturbed = 0
 
     def take(self, frame: TaxelFrame, now_s: float, threshold: float) -> None:
-        """A frame that came at `now_s`."""
+        """Process a frame that arrived at `now_s`. threshold: activation threshold, counts."""
         self._raw[:] = frame.raw_counts
-        if self._has_new:
+        if self._has_new_frame:
             np.minimum(self._lowest, frame.raw_counts, out=self._lowest)
         else:
             self._lowest[:] = frame.raw_counts
-            self._has_new = True
+            self._has_new_frame = True
         self.frames += 1
         self.last_s, self.time_s = now_s, frame.time_s
         if self._activation is None and self._baseline.update(frame.raw_counts):
@@ -66,30 +68,34 @@ class BoardState:
 
     @property
     def progress(self) -> float:
-        """Of the baseline, 0 to 1."""
+        """Progress of the baseline, 0 to 1."""
         return 1.0 if self._activation is not None else self._baseline.progress
 
     def is_sending(self, now_s: float) -> bool:
-        """Whether it is not silent."""
+        """Whether the board has sent a frame within the last `SILENT_S` seconds."""
         return now_s - self.last_s < SILENT_S  # False before the first frame
 
-    def judge(self, now_s: float) -> ActivationFrame | None:
-        """Signals and active taxels since the last reading; None if nothing is known. Begins the next reading."""
-        self._has_new = False
+    def take_activation(self, now_s: float) -> ActivationFrame | None:
+        """Activation of the lowest counts since the last call; None without a baseline or without frames."""
+        self._has_new_frame = False
         if self._activation is None or not self.is_sending(now_s):
             return None
         return self._activation(self._lowest)
 
     def read(
         self,
-        judged: ActivationFrame | None,
+        activation: ActivationFrame | None,
         now_s: float,
         rate_hz: float,
         count: BoardCount | None,
         status: Mapping[str, Any] | None,
         is_expected: bool,
     ) -> BoardReading:
-        """The board's part of a reading; `status`: BOARD_STATUS; `is_expected`: it has answered, or may have."""
+        """The board's part of a reading.
+
+        status: fields of BOARD_STATUS; None before the first. is_expected: the hub has found the board, or the source
+        is a recording, in which this is unknown.
+        """
         is_sending = self.is_sending(now_s)
         return BoardReading(
             board=self.board,
@@ -99,16 +105,16 @@ class BoardState:
             damaged=count.damaged if count else 0,
             bus_faults=None if status is None else sum(status[name] for name in _BUS_FAULTS),
             silent_s=max(0.0, now_s - self.last_s) if self.frames else None,
-            active=int(judged.active.sum()) if judged else 0,
-            largest_signal=float(judged.signal_counts.max()) if judged else float("nan"),
+            active=int(activation.active.sum()) if activation else 0,
+            largest_signal=float(activation.signal_counts.max()) if activation else float("nan"),
             baseline=self.progress,
-            state="streaming" if is_sending else self._word(status, is_expected),
+            state="streaming" if is_sending else self._state_name(status, is_expected),
         )
 
-    def _word(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
-        known = _WORDS.get(status["state"]) if status is not None else None
-        if known is not None:
-            return known
+    def _state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
+        name = _STATE_NAMES.get(status["state"]) if status is not None else None
+        if name is not None:
+            return name
         if self.frames:
             return "silent"
         return "no frame yet" if is_expected else "absent"

@@ -1,4 +1,4 @@
-"""A screen of characters: text, and taxels as half blocks, two a character."""
+"""A screen of characters with text and with taxels as half blocks, two taxels in one character."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from rich.segment import Segment
 from rich.style import Style
 
 from taxel.monitor.colours import TABLE, UNKNOWN
+from taxel.types import BoolArray
 
 NOTHING = -1
-"""In a picture: there is no taxel here."""
+"""Value in a picture where there is no taxel."""
 
-_KINDS = UNKNOWN + 2
-_FIRST_PAIR = 1 << 16  # style numbers below are those of texts
+_STEP_VALUES = UNKNOWN + 2
+_FIRST_PAIR = 1 << 16  # smaller style numbers are indices of text styles
 _UPPER, _LOWER, _FULL, _DOT = "▀", "▄", "█", "·"
 
 
 class Canvas:
-    """`height` rows of `width` characters; what does not fit is cut off. A rich renderable.
+    """`height` rows of `width` characters; text outside is clipped. A rich renderable.
 
-    `has_colour` False: an active taxel is a filled half block, any other character with a taxel is a dot.
+    has_colour: False: an active taxel is a filled half block, and other characters with a taxel are dots.
     """
 
     def __init__(self, width: int, height: int, has_colour: bool = True) -> None:
@@ -34,24 +35,24 @@ class Canvas:
         self._has_colour = has_colour
         self._glyphs = np.full((height, width), " ", dtype="<U1")
         self._styles = np.zeros((height, width), dtype=np.int64)
-        self._names: list[str] = [""]
+        self._style_names: list[str] = [""]
 
     def write(self, row: int, column: int, text: str, style: str = "") -> int:
-        """Put text, with a rich style; returns the column after it."""
+        """Write text in a rich style; returns the column behind it."""
         end = column + len(text)
         if 0 <= row < self.height and column < self.width and text:
-            if style not in self._names:
-                self._names.append(style)
-            part = text[max(0, -column) : self.width - column]
-            where = slice(max(0, column), max(0, column) + len(part))
-            self._glyphs[row, where] = list(part)
-            self._styles[row, where] = self._names.index(style)
+            if style not in self._style_names:
+                self._style_names.append(style)
+            visible = text[max(0, -column) : self.width - column]
+            columns = slice(max(0, column), max(0, column) + len(visible))
+            self._glyphs[row, columns] = list(visible)
+            self._styles[row, columns] = self._style_names.index(style)
         return end
 
-    def paint(self, row: int, column: int, steps: NDArray[np.intp], active: NDArray[np.bool_]) -> None:
-        """Put a picture: rows of `TABLE` or NOTHING, [2 * k, w], two rows of it a row of characters.
+    def paint(self, row: int, column: int, steps: NDArray[np.intp], active: BoolArray) -> None:
+        """Draw a picture [2 * k, w] of rows of `TABLE` or NOTHING; two of its rows are one row of characters.
 
-        `active` [2 * k, w] says which are active, for a canvas without colour.
+        active: bool[2 * k, w], active taxels, used by a canvas without colour.
         """
         height, width = steps.shape[0] // 2, steps.shape[1]
         height, width = min(height, self.height - row), min(width, self.width - column)
@@ -61,39 +62,39 @@ class Canvas:
         has_upper, has_lower = upper != NOTHING, lower != NOTHING
         if self._has_colour:
             glyphs = np.where(has_upper, _UPPER, _LOWER)
-            numbers = _FIRST_PAIR + (upper + 1) * _KINDS + lower + 1
+            numbers = _FIRST_PAIR + (upper + 1) * _STEP_VALUES + lower + 1
         else:
-            on_upper, on_lower = active[: 2 * height : 2, :width], active[1 : 2 * height : 2, :width]
-            glyphs = np.where(on_upper, np.where(on_lower, _FULL, _UPPER), np.where(on_lower, _LOWER, _DOT))
+            active_upper, active_lower = active[: 2 * height : 2, :width], active[1 : 2 * height : 2, :width]
+            glyphs = np.where(active_upper, np.where(active_lower, _FULL, _UPPER), np.where(active_lower, _LOWER, _DOT))
             numbers = np.zeros_like(upper)
-        here = has_upper | has_lower
-        self._glyphs[row : row + height, column : column + width][here] = glyphs[here]
-        self._styles[row : row + height, column : column + width][here] = numbers[here]
+        has_taxel = has_upper | has_lower
+        self._glyphs[row : row + height, column : column + width][has_taxel] = glyphs[has_taxel]
+        self._styles[row : row + height, column : column + width][has_taxel] = numbers[has_taxel]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
         for number, (glyphs, styles) in enumerate(zip(self._glyphs, self._styles, strict=True)):
-            cuts = [0, *(np.flatnonzero(np.diff(styles)) + 1).tolist(), self.width]
+            borders = [0, *(np.flatnonzero(np.diff(styles)) + 1).tolist(), self.width]
             text = "".join(glyphs.tolist())
-            for begin, end in pairwise(cuts):
-                yield Segment(text[begin:end], self._style(int(styles[begin])))
+            for start, end in pairwise(borders):
+                yield Segment(text[start:end], self._style(int(styles[start])))
             if number < self.height - 1:
                 yield Segment.line()
 
     def _style(self, number: int) -> Style:
         if number < _FIRST_PAIR:
-            return _named(self._names[number])
-        upper, lower = divmod(number - _FIRST_PAIR, _KINDS)
-        return _pair(upper - 1, lower - 1)
+            return _text_style(self._style_names[number])
+        upper, lower = divmod(number - _FIRST_PAIR, _STEP_VALUES)
+        return _pair_style(upper - 1, lower - 1)
 
 
 @lru_cache(maxsize=256)
-def _named(style: str) -> Style:
+def _text_style(style: str) -> Style:
     return Style.parse(style)
 
 
 @lru_cache(maxsize=4096)
-def _pair(upper: int, lower: int) -> Style:
-    """The style of a half block: `▀` with the upper taxel in front, or `▄` if there is no upper one."""
+def _pair_style(upper: int, lower: int) -> Style:
+    """Style of a half block: `▀` with the upper taxel as foreground, or `▄` if there is no upper taxel."""
     if upper == NOTHING:
         return Style(color=_colour(lower))
     return Style(color=_colour(upper), bgcolor=None if lower == NOTHING else _colour(lower))

@@ -1,73 +1,75 @@
-"""The colours of signals: viridis, with a step at the threshold so that an active taxel is seen at once.
+"""Colour scale of the signal: viridis, with a step in lightness at the activation threshold.
 
-Viridis (van der Walt and Smith, 2015) rises evenly in lightness, so that colour-blind people read it too. Inactive
-taxels use its darkest part, active ones its upper half.
+The lightness of viridis (van der Walt and Smith, 2015) increases uniformly, so that colour-blind people can read the
+scale. Inactive taxels use its darkest part, active taxels its upper half.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.types import FloatArray
+
 VIRIDIS = ("440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b", "fde725")
-"""Ten even steps of the map."""
+"""Ten equidistant colours of the map."""
 
 STEPS = 48
-"""Colours of the scale; the table has one more, for what is not known."""
+"""Number of colours of the scale. The table has one more for unknown signals."""
 
 UNKNOWN = STEPS
 _GREY = (150, 150, 150)
-QUIET_STEPS = 12
-"""Steps below the threshold."""
+INACTIVE_STEPS = 12
+"""Number of colours below the threshold."""
 
-_QUIET_TOP = 0.28  # place on the map that an inactive taxel reaches
-_ACTIVE_BOTTOM = 0.5
+_INACTIVE_END = 0.28  # position on the map of the largest inactive signal
+_ACTIVE_START = 0.5
 
-LEAST_TOP = 2.0
-"""The scale ends at so many thresholds or above: a calm skin looks calm."""
+SMALLEST_TOP = 2.0
+"""Smallest end of the scale, in thresholds. With a smaller value the noise of an untouched skin gets bright colours."""
 
 
-def _table() -> NDArray[np.uint8]:
+def _build_table() -> NDArray[np.uint8]:
     anchors = np.array([[int(code[i : i + 2], 16) for i in (0, 2, 4)] for code in VIRIDIS], dtype=float)
-    place = np.concatenate(
-        [np.linspace(0.0, _QUIET_TOP, QUIET_STEPS), np.linspace(_ACTIVE_BOTTOM, 1.0, STEPS - QUIET_STEPS)]
+    position = np.concatenate(
+        [np.linspace(0.0, _INACTIVE_END, INACTIVE_STEPS), np.linspace(_ACTIVE_START, 1.0, STEPS - INACTIVE_STEPS)]
     )
-    even = np.linspace(0.0, 1.0, len(anchors))
-    rows = np.column_stack([np.interp(place, even, anchors[:, channel]) for channel in range(3)])
+    anchor_position = np.linspace(0.0, 1.0, len(anchors))
+    rows = np.column_stack([np.interp(position, anchor_position, anchors[:, channel]) for channel in range(3)])
     return np.vstack([np.rint(rows), _GREY]).astype(np.uint8)
 
 
-TABLE = _table()
-"""Colours u8[STEPS + 1, 3]: from no signal to the top of the scale, then grey for what is not known."""
+TABLE = _build_table()
+"""Colours u8[STEPS + 1, 3]: from signal 0 to the end of the scale, then grey for an unknown signal."""
 
 
-def steps_of(signal: NDArray[np.float64], threshold: float, top: float) -> NDArray[np.intp]:
-    """Row of `TABLE` for each signal [n] in counts; `top`: counts at the end of the scale, above `threshold`."""
-    known = np.nan_to_num(signal, nan=0.0)
-    quiet = np.clip(QUIET_STEPS * known / threshold, 0, QUIET_STEPS - 1)
-    loud = QUIET_STEPS + np.clip((STEPS - QUIET_STEPS) * (known - threshold) / (top - threshold), 0, None)
-    steps = np.minimum(np.where(known > threshold, loud, quiet), STEPS - 1).astype(np.intp)
+def colour_steps(signal: FloatArray, threshold: float, top: float) -> NDArray[np.intp]:
+    """Row of `TABLE` for each signal [n], counts. top: end of the scale, counts, above `threshold`."""
+    finite = np.nan_to_num(signal, nan=0.0)
+    inactive = np.clip(INACTIVE_STEPS * finite / threshold, 0, INACTIVE_STEPS - 1)
+    active = INACTIVE_STEPS + np.clip((STEPS - INACTIVE_STEPS) * (finite - threshold) / (top - threshold), 0, None)
+    steps = np.minimum(np.where(finite > threshold, active, inactive), STEPS - 1).astype(np.intp)
     return np.where(np.isnan(signal), UNKNOWN, steps)
 
 
-def linear_light(colour: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Amount of light of sRGB values, each 0 to 1 (IEC 61966-2-1)."""
+def linear_light(colour: FloatArray) -> FloatArray:
+    """Linear light of sRGB values, each 0 to 1 (IEC 61966-2-1)."""
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
 
 
-class Scale:
-    """The end of the scale: follows the largest signal up at once and down after `hold_s`, in round numbers."""
+class ColourScale:
+    """The end of the scale in round numbers. It follows a larger signal at once and a smaller one after `hold_s`."""
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
         self.threshold = threshold
         self._hold_s = hold_s
-        self._least = LEAST_TOP * threshold
+        self._smallest = SMALLEST_TOP * threshold
         self._reached_s = -np.inf
-        self.top = _round_up(self._least)
+        self.top = _round_up(self._smallest)
 
     def update(self, largest_signal: float, now_s: float) -> float:
-        """The end of the scale, counts, given the largest signal (NaN: not known) at `now_s` seconds."""
-        wanted = _round_up(max(self._least, 0.0 if np.isnan(largest_signal) else largest_signal))
-        if wanted >= self.top or now_s - self._reached_s > self._hold_s:
-            self.top, self._reached_s = wanted, now_s
+        """The end of the scale, counts, for the largest signal (NaN: unknown) at `now_s` seconds."""
+        target = _round_up(max(self._smallest, 0.0 if np.isnan(largest_signal) else largest_signal))
+        if target >= self.top or now_s - self._reached_s > self._hold_s:
+            self.top, self._reached_s = target, now_s
         return self.top
 
 

@@ -1,13 +1,14 @@
-"""The last half minute of every taxel, for time series."""
+"""Signals of all taxels over the last half minute, for time series."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.monitor.reading import SkinReading
+from taxel.types import FloatArray
 
 
 class History:
-    """Keeps the signals of the last `length` readings: f32[length, n], the oldest is overwritten."""
+    """Ring buffer of the signals of the last `length` readings, f32[length, n]."""
 
     def __init__(self, n_taxels: int, length: int = 300) -> None:
         self._times = np.full(length, np.nan)
@@ -19,12 +20,12 @@ class History:
         return self._count
 
     def add(self, reading: SkinReading) -> None:
-        """Keep a reading; one without a newer frame is left out."""
+        """Store a reading; one without a newer frame is ignored."""
         newest = self._times[self._next - 1]
         if not np.isfinite(reading.time_s) or newest == reading.time_s:
             return
         if reading.time_s < newest:
-            self._count = 0  # the clock of the stream has begun anew
+            self._count = 0  # the clock of the stream has restarted
         self._times[self._next] = reading.time_s
         self._signals[self._next] = reading.signal_counts
         self._next = (self._next + 1) % len(self._times)
@@ -34,17 +35,17 @@ class History:
         return (self._next - self._count + np.arange(self._count)) % len(self._times)
 
     @property
-    def times_s(self) -> NDArray[np.float64]:
-        """Seconds before the newest reading, f64[t], never positive, the newest last."""
+    def times_s(self) -> FloatArray:
+        """f64[t], seconds relative to the newest reading, 0 or negative, the newest last."""
         times = self._times[self._rows()]
         return times - times[-1] if times.size else times
 
     def taxels(self, index: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Signals of some taxels [k], f32[t, k], counts; NaN where nothing was known."""
+        """Signals of the taxels `index` [k], f32[t, k], counts; NaN where unknown."""
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
     def most_active(self, count: int) -> NDArray[np.intp]:
-        """The taxels with the largest signal of all kept readings, the largest first; those never known come last."""
-        kept = self._signals[self._rows()]
-        largest = np.nan_to_num(kept, nan=-np.inf).max(axis=0, initial=-np.inf)
+        """The taxels with the largest signals of all stored readings, largest first, taxels without a signal last."""
+        signals = self._signals[self._rows()]
+        largest = np.nan_to_num(signals, nan=-np.inf).max(axis=0, initial=-np.inf)
         return np.argsort(-largest, kind="stable")[:count]

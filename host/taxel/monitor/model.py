@@ -1,4 +1,4 @@
-"""Takes every frame of a skin and says, when asked, how the skin is. Knows nothing of screens."""
+"""State of a skin, updated with every frame and read some times in a second. Independent of the views."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.monitor.advice import advice_of
+from taxel.monitor.advice import advice_for
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
@@ -18,20 +18,20 @@ from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
 
-AGES_KEPT = 64
-"""Ages of frames that a reading looks at: one for each time frames were taken, about a second of them."""
+STORED_AGES = 64
+"""Number of stored ages of frames, one for each call of `take`: about one second."""
 
 
 class SkinMonitor:
-    """Every frame goes in with `take`; `read` says how the skin is.
+    """State of a skin: `take` processes frames, `read` gives a reading.
 
-    Each board takes its own baseline from its first `samples` frames, also one that is plugged in later. A taxel is
-    active when its count has dropped by more than `threshold` counts below it. Between two readings the lowest count of
-    each taxel is kept, so that a touch that comes and goes between them is still seen.
+    The baseline of each board is the mean of its own first `samples` frames, also for a board that is connected later.
+    A taxel is active when its signal exceeds `threshold` counts. A reading contains the largest signal of each taxel
+    since the last reading, so that a touch between two readings is visible.
 
-    Time is `time.monotonic` for a stream in real time, else the stream's own clock: a capture that is played faster
-    has the rates that it had when it was recorded. Raises ValueError for a number of samples or a threshold that
-    `taxel.signal` does not take.
+    The clock is `time.monotonic` for a stream in real time, otherwise the clock of the stream: a capture that is played
+    faster shows the rates at which it was recorded. Raises ValueError for a number of samples or a threshold that
+    `taxel.signal` refuses.
     """
 
     def __init__(
@@ -42,38 +42,39 @@ class SkinMonitor:
         self.threshold = threshold
         self._raw = np.zeros(hand.n_taxels, dtype=np.uint16)
         lowest = np.zeros_like(self._raw)
-        places = [(board, hand.get_slice(board.address)) for board in hand.boards]
+        slices = [(board, hand.get_slice(board.address)) for board in hand.boards]
         self._boards = {
-            board.address: BoardState(board, where, self._raw[where], lowest[where], samples) for board, where in places
+            board.address: BoardState(board, taxels, self._raw[taxels], lowest[taxels], samples)
+            for board, taxels in slices
         }
         self._is_real_time = skin.link.is_real_time
-        self._began_s = time.monotonic()
+        self._started_s = time.monotonic()
         self._newest_s = float("nan")
-        self._ages_s: deque[float] = deque(maxlen=AGES_KEPT)
+        self._ages_s: deque[float] = deque(maxlen=STORED_AGES)
         self._rate = RecentRate()
         self._cpu = RecentRate()
-        self._wants_baseline = False
+        self._is_baseline_requested = False
 
     def take(self, frames: Sequence[TaxelFrame], now_s: float) -> None:
-        """Frames that have arrived, in order; `now_s`: `time.monotonic`."""
-        if self._wants_baseline:
-            self._wants_baseline = False
+        """Process frames in the order of their arrival. now_s: `time.monotonic`."""
+        if self._is_baseline_requested:
+            self._is_baseline_requested = False
             for state in self._boards.values():
-                state.begin_baseline()
+                state.restart_baseline()
         for frame in frames:
-            came_s = now_s if self._is_real_time else frame.time_s
-            self._boards[frame.address].take(frame, came_s, self.threshold)
+            arrival_s = now_s if self._is_real_time else frame.time_s
+            self._boards[frame.address].take(frame, arrival_s, self.threshold)
         if frames:
             self._newest_s = frames[-1].time_s
             if self._is_real_time:
                 self._ages_s.append(now_s - self._newest_s)
 
-    def begin_baseline(self) -> None:
-        """Take every board's baseline anew from the next frames; may be called from another thread."""
-        self._wants_baseline = True
+    def restart_baseline(self) -> None:
+        """Take the baseline of every board again from the next frames. Other threads may call this method."""
+        self._is_baseline_requested = True
 
     def read(self, now_s: float, is_ended: bool = False) -> SkinReading:
-        """How the skin is; `now_s`: `time.monotonic`; `is_ended`: nothing more will come."""
+        """The current reading. now_s: `time.monotonic`. is_ended: the stream has ended."""
         clock_s = now_s if self._is_real_time else self._newest_s
         states = list(self._boards.values())
         signal = np.full(self.hand.n_taxels, np.nan)
@@ -83,35 +84,35 @@ class SkinMonitor:
         rates = self._rate.update([state.time_s for state in states], [state.frames for state in states])
         counts = self.skin.losses.boards
         for state, rate_hz in zip(states, rates.tolist(), strict=True):
-            judged = state.judge(clock_s)
-            if judged is not None:
-                signal[state.where], active[state.where] = judged.signal_counts, judged.active
-                suspect += int(judged.suspect_baseline.sum())
+            activation = state.take_activation(clock_s)
+            if activation is not None:
+                signal[state.taxels], active[state.taxels] = activation.signal_counts, activation.active
+                suspect += int(activation.suspect_baseline.sum())
             address = state.board.address
             status = self.skin.hub.board_status.get(address)
             is_expected = self.skin.link.is_recorded or address in self.skin.hub.boards
-            boards.append(state.read(judged, clock_s, rate_hz, counts.get(address), status, is_expected))
-        sending = [state.progress for state in states if state.frames]
+            boards.append(state.read(activation, clock_s, rate_hz, counts.get(address), status, is_expected))
+        progress = [state.progress for state in states if state.frames]
         reading = SkinReading(
             signal_counts=signal,
             active=active,
             raw_counts=self._raw.copy(),
             boards=tuple(boards),
             time_s=self._newest_s,
-            watched_s=now_s - self._began_s,
+            watched_s=now_s - self._started_s,
             age_s=self._ages(),
             disturbed=sum(state.disturbed for state in states),
             suspect=suspect,
-            baseline=sum(sending) / len(sending) if sending else 0.0,
+            baseline=sum(progress) / len(progress) if progress else 0.0,
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
             **self._counts(boards),
         )
-        return replace(reading, advice=advice_of(reading, self.skin))
+        return replace(reading, advice=advice_for(reading, self.skin))
 
     def _counts(self, boards: list[BoardReading]) -> dict[str, Any]:
-        """What the stream and the hub have counted, by the names of `SkinReading`."""
+        """Counters of the stream and the hub, by the names of `SkinReading`."""
         losses, status = self.skin.losses, self.skin.hub.status
         return {
             "scans_hz": max(board.rate_hz for board in boards),

@@ -1,22 +1,22 @@
-"""The words and tables of the browser's page, as HTML."""
+"""HTML of the texts and tables in the browser view."""
 
 from __future__ import annotations
 
 import math
 from html import escape
 
-from taxel.monitor.colours import QUIET_STEPS, STEPS, TABLE
-from taxel.monitor.header import Part, errors, figures, load
+from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE
 from taxel.monitor.reading import BoardReading, SkinReading
+from taxel.monitor.summary_text import Part, error_parts, load_parts, rate_parts
 
 _HEADINGS = (
-    ("board", "over a name: its address"),
-    ("Hz", "frames a second"),
+    ("board", "the address is shown over the name"),
+    ("Hz", "frames per second"),
     ("active", "active taxels"),
     ("signal", "largest signal (counts below the baseline)"),
-    ("lost", "frames that are missing"),
-    ("bad", "frames with a wrong CRC of their own"),
-    ("bus", "polls that failed on the bus"),
+    ("lost", "missing frames"),
+    ("bad", "frames with a wrong CRC of the board"),
+    ("bus", "failed polls on the bus"),
 )
 _BAD = "color:#c0392b;font-weight:600"
 _MUTED = "opacity:0.65"
@@ -26,23 +26,24 @@ _NAME = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
 
 def status_html(reading: SkinReading, title: str) -> str:
     """Rates, errors, load and advice."""
-    rows = [_parts(figures(reading)), _parts(errors(reading)), f'<span style="{_MUTED}">{_parts(load(reading))}</span>']
+    load = f'<span style="{_MUTED}">{_join_parts(load_parts(reading))}</span>'
+    rows = [_join_parts(rate_parts(reading)), _join_parts(error_parts(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
     body = "".join(f"<div>{row}</div>" for row in rows)
     return f'<div style="padding:0.2em 1em;font-size:0.85em"><b>{escape(title)}</b>{body}{advice}</div>'
 
 
-def _parts(parts: list[Part]) -> str:
+def _join_parts(parts: list[Part]) -> str:
     return " &middot; ".join(f'<span style="{_BAD}">{text}</span>' if is_bad else text for text, is_bad in parts)
 
 
 def legend_html(threshold: float, top: float) -> str:
-    """The scale of colours."""
+    """The colour scale. threshold, top: activation threshold and end of the scale, counts."""
     return (
         f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED}">signal (counts below the baseline)</div>'
         '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
-        f'<span style="flex:1;height:0.9em;background:{_gradient(0, QUIET_STEPS - 1)}"></span>{threshold:g}'
-        f'<span style="flex:3;height:0.9em;background:{_gradient(QUIET_STEPS, STEPS - 1)}"></span>{top:g}'
+        f'<span style="flex:1;height:0.9em;background:{_gradient(0, INACTIVE_STEPS - 1)}"></span>{threshold:g}'
+        f'<span style="flex:3;height:0.9em;background:{_gradient(INACTIVE_STEPS, STEPS - 1)}"></span>{top:g}'
         f'<span style="width:0.9em;height:0.9em;background:{_rgb(STEPS)}"></span>no data</div>'
     )
 
@@ -58,9 +59,9 @@ def _rgb(step: int) -> str:
 
 
 def table_html(reading: SkinReading) -> str:
-    """One row a board."""
+    """A table with one row for each board."""
     head = "".join(
-        f'<th style="{_NAME if name == "board" else _CELL}" title="{words}">{name}</th>' for name, words in _HEADINGS
+        f'<th style="{_NAME if name == "board" else _CELL}" title="{text}">{name}</th>' for name, text in _HEADINGS
     )
     rows = "".join(_row(board) for board in reading.boards)
     return (
@@ -70,10 +71,10 @@ def table_html(reading: SkinReading) -> str:
 
 
 def _row(board: BoardReading) -> str:
-    style = _BAD if not board.is_well else "font-weight:600" if board.active else ""
+    style = _BAD if not board.is_streaming else "font-weight:600" if board.active else ""
     active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
     cells = [
-        f"{board.rate_hz:.1f}" if board.is_well else escape(board.state),
+        f"{board.rate_hz:.1f}" if board.is_streaming else escape(board.state),
         active,
         "-" if math.isnan(board.largest_signal) else f"{board.largest_signal:.0f}",
         str(board.missing),

@@ -1,33 +1,35 @@
-"""How fast things count up, lately."""
+"""Rates of several counters over the last seconds."""
 
 from collections import deque
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from taxel.types import FloatArray
 
 
 class RecentRate:
-    """Counts a second over about the last `window_s` seconds, of several counters [k] at once."""
+    """Rates of counters [k], per second, over about the last `window_s` seconds."""
 
     def __init__(self, window_s: float = 2.0) -> None:
         self._window_s = window_s
-        self._marks: deque[tuple[NDArray[np.float64], NDArray[np.float64]]] = deque()
+        self._samples: deque[tuple[FloatArray, FloatArray]] = deque()
 
-    def update(self, times_s: ArrayLike, counts: ArrayLike) -> NDArray[np.float64]:
-        """Rates [k] from `counts` [k], each reached at its own of `times_s` [k]; 0 where no time has gone by.
+    def update(self, times_s: ArrayLike, counts: ArrayLike) -> FloatArray:
+        """Rates [k] after the counters have reached `counts` [k] at the times `times_s` [k].
 
-        A time that is NaN has not come yet.
+        The rate is 0 where no time has elapsed. A time is NaN before the first count.
         """
-        times, mark = np.array(times_s, dtype=np.float64), np.array(counts, dtype=np.float64)
-        if self._marks and np.any(times < self._marks[-1][0]):
-            self._marks.clear()  # the clock has begun anew
-        self._marks.append((times, mark))
+        times, values = np.array(times_s, dtype=np.float64), np.array(counts, dtype=np.float64)
+        if self._samples and np.any(times < self._samples[-1][0]):
+            self._samples.clear()  # the clock has restarted
+        self._samples.append((times, values))
         newest = np.max(np.nan_to_num(times, nan=-np.inf))
-        while len(self._marks) > 2 and np.nanmax(self._marks[1][0], initial=-np.inf) <= newest - self._window_s:
-            self._marks.popleft()
-        all_times, all_counts = (np.stack(rows) for rows in zip(*self._marks, strict=True))
+        while len(self._samples) > 2 and np.nanmax(self._samples[1][0], initial=-np.inf) <= newest - self._window_s:
+            self._samples.popleft()
+        all_times, all_counts = (np.stack(rows) for rows in zip(*self._samples, strict=True))
         column = np.arange(len(times))
-        first = np.isfinite(all_times).argmax(axis=0)  # a counter that began later is measured from its beginning
+        first = np.isfinite(all_times).argmax(axis=0)  # a counter that started later is measured from its start
         elapsed = times - all_times[first, column]
-        has_gone_by = elapsed > 0.0  # False where NaN
-        return np.where(has_gone_by, (mark - all_counts[first, column]) / np.where(has_gone_by, elapsed, 1.0), 0.0)
+        has_elapsed = elapsed > 0.0  # False for NaN
+        return np.where(has_elapsed, (values - all_counts[first, column]) / np.where(has_elapsed, elapsed, 1.0), 0.0)

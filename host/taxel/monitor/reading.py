@@ -1,4 +1,4 @@
-"""What a monitor says of the skin at one moment."""
+"""The state of the skin at one moment, as the views show it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,22 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand import Board
+from taxel.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
 class BoardReading:
-    """One board.
+    """State of one board.
 
     Attributes:
-        frames: taken so far.
-        rate_hz: frames a second over the last seconds.
-        missing, damaged: frames that did not come, and those whose own CRC was wrong (see `taxel.stream.BoardCount`).
-        bus_faults: polls that the hub lost on the bus: NACKs, time-outs, CRC and bus errors; None until the hub says.
+        frames: number of processed frames.
+        rate_hz: frames per second over the last seconds.
+        missing, damaged: missing frames, and frames with a wrong CRC of the board (see `taxel.stream.BoardCount`).
+        bus_faults: failed polls of the hub: NACKs, time-outs, CRC and bus errors; None before the hub has reported
+        them.
         silent_s: seconds since the last frame; None before the first.
-        active: active taxels.
-        largest_signal: counts; NaN while there is no baseline or no frame.
-        baseline: share of the baseline's samples that have come, 0 to 1.
-        state: a word or two: "streaming", "silent", "absent", "incompatible", "no frame yet".
+        active: number of active taxels.
+        largest_signal: counts; NaN without a baseline or without frames.
+        baseline: share of the baseline's samples so far, 0 to 1.
+        state: "streaming", "silent", "absent", "incompatible" or "no frame yet".
     """
 
     board: Board
@@ -38,39 +40,39 @@ class BoardReading:
     state: str
 
     @property
-    def is_well(self) -> bool:
-        """Whether its frames come."""
+    def is_streaming(self) -> bool:
+        """Whether frames of the board arrive."""
         return self.state == "streaming"
 
 
 @dataclass(frozen=True, eq=False)
 class SkinReading:
-    """The whole skin; taxels in the hand's order.
+    """State of the whole skin; taxels in the hand's order.
 
     Attributes:
-        signal_counts: f64[n], baseline minus raw count, the largest since the last reading; NaN where unknown.
-        active: bool[n], the signal is larger than the threshold.
-        raw_counts: u16[n], of the newest frame of each board; 0 before the first.
-        boards: one for each board of the hand, in its order.
-        time_s: of the newest frame, on the stream's clock; NaN before the first.
-        watched_s: seconds since the monitor began, on the clock of its user.
-        scans_hz: scans of the whole skin a second: the largest of the boards' rates.
-        frames_hz: frames a second, all boards together.
-        frames, lost_on_wire, damaged, missing, bytes_discarded, bytes_waiting, hub_restarts: since the beginning.
-        hub_dropped: frames that the hub had no room for; bus_recoveries: times it freed the bus; cycle_s: length of its
-            last poll cycle. None until the hub says.
-        age_s: from the beginning of a scan to its frame being taken, median and largest of the last second; None for
-            a stream that is not in real time.
-        disturbed: taxels that something touched while the baseline was taken.
-        suspect: taxels whose raw count is above the baseline by more than the threshold.
-        baseline: share of the baseline's samples that have come from the boards that send, 0 to 1.
-        cpu_share: of one core, used by this process lately.
-        is_ended: nothing more will come.
-        advice: what to do, if anything, in one line.
+        signal_counts: f64[n], largest signal since the last reading, counts; NaN where unknown.
+        active: bool[n], the signal exceeds the threshold.
+        raw_counts: u16[n], counts of the newest frame of each board; 0 before the first.
+        boards: one reading for each board of the hand, in its order.
+        time_s: time of the newest frame on the stream's clock; NaN before the first.
+        watched_s: seconds since the start of the monitor.
+        scans_hz: scans of the whole skin per second: the largest rate of a board.
+        frames_hz: frames of all boards per second.
+        frames, lost_on_wire, damaged, missing, bytes_discarded, bytes_waiting, hub_restarts: totals since the start.
+        hub_dropped: frames that the hub had no space for. bus_recoveries: recoveries of the bus by the hub. cycle_s:
+            duration of the last poll cycle. None before the hub has reported them.
+        age_s: time from the start of a scan to the processing of its frame, median and largest of the last second; None
+            for a stream that is not in real time.
+        disturbed: number of taxels that were touched during the baseline.
+        suspect: number of taxels whose raw count is above the baseline by more than the threshold.
+        baseline: share of the baseline's samples so far, mean of the sending boards, 0 to 1.
+        cpu_share: share of one processor core that this process has used recently.
+        is_ended: the stream has ended.
+        advice: what the user should do, in one line; None if there is no problem.
     """
 
-    signal_counts: NDArray[np.float64]
-    active: NDArray[np.bool_]
+    signal_counts: FloatArray
+    active: BoolArray
     raw_counts: NDArray[np.uint16]
     boards: tuple[BoardReading, ...]
     time_s: float
@@ -97,31 +99,31 @@ class SkinReading:
 
     @property
     def boards_streaming(self) -> int:
-        """Boards whose frames come."""
-        return sum(board.is_well for board in self.boards)
+        """Number of boards whose frames arrive."""
+        return sum(board.is_streaming for board in self.boards)
 
     @property
     def is_measuring(self) -> bool:
-        """Whether every board that sends has a baseline, and there is one."""
+        """Whether the baseline of every sending board is complete."""
         return self.baseline >= 1.0
 
     @property
     def largest_signal(self) -> float:
-        """Counts, of all taxels; NaN if nothing is known."""
-        known = self.signal_counts[np.isfinite(self.signal_counts)]
-        return float(known.max()) if known.size else float("nan")
+        """Largest signal of all taxels, counts; NaN if all are unknown."""
+        finite = self.signal_counts[np.isfinite(self.signal_counts)]
+        return float(finite.max()) if finite.size else float("nan")
 
     def as_dict(self) -> dict[str, Any]:
-        """For scripts: numbers that JSON knows, None for what is not known."""
+        """The reading as JSON values; None for unknown values."""
         return {
-            "time_s": _known(self.time_s, 6),
+            "time_s": _round_finite(self.time_s, 6),
             "watched_s": round(self.watched_s, 3),
             "scans_hz": round(self.scans_hz, 3),
             "frames_hz": round(self.frames_hz, 1),
             "boards_streaming": self.boards_streaming,
             "baseline": round(self.baseline, 3),
             "active": int(self.active.sum()),
-            "largest_drop": _known(self.largest_signal, 1),
+            "largest_drop": _round_finite(self.largest_signal, 1),
             "frames": self.frames,
             "lost_on_wire": self.lost_on_wire,
             "damaged": self.damaged,
@@ -149,9 +151,9 @@ def _board_dict(reading: BoardReading) -> dict[str, Any]:
         "damaged": reading.damaged,
         "bus_faults": reading.bus_faults,
         "active": reading.active,
-        "largest_drop": _known(reading.largest_signal, 1),
+        "largest_drop": _round_finite(reading.largest_signal, 1),
     }
 
 
-def _known(value: float, digits: int) -> float | None:
+def _round_finite(value: float, digits: int) -> float | None:
     return round(value, digits) if np.isfinite(value) else None

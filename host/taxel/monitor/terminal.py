@@ -1,4 +1,4 @@
-"""The skin on a terminal, and its keys."""
+"""View of the skin on a terminal, and its keys."""
 
 from __future__ import annotations
 
@@ -18,29 +18,31 @@ from taxel.monitor.screen import Screen
 
 
 class Keys:
-    """Keys as they are pressed, without Enter; nothing where standard input is no terminal."""
+    """Keys of standard input without Enter; no keys if standard input is no terminal."""
 
     def __init__(self) -> None:
         self._descriptor = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else -1
         self._saved: list[Any] | None = None
 
     def begin(self) -> None:
-        """Let the terminal hand over each key at once and show none; Ctrl-C stays what it is."""
+        """Make the terminal deliver each key at once without echo. Ctrl-C still interrupts the program."""
         if self._descriptor >= 0:
             import termios
             import tty
 
             self._saved = termios.tcgetattr(self._descriptor)
-            tty.setcbreak(self._descriptor, termios.TCSADRAIN)  # keeps what was typed while the skin was opened
+            tty.setcbreak(
+                self._descriptor, termios.TCSADRAIN
+            )  # keeps the keys that were typed while the skin was opened
 
-    def pressed(self) -> str:
-        """What has been pressed since the last call."""
+    def read(self) -> str:
+        """The keys since the last call."""
         if self._saved is None or not select.select([self._descriptor], [], [], 0.0)[0]:
             return ""
         return os.read(self._descriptor, 64).decode(errors="replace")
 
     def end(self) -> None:
-        """Give the terminal back as it was."""
+        """Restore the settings of the terminal."""
         if self._saved is not None:
             import termios
 
@@ -50,9 +52,9 @@ class Keys:
 
 
 class TerminalView:
-    """Draws on the whole terminal and gives it back at the end. A context manager and a `taxel.monitor.View`.
+    """View on the whole terminal, which is restored at the end. A context manager and a `taxel.monitor.View`.
 
-    Keys: q ends, b takes the baseline again, t shows the table instead of the map where there is no room for both.
+    Keys: q quits, b takes the baseline again, t shows the table instead of the map on a screen without space for both.
     """
 
     def __init__(self, console: Console, monitor: SkinMonitor, title: str) -> None:
@@ -62,7 +64,7 @@ class TerminalView:
         self._keys = Keys()
         self._alternate = console.screen(hide_cursor=True)
         self._has_colour = console.color_system is not None and not console.no_color
-        self._is_left = False
+        self._is_quit = False
         self.last: SkinReading | None = None
 
     def __enter__(self) -> Self:
@@ -77,7 +79,7 @@ class TerminalView:
         self._keys.end()
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading, and keep it as `last`."""
+        """Show a reading, and store it as `last`."""
         self.last = reading
         width, height = self._console.size
         canvas = self._screen.draw(reading, width, height, self._has_colour)
@@ -85,12 +87,12 @@ class TerminalView:
         self._console.print(canvas, end="", soft_wrap=True)
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Whether q was pressed."""
-        for key in self._keys.pressed().lower():
+        """Whether the user has typed q."""
+        for key in self._keys.read().lower():
             if key == "q":
-                self._is_left = True
+                self._is_quit = True
             elif key == "b":
-                self._monitor.begin_baseline()
+                self._monitor.restart_baseline()
             elif key == "t":
                 self._screen.shows_table = not self._screen.shows_table
-        return self._is_left
+        return self._is_quit

@@ -1,4 +1,4 @@
-"""The skin in a browser: the hand in 3-D, time series and a table, through viser."""
+"""View of the skin in a browser: the hand in 3-D, time series and a table. Needs viser."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
-from taxel.monitor.colours import TABLE, UNKNOWN, Scale, steps_of
+from taxel.monitor.colours import TABLE, UNKNOWN, ColourScale, colour_steps
 from taxel.monitor.history import History
 from taxel.monitor.model import SkinMonitor
 from taxel.monitor.page import legend_html, status_html, table_html
 from taxel.monitor.reading import SkinReading
-from taxel.monitor.scene import HandScene, scene_of
+from taxel.monitor.scene import HandScene, build_scene
+from taxel.optional import optional_import
 
 if TYPE_CHECKING:
     import viser
 
 HOST = "127.0.0.1"
 LINES = 5
-"""Time series at a time."""
+"""Number of time series in the plot."""
 
 SHOWN_S = 30.0
-"""Seconds of the time series."""
+"""Duration of the time series, seconds."""
 
 LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
-"""Of the time series: Okabe and Ito's, told apart by colour-blind people."""
+"""Colours of the time series, distinguishable by colour-blind people (Okabe and Ito)."""
 
 PANEL_EVERY = 3
-"""The panel is renewed at every third drawing: nobody reads faster."""
+"""The texts of the panel are updated at every third drawing, which is often enough for reading."""
 
 MOST_ACTIVE = "the most active taxels"
 BOARDS = "the most active boards"
@@ -42,34 +43,34 @@ LINK_COLOUR = (205, 207, 212)
 
 
 class WebError(TaxelError):
-    """The page cannot be shown."""
+    """The browser page cannot be served."""
 
 
 class WebView:
-    """Serves the page on 127.0.0.1 until it is closed. A context manager and a `taxel.monitor.View`.
+    """Serves the page on 127.0.0.1 until `close`. A context manager and a `taxel.monitor.View`.
 
-    `port`: 0 for any that is free. Raises `WebError` if viser is not installed or the port cannot be had,
-    `HandGeometryError` if the hand's description does not say where its taxels are.
+    port: 0 for a free port. Raises `MissingPackageError` if viser is not installed, `WebError` if the port is not
+    available, `HandGeometryError` for a hand description without geometry.
     """
 
     def __init__(self, monitor: SkinMonitor, title: str, port: int = 8080) -> None:
         self._monitor = monitor
         self._title = title
-        self._scene = scene_of(monitor.hand)
-        self._scale = Scale(monitor.threshold)
+        self._scene = build_scene(monitor.hand)
+        self._scale = ColourScale(monitor.threshold)
         self._history = History(monitor.hand.n_taxels)
         self._drawings = 0
         self._server = _serve(port)
         self._draw_hand()
-        self._make_panel()
+        self._create_panel()
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{HOST}:{self._server.get_port()}/"
 
     @property
-    def is_seen(self) -> bool:
+    def has_client(self) -> bool:
         """Whether a browser shows the page."""
         return bool(self._server.get_clients())
 
@@ -82,8 +83,8 @@ class WebView:
         self.close()
 
     def close(self) -> None:
-        """End the page."""
-        with contextlib.redirect_stdout(io.StringIO()):  # it takes leave, too
+        """Stop serving the page."""
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a message
             self._server.stop()
 
     def _draw_hand(self) -> None:
@@ -97,22 +98,23 @@ class WebView:
             point_shape="square", point_shading="flat", precision="float32",
         )  # fmt: skip
         self._names = [
-            server.scene.add_label(f"/names/{board.name}", board.name.replace("_", " "), position=place, visible=False)
-            for board, place in zip(self._monitor.hand.boards, hand.board_position, strict=True)
+            server.scene.add_label(
+                f"/names/{board.name}", board.name.replace("_", " "), position=position, visible=False
+            )
+            for board, position in zip(self._monitor.hand.boards, hand.board_position, strict=True)
         ]
-        eye = self._eye(PALM)
-        server.initial_camera.position = eye
+        server.initial_camera.position = self._camera_position(PALM)
         server.initial_camera.look_at = tuple(hand.centre)
         server.initial_camera.up = tuple(hand.up)
 
-    def _eye(self, side: str) -> tuple[float, float, float]:
+    def _camera_position(self, side: str) -> tuple[float, float, float]:
         sign = 1.0 if side == PALM else -1.0
         sideways = np.cross(self._scene.up, self._scene.outwards)
         direction = sign * (self._scene.outwards + 0.35 * sideways) + 0.15 * self._scene.up
         x, y, z = self._scene.centre + 1.75 * self._scene.radius * direction / np.linalg.norm(direction)
         return float(x), float(y), float(z)
 
-    def _make_panel(self) -> None:
+    def _create_panel(self) -> None:
         gui = self._server.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -120,12 +122,12 @@ class WebView:
         self._legend = gui.add_html("")
         side = gui.add_button_group("view", (PALM, BACK))
         names = gui.add_checkbox("board names", initial_value=False)
-        again = gui.add_button("Take the baseline again", hint="Nothing may touch the skin meanwhile.")
+        baseline = gui.add_button("Take the baseline again", hint="Nothing may touch the skin during the baseline.")
         options = (BOARDS, MOST_ACTIVE, *(board.name for board in self._monitor.hand.boards))
         self._choice = gui.add_dropdown("signal over time of", options, initial_value=BOARDS)
         self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
         self._plot = gui.add_uplot(
-            (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _lines(self._plotted),
+            (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _line_styles(self._plotted),
             scales=_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "signal, counts"}),
             legend={"live": False}, height=200, padding=(10, 24, 0, 0),
         )  # fmt: skip
@@ -136,7 +138,7 @@ class WebView:
             if event.client is not None:
                 with event.client.atomic():
                     event.client.camera.up_direction = tuple(self._scene.up)
-                    event.client.camera.position = self._eye(side.value)
+                    event.client.camera.position = self._camera_position(side.value)
                     event.client.camera.look_at = tuple(self._scene.centre)
 
         @names.on_update
@@ -144,20 +146,20 @@ class WebView:
             for label in self._names:
                 label.visible = names.value
 
-        @again.on_click
+        @baseline.on_click
         def _(event: Any) -> None:
-            self._monitor.begin_baseline()
+            self._monitor.restart_baseline()
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading to whoever looks."""
+        """Show a reading in all connected browsers."""
         self._history.add(reading)
         self._drawings += 1
-        if not self.is_seen and not reading.is_ended:
+        if not self.has_client and not reading.is_ended:
             return
         top = self._scale.update(reading.largest_signal, reading.watched_s)
         with self._server.atomic():
-            steps = steps_of(reading.signal_counts, self._scale.threshold, top)
-            if not np.array_equal(steps, self._steps):  # a browser draws the whole hand for each change
+            steps = colour_steps(reading.signal_counts, self._scale.threshold, top)
+            if not np.array_equal(steps, self._steps):  # a browser draws the whole hand again for each change
                 self._taxels.colors, self._steps = TABLE[steps], steps
             if self._drawings % PANEL_EVERY == 0 or reading.is_ended:
                 self._status.content = status_html(reading, self._title)
@@ -171,43 +173,44 @@ class WebView:
             return
         names, values = self._series()
         if names != self._plotted:
-            self._plot.series, self._plotted = _lines(names), names
+            self._plot.series, self._plotted = _line_styles(names), names
         if top != self._plotted_top:
             self._plot.scales, self._plotted_top = _scales(top), top
         self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
 
     def _series(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-        """Names and signals f32[t, k] of what is chosen."""
-        hand, chosen = self._monitor.hand, self._choice.value
-        if chosen == BOARDS:
-            every = np.arange(hand.n_taxels)
-            signals = self._history.taxels(every)
-            boards = np.stack([_largest(part) for part in hand.split(signals).values()], axis=1)
+        """Names and signals f32[t, k] of the selected time series."""
+        hand, selection = self._monitor.hand, self._choice.value
+        if selection == BOARDS:
+            signals = self._history.taxels(np.arange(hand.n_taxels))
+            boards = np.stack([_row_maximum(part) for part in hand.split(signals).values()], axis=1)
             order = np.argsort(-np.nan_to_num(boards, nan=-np.inf).max(axis=0, initial=-np.inf), kind="stable")[:LINES]
-            return tuple(hand.boards[i].name.replace("_", " ") for i in order), boards[:, order]
+            return tuple(_title(hand.boards[i].name) for i in order), boards[:, order]
         index = self._history.most_active(hand.n_taxels)
-        if chosen != MOST_ACTIVE:
-            index = index[hand.sensor[index] == hand.find_board(chosen).address]
-        # In the hand's order, so that two taxels that take turns in leading do not exchange colours.
+        if selection != MOST_ACTIVE:
+            index = index[hand.sensor[index] == hand.find_board(selection).address]
+        # In the hand's order, so that the colours of two taxels do not change when their signals cross.
         index = np.sort(index[:LINES])
-        names = tuple(
-            f"{hand.boards[hand.board_index[i]].name.replace('_', ' ')} TX {hand.tx[i]} RX {hand.rx[i]}" for i in index
-        )
+        names = tuple(f"{_title(hand.boards[hand.board_index[i]].name)} TX {hand.tx[i]} RX {hand.rx[i]}" for i in index)
         return names, self._history.taxels(index)
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Never: the page ends with the program."""
+        """False: the page is served until the program ends."""
         return False
 
 
-def _largest(signals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The largest of each row [t, k] that is known; NaN where none is."""
+def _title(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _row_maximum(signals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Largest known signal of each row of [t, k]; NaN where all are unknown."""
     largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
 
 
-def _lines(names: tuple[str, ...]) -> tuple[Any, ...]:
-    """How uPlot draws time and each named series."""
+def _line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
+    """Styles of the time and of each named series for uPlot."""
     lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, LINE_COLOURS, strict=False)]
     return ({"label": "time"}, *lines)
 
@@ -217,20 +220,18 @@ def _scales(top: float) -> dict[str, Any]:
 
 
 def _serve(port: int) -> viser.ViserServer:
-    try:
+    with optional_import("viser", "--web"):
         import viser
-    except ImportError:
-        raise WebError("--web needs viser, which is not installed: pip install 'taxel[web]'") from None
-    # A browser may open a connection ahead of its need and drop it; that is worth no traceback.
+    # A browser may open a connection in advance and close it unused, for which websockets logs a traceback.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it greets; we say where the page is ourselves
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner; the command prints the address
             server = viser.ViserServer(host=HOST, port=port, label="taxel", verbose=False)
     except OSError as error:
         raise WebError(
-            f"port {port} of {HOST} cannot be had ({error.strerror or error}); choose another --port"
+            f"port {port} of {HOST} is not available ({error.strerror or error}); choose another --port"
         ) from None
-    # A page could ask for a public address of itself, through a relay of viser's. Nobody has asked for that here.
+    # A page can request a public address through a relay of viser. The page must stay on this computer.
     server.request_share_url = _no_sharing  # type: ignore[method-assign]
     return server
 

@@ -1,4 +1,4 @@
-"""Skins that say what a test wants them to."""
+"""A substitute for a skin whose frames and counters a test sets, and an emulated hand on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from taxel.link.emulator import emulator_program
 from taxel.monitor import SkinMonitor
 from taxel.stream import BoardCount, TaxelFrame
 
-REST = 4000
+UNTOUCHED_COUNTS = 4000
 
 
 @dataclass
-class Puppet:
-    """What a monitor asks of a skin, and frames for it. `at` takes a frame of every board, or of some."""
+class FakeSkin:
+    """The part of a skin that a monitor uses, with frames and counters that a test sets."""
 
     hand: Hand
     is_real_time: bool = True
@@ -35,10 +35,10 @@ class Puppet:
     bytes_waiting: int = 0
 
     def __post_init__(self) -> None:
-        self.link = SimpleNamespace(name="puppet", is_real_time=self.is_real_time, is_recorded=self.is_recorded)
+        self.link = SimpleNamespace(name="fake", is_real_time=self.is_real_time, is_recorded=self.is_recorded)
         self.hub = SimpleNamespace(status=None, boards={b.address: {} for b in self.hand.boards}, board_status={})
         self.losses = SimpleNamespace(lost_on_wire=0, restarts=0, boards=self.counts)
-        self.raw = np.full(self.hand.n_taxels, REST, dtype=np.uint16)
+        self.raw = np.full(self.hand.n_taxels, UNTOUCHED_COUNTS, dtype=np.uint16)
         self.now_s = time.monotonic()
         self.monitor = SkinMonitor(self, samples=3)  # type: ignore[arg-type]
         self._cycle = 0
@@ -51,7 +51,7 @@ class Puppet:
         ]
 
     def pass_time(self, seconds: float, boards: Any = None, period_s: float = 0.05) -> None:
-        """Let scans of these boards come in for some time."""
+        """Pass frames of these boards (None: all) to the monitor for some seconds."""
         for _ in range(round(seconds / period_s)):
             self.now_s += period_s
             self.monitor.take(self.frames(boards), self.now_s)
@@ -61,18 +61,18 @@ class Puppet:
 
 
 @pytest.fixture
-def puppet() -> Any:
-    """Makes puppets: `puppet()` of the default hand, or of any other."""
+def fake_skin() -> Any:
+    """A function that creates a `FakeSkin` of the default hand or another one."""
 
-    def make(hand: str = "allegro", **options: Any) -> Puppet:
-        return Puppet(load_hand(hand), **options)
+    def make(hand: str = "allegro", **options: Any) -> FakeSkin:
+        return FakeSkin(load_hand(hand), **options)
 
     return make
 
 
 @pytest.fixture
 def emulated_port() -> Iterator[str]:
-    """A pseudo-terminal with the emulated hand behind it, as `taxel emulate` makes one."""
+    """A pseudo-terminal of an emulated hand, as `taxel emulate` creates it."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("allegro"), WorldSettings()))

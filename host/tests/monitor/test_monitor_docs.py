@@ -1,4 +1,4 @@
-"""docs/how-to-monitor.md: every block of it runs."""
+"""docs/how-to-monitor.md: all code blocks run."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 SECONDS = re.compile(r"(--seconds) \d+")
 
 
-def blocks(kind):
-    return [text for found, text in BLOCK.findall(GUIDE.read_text()) if found == kind]
+def blocks(language):
+    return [text for block_language, text in BLOCK.findall(GUIDE.read_text()) if block_language == language]
 
 
-def test_the_commands_of_the_guide_run(tmp_path, monkeypatch, capsys):
+def test_commands_of_the_guide_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for line in "".join(blocks("sh")).splitlines():
         if "--web" in line:
             pytest.importorskip("viser", reason="no viser: pip install 'taxel[web]'")
-        words = shlex.split(SECONDS.sub(r"\1 0.4", line), comments=True)  # people have more time than tests
+        words = shlex.split(SECONDS.sub(r"\1 0.4", line), comments=True)  # shorter than for a user
         assert words[0] == "taxel"
         status = exit_status(*words[1:])
-        told = capsys.readouterr()
-        assert status == 0, f"{line}: {told.err}"
-        assert "boards" in told.out or words[1] == "record"
+        output = capsys.readouterr()
+        assert status == 0, f"{line}: {output.err}"
+        assert "boards" in output.out or words[1] == "record"
 
 
-def test_the_python_of_the_guide_runs(capsys):
+def test_python_example_of_the_guide_runs(capsys):
     (text,) = blocks("python")
     exec(compile(text, str(GUIDE), "exec"), {})
     assert "0 active;" in capsys.readouterr().out
 
 
-def test_the_pictures_of_the_guide_are_there():
+def test_pictures_of_the_guide_exist():
     for name in re.findall(r"\]\((images/[\w.-]+)\)", GUIDE.read_text()):
         assert (GUIDE.parent / name).stat().st_size > 10_000

@@ -1,4 +1,4 @@
-"""A capture plays at its own speed, or a multiple of it."""
+"""Playback of a capture at its recorded speed or a multiple of it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 import pytest
 
 from taxel.link import CaptureWriter, open_link
-from taxel.monitor import PacedLink, SpeedError, open_watched
+from taxel.monitor import PacedLink, SpeedError, open_paced
 
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that goes on only while somebody sleeps."""
+    """A clock that advances only during `time.sleep`."""
     now = [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     monkeypatch.setattr(time, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
@@ -29,33 +29,33 @@ def capture(tmp_path):
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])
-def test_every_chunk_comes_when_its_time_has_come(clock, capture, speed):
+def test_chunks_arrive_at_their_times(clock, capture, speed):
     link = PacedLink(open_link(capture), speed)
-    came = []
-    while len(came) < 10:
+    arrivals = []
+    while len(arrivals) < 10:
         chunk = link.read(0.003)
         if chunk is not None:
-            came.append((chunk.data[0], clock[0] - 1000.0))
+            arrivals.append((chunk.data[0], clock[0] - 1000.0))
     with pytest.raises(EOFError):
         link.read(0.003)
     link.close()
-    assert [number for number, _ in came] == list(range(10))
-    assert [at for _, at in came] == pytest.approx([number * 0.01 / speed for number in range(10)], abs=1e-6)
+    assert [number for number, _ in arrivals] == list(range(10))
+    assert [at for _, at in arrivals] == pytest.approx([number * 0.01 / speed for number in range(10)], abs=1e-6)
 
 
-def test_whoever_gathers_chunks_gets_what_is_due(clock, capture):
+def test_collecting_chunks_gives_the_due_ones_without_waiting(clock, capture):
     link = PacedLink(open_link(capture))
     link.read(0.0)
     clock[0] += 0.035
-    gathered = []
+    collected = []
     while (chunk := link.read(0.1)) is not None:
-        gathered.append(chunk.data[0])
+        collected.append(chunk.data[0])
     link.close()
-    assert gathered == [1, 2, 3]
-    assert clock[0] == pytest.approx(1000.035)  # nothing waited
+    assert collected == [1, 2, 3]
+    assert clock[0] == pytest.approx(1000.035)  # no call has waited
 
 
 @pytest.mark.parametrize(("url", "speed"), [("file:x", 0.0), ("file:x", float("nan")), ("emulator:", 2.0)])
-def test_an_impossible_speed_is_refused(url, speed):
+def test_invalid_speed_is_refused(url, speed):
     with pytest.raises(SpeedError, match="speed"):
-        open_watched(url, speed=speed)
+        open_paced(url, speed=speed)

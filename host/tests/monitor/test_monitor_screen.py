@@ -1,4 +1,4 @@
-"""How a reading looks on terminals of any size."""
+"""Screens of a reading on terminals of several sizes."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rich.console import Console
 
 from taxel.hand import load_hand
 from taxel.monitor import Screen
-from taxel.monitor.colours import QUIET_STEPS, STEPS, TABLE, UNKNOWN, Scale, linear_light, steps_of
-from taxel.monitor.placing import in_rows, unrolled
+from taxel.monitor.board_layout import layout_rows, layout_unrolled
+from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE, UNKNOWN, ColourScale, colour_steps, linear_light
 
 SIZES = ((80, 24), (120, 40), (170, 50), (250, 70))
 
 
 @pytest.fixture
-def pressed(puppet):
+def touched(fake_skin):
     """A reading with one active taxel on the palm and one on the back of the hand."""
-    skin = puppet()
+    skin = fake_skin()
     skin.pass_time(3.0)
     skin.read()
     for name in ("palm", "back_of_hand"):
@@ -29,8 +29,8 @@ def pressed(puppet):
 
 
 def screen(reading, width, height, shows_table=False, has_colour=True):
-    """The cells of a screen: (character, colour in front, colour behind), row by row."""
-    drawer = Screen(load_hand("allegro"), "puppet", 150.0)
+    """The characters of a screen: (character, foreground colour, background colour), row by row."""
+    drawer = Screen(load_hand("allegro"), "fake", 150.0)
     drawer.shows_table = shows_table
     console = Console(file=io.StringIO(), width=width, height=height, color_system="truecolor", force_terminal=True)
     canvas = drawer.draw(reading, width, height, has_colour)
@@ -45,84 +45,84 @@ def screen(reading, width, height, shows_table=False, has_colour=True):
     return rows
 
 
-def words(rows):
+def text_of(rows):
     return "\n".join("".join(cell[0] for cell in row) for row in rows)
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_every_taxel_is_on_the_screen_once(pressed, width, height):
-    rows = screen(pressed, width, height)
+def test_every_taxel_is_on_the_screen_once(touched, width, height):
+    rows = screen(touched, width, height)
     assert len(rows) == height
     assert {len(row) for row in rows} == {width}
     drawn = sum((cell[1] is not None) + (cell[2] is not None) for row in rows[4:] for cell in row if cell[0] in "▀▄")
     assert drawn in {1073, 4 * 1073}
-    top = tuple(TABLE[steps_of(np.array([500.0]), 150.0, 500.0)[0]])
+    top = tuple(TABLE[colour_steps(np.array([500.0]), 150.0, 500.0)[0]])
     bright = sum(colour == top for row in rows[4:] for _, *colours in row for colour in colours)
     assert bright in {2, 8}
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_the_screen_says_what_counts(pressed, width, height):
-    text = words(screen(pressed, width, height))
-    for part in ("puppet", "20.0 scans/s", "17/17 boards", "2 active", "signal up to 500", "no errors", "500 counts"):
+def test_screen_has_rates_errors_and_active_taxels(touched, width, height):
+    text = text_of(screen(touched, width, height))
+    for part in ("fake", "20.0 scans/s", "17/17 boards", "2 active", "signal up to 500", "no errors", "500 counts"):
         assert part in text
 
 
-def test_the_table_is_where_there_is_room_and_else_behind_a_key(pressed):
-    assert "medial back middle" in words(screen(pressed, 170, 50))
-    assert "medial back middle" not in words(screen(pressed, 80, 24))
-    assert "medial back middle" in words(screen(pressed, 80, 24, shows_table=True))
+def test_table_is_shown_beside_the_map_or_instead_of_it(touched):
+    assert "medial back middle" in text_of(screen(touched, 170, 50))
+    assert "medial back middle" not in text_of(screen(touched, 80, 24))
+    assert "medial back middle" in text_of(screen(touched, 80, 24, shows_table=True))
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (10, 3), (40, 12), (300, 5)])
-def test_no_terminal_is_too_small(pressed, width, height):
-    assert len(screen(pressed, width, height)) == height
+def test_any_terminal_size_is_accepted(touched, width, height):
+    assert len(screen(touched, width, height)) == height
 
 
-def test_without_colour_active_taxels_are_blocks(pressed):
-    rows = screen(pressed, 80, 24, has_colour=False)
-    text = words(rows[4:])
+def test_active_taxels_are_blocks_without_colour(touched):
+    rows = screen(touched, 80, 24, has_colour=False)
+    text = text_of(rows[4:])
     assert text.count("▀") + text.count("▄") == 2
     assert text.count("·") > 500
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])
-def test_boards_and_their_names_stand_apart(name):
+def test_boards_and_their_labels_do_not_overlap(name):
     hand = load_hand(name)
-    pictures = [in_rows(hand, 80), in_rows(hand, 160, 2), unrolled(hand), unrolled(hand, 2)]
-    for picture in filter(None, pictures):
-        assert {placed.board for placed in picture.boards} == set(hand.boards)
-        taken = np.zeros((picture.height, picture.width + 1), dtype=int)
-        for placed in picture.boards:
+    layouts = [layout_rows(hand, 80), layout_rows(hand, 160, 2), layout_unrolled(hand), layout_unrolled(hand, 2)]
+    for layout in filter(None, layouts):
+        assert {placed.board for placed in layout.boards} == set(hand.boards)
+        occupied = np.zeros((layout.height, layout.width + 1), dtype=int)
+        for placed in layout.boards:
             kind = placed.board.kind
-            rows = -(-kind.tx_count * picture.scale // 2)
-            taken[placed.y : placed.y + rows, placed.x : placed.x + kind.rx_count * picture.scale] += 1
-            taken[placed.y - 1, placed.label_x : placed.label_x + len(placed.label) + 1] += 1
-        for heading in picture.words:
-            taken[heading.y, heading.x : heading.x + len(heading.text) + 1] += 1
-        assert taken.max() == 1
+            rows = -(-kind.tx_count * layout.scale // 2)
+            occupied[placed.y : placed.y + rows, placed.x : placed.x + kind.rx_count * layout.scale] += 1
+            occupied[placed.y - 1, placed.label_x : placed.label_x + len(placed.label) + 1] += 1
+        for heading in layout.headings:
+            occupied[heading.y, heading.x : heading.x + len(heading.text) + 1] += 1
+        assert occupied.max() == 1
 
 
-def test_only_the_default_hand_is_unrolled():
-    assert unrolled(load_hand("allegro")) is not None
-    assert unrolled(load_hand("rig4")) is None
+def test_only_the_default_hand_has_an_unrolled_layout():
+    assert layout_unrolled(load_hand("allegro")) is not None
+    assert layout_unrolled(load_hand("rig4")) is None
 
 
-def test_small_boards_fit_where_the_whole_hand_must():
-    assert in_rows(load_hand("allegro"), 80).width <= 80
-    assert in_rows(load_hand("allegro"), 80).height <= 20
+def test_default_hand_fits_an_80_by_24_terminal():
+    assert layout_rows(load_hand("allegro"), 80).width <= 80
+    assert layout_rows(load_hand("allegro"), 80).height <= 20
 
 
-def test_an_active_taxel_is_brighter_than_any_inactive_one():
+def test_active_taxel_is_brighter_than_any_inactive_one():
     light = linear_light(TABLE / 255.0) @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(light[:STEPS]) > 0.0).all()
-    assert light[QUIET_STEPS] > 2.0 * light[QUIET_STEPS - 1]
-    steps = steps_of(np.array([-50.0, 0.0, 150.0, 150.1, 499.0, 1e9, np.nan]), 150.0, 500.0)
-    assert steps.tolist() == [0, 0, QUIET_STEPS - 1, QUIET_STEPS, STEPS - 1, STEPS - 1, UNKNOWN]
+    assert light[INACTIVE_STEPS] > 2.0 * light[INACTIVE_STEPS - 1]
+    steps = colour_steps(np.array([-50.0, 0.0, 150.0, 150.1, 499.0, 1e9, np.nan]), 150.0, 500.0)
+    assert steps.tolist() == [0, 0, INACTIVE_STEPS - 1, INACTIVE_STEPS, STEPS - 1, STEPS - 1, UNKNOWN]
 
 
-def test_the_scale_rises_at_once_and_falls_slowly():
-    scale = Scale(150.0)
+def test_colour_scale_rises_at_once_and_falls_slowly():
+    scale = ColourScale(150.0)
     assert scale.update(20.0, 0.0) == 300.0
     assert scale.update(1200.0, 1.0) == 1500.0
     assert scale.update(20.0, 8.0) == 1500.0

@@ -1,4 +1,4 @@
-"""What a reading says in words, for any view: pairs of text and whether it is bad news."""
+"""Texts of a reading for all views: each part is a pair of a text and whether it reports a problem."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from taxel.monitor.advice import LAG_BYTES
 from taxel.monitor.reading import SkinReading
 
 QUEUE_BYTES = 1 << 14
-"""What waits between two portions is less; more is worth a word, in real time: other sources wait for their reader."""
+"""Number of waiting bytes above which a stream in real time shows them. Between two polls fewer bytes wait; sources
+that are not in real time wait for the reader.
+"""
 
 Part = tuple[str, bool]
 
 
-def figures(reading: SkinReading) -> list[Part]:
-    """Rates, boards, what is active."""
+def rate_parts(reading: SkinReading) -> list[Part]:
+    """Rates, boards, and active taxels or the progress of the baseline."""
     total = len(reading.boards)
     parts = [
         (f"{reading.scans_hz:.1f} scans/s", False),
@@ -24,15 +26,15 @@ def figures(reading: SkinReading) -> list[Part]:
     if reading.is_measuring:
         parts += [
             (f"{int(reading.active.sum())} active", False),
-            (f"signal up to {_counts(reading.largest_signal)}", False),
+            (f"signal up to {_format_counts(reading.largest_signal)}", False),
         ]
     else:
         parts.append((f"baseline {100 * reading.baseline:.0f} %", False))
     return parts
 
 
-def errors(reading: SkinReading) -> list[Part]:
-    """Everything that went wrong so far, by where it went wrong; one good word if nothing did."""
+def error_parts(reading: SkinReading) -> list[Part]:
+    """All error counters above 0; "no errors" if there is none."""
     counts = [
         ("lost on the wire", reading.lost_on_wire),
         ("damaged", reading.damaged),
@@ -45,8 +47,8 @@ def errors(reading: SkinReading) -> list[Part]:
     return [(f"{count} {name}", True) for name, count in counts if count] or [("no errors", False)]
 
 
-def load(reading: SkinReading) -> list[Part]:
-    """How late frames are, what waits, and what this program costs."""
+def load_parts(reading: SkinReading) -> list[Part]:
+    """Age of the frames, waiting bytes, and processor load of this program."""
     parts = []
     if reading.age_s is not None:
         median, largest = (1e3 * age for age in reading.age_s)
@@ -57,12 +59,12 @@ def load(reading: SkinReading) -> list[Part]:
     return parts
 
 
-def line(reading: SkinReading) -> str:
-    """All of it in one line of text."""
-    words = [text for text, _ in (*figures(reading), *errors(reading), *load(reading))]
-    head = f"{reading.watched_s:7.1f} s  " + ", ".join(words)
-    return f"{head}; {reading.advice}" if reading.advice else head
+def format_line(reading: SkinReading) -> str:
+    """All parts and the advice in one line."""
+    texts = [text for text, _ in (*rate_parts(reading), *error_parts(reading), *load_parts(reading))]
+    line = f"{reading.watched_s:7.1f} s  " + ", ".join(texts)
+    return f"{line}; {reading.advice}" if reading.advice else line
 
 
-def _counts(value: float) -> str:
+def _format_counts(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.0f}"

@@ -1,0 +1,159 @@
+"""Positions of the boards on a terminal. Lengths are in characters; a taxel is `scale` wide and half as high."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from taxel.hand import Board, Hand
+from taxel.hand.unrolled_layout import BACK, FINGERS, PALM_SIDE, get_short_name
+
+GAP = 2
+SIDE_GAP = 4
+_SPECIAL_LABELS = {"back_of_hand": "back of hand", "fingertip_thumb": "tip thumb"}
+_SHORT_PREFIXES = (
+    ("fingertip_", "tip "),
+    ("proximal_front_", "proxF "),
+    ("proximal_back_", "proxB "),
+    ("medial_front_", "medF "),
+    ("medial_back_", "medB "),
+)
+_TIPS_AND_HAND = (*PALM_SIDE[0], "fingertip_thumb", "palm", "back_of_hand")
+LONGEST_LABEL = 12
+
+
+@dataclass(frozen=True)
+class PlacedBoard:
+    """A board. (x, y): left upper corner of its block. label_x: start of the label in the row above the block."""
+
+    board: Board
+    label: str
+    x: int
+    y: int
+    label_x: int
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A text that belongs to several boards."""
+
+    text: str
+    x: int
+    y: int
+
+
+@dataclass(frozen=True)
+class BoardLayout:
+    """Size of a picture, its boards and its headings. scale: width of a taxel in characters."""
+
+    width: int
+    height: int
+    scale: int
+    boards: tuple[PlacedBoard, ...]
+    headings: tuple[Heading, ...] = ()
+
+
+def _block_height(board: Board, scale: int) -> int:
+    """Height of the block of a board, characters."""
+    return -(-board.kind.tx_count * scale // 2)
+
+
+def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
+    """Both sides of the default hand next to each other, each as seen from its own side; None for another hand."""
+    by_name = {board.name: board for board in hand.boards}
+    rows = [(*palm, *back) for palm, back in zip(PALM_SIDE, (("", "", ""), *BACK), strict=True)]
+    if not by_name.keys() <= {name for row in rows for name in row}:
+        return None
+    columns = [[by_name[name] for name in column if name in by_name] for column in zip(*rows, strict=True)]
+    widths = [max((scale * board.kind.rx_count for board in column), default=0) for column in columns]
+    fingers = (*FINGERS, *FINGERS[::-1])
+    lefts: list[int] = []
+    left = 0
+    for number, width in enumerate(widths):
+        left += SIDE_GAP - GAP if number == len(FINGERS) else 0
+        lefts.append(left)
+        left += width + GAP
+    headings: list[Heading] = []
+    headed_columns: set[int] = set()
+    placed: list[PlacedBoard] = []
+    top = 1
+    for row in rows:
+        boards = [(column, by_name[name]) for column, name in enumerate(row) if name in by_name]
+        if not boards:
+            continue
+        tallest = max(_block_height(board, scale) for _, board in boards)
+        for column, board in boards:
+            x = lefts[column] + (widths[column] - scale * board.kind.rx_count) // 2
+            y = top + 1 + tallest - _block_height(board, scale)
+            label = get_short_name(board.name)
+            placed.append(PlacedBoard(board, label, x, y, lefts[column] + _centre_offset(label, widths[column])))
+            finger = fingers[column]
+            if column not in headed_columns and board.name.endswith(finger):
+                headed_columns.add(column)
+                headings.append(Heading(finger, lefts[column] + _centre_offset(finger, widths[column]), y - 2))
+        top += tallest + 1
+    if any(name in by_name for row in BACK for name in row):
+        headings.append(Heading("back of the hand", lefts[len(FINGERS)], 0))
+    return BoardLayout(left - GAP, top, scale, tuple(placed), tuple(headings))
+
+
+def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
+    """Boards in rows of at most `width` characters, each under its name; for small terminals and for any hand."""
+    rows = _split_rows(hand, width, scale)
+    placed: list[PlacedBoard] = []
+    top = widest = 0
+    for row in rows:
+        tallest = max(_block_height(board, scale) for board in row)
+        left = 0
+        for board in row:
+            label = _label(board.name)
+            block = scale * board.kind.rx_count
+            column = max(block, len(label))
+            y = top + 1 + tallest - _block_height(board, scale)
+            x = left + (column - block) // 2
+            placed.append(PlacedBoard(board, label, x, y, left + _centre_offset(label, column)))
+            left += column + 1
+        widest = max(widest, left - 1)
+        top += tallest + 1
+    return BoardLayout(widest, top, scale, tuple(placed))
+
+
+def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
+    """The boards in rows of at most `width` characters; each group of boards starts a row."""
+    rows: list[list[Board]] = []
+    used = 0
+    for group in _groups(hand.boards):
+        for number, board in enumerate(group):
+            column = max(scale * board.kind.rx_count, len(_label(board.name)))
+            if number == 0 or used + 1 + column > width:
+                rows.append([])
+                used = 0
+            used += column + (1 if rows[-1] else 0)
+            rows[-1].append(board)
+    return rows
+
+
+def _groups(boards: Sequence[Board]) -> list[list[Board]]:
+    """Boards of similar height: the default hand's tips and plates, proximal and medial boards; else one group."""
+    prefixes = tuple(prefix for prefix, _ in _SHORT_PREFIXES)
+    groups: dict[str, list[Board]] = {}
+    for board in boards:
+        part = board.name.split("_", 1)[0]
+        is_default_name = board.name in (*_SPECIAL_LABELS, "palm") or board.name.startswith(prefixes)
+        key = "plates" if board.name in _TIPS_AND_HAND else part if is_default_name else ""
+        groups.setdefault(key, []).append(board)
+    if "plates" in groups:
+        groups["plates"].sort(key=lambda board: _TIPS_AND_HAND.index(board.name))
+    return list(groups.values())
+
+
+def _label(name: str) -> str:
+    for prefix, short in _SHORT_PREFIXES:
+        if name.startswith(prefix):
+            return name.replace(prefix, short)
+    label = _SPECIAL_LABELS.get(name, name.replace("_", " "))
+    return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
+
+
+def _centre_offset(text: str, width: int) -> int:
+    return max(0, (width - len(text)) // 2)

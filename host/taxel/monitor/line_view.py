@@ -1,0 +1,38 @@
+"""Readings as lines of text or JSON, for pipes, logs and scripts."""
+
+import json
+from collections.abc import Callable
+
+from taxel.monitor.reading import SkinReading
+from taxel.monitor.summary_text import format_line
+
+
+class LineView:
+    """Passes one line for each reading to `out`, as text or JSON."""
+
+    def __init__(self, out: Callable[[str], None], as_json: bool = False) -> None:
+        self._out = out
+        self._as_json = as_json
+
+    def draw(self, reading: SkinReading) -> None:
+        """Pass the line of a reading to `out`."""
+        self._out(json.dumps(reading.as_dict()) if self._as_json else format_line(reading))
+
+    def is_done(self, reading: SkinReading) -> bool:
+        """False: the lines continue as long as the stream."""
+        return False
+
+
+class OnceView:
+    """Shows nothing. Done at the first complete reading, or after `timeout_s` seconds without a streaming board."""
+
+    def __init__(self, timeout_s: float = 10.0) -> None:
+        self._timeout_s = timeout_s
+
+    def draw(self, reading: SkinReading) -> None:
+        """Show nothing."""
+
+    def is_done(self, reading: SkinReading) -> bool:
+        """Whether the signals and rates are known, or no frame arrives."""
+        is_timed_out = reading.watched_s > self._timeout_s and not reading.boards_streaming
+        return is_timed_out or (reading.is_measuring and reading.scans_hz > 0.0)
