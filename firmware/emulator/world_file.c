@@ -26,16 +26,21 @@ static struct board_description *find_board(struct world_description *world, uin
 static int read_board(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
+    const struct world_line *line = &reader->line;
     long address, kind, rows, columns, taxels, version = 0;
     if (world->board_count == WORLD_BOARDS_MAX) {
-        return world_reader_report_error(reader, "more boards than the maximum of 64");
+        return world_line_report_error(line, "more boards than the maximum of 64");
     }
     struct board_description *board = &world->boards[world->board_count];
-    if (world_reader_read_integer(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address) || world_reader_read_integer(reader, 2, 0, 255, &kind) ||
-        world_reader_read_integer(reader, 3, 1, TAXEL_LINES_MAX, &rows) || world_reader_read_integer(reader, 4, 1, TAXEL_LINES_MAX, &columns) ||
-        world_reader_read_integer(reader, 5, 1, TAXEL_TAXELS_MAX, &taxels) || world_reader_read_hex(reader, 6, board->crossing_map, sizeof board->crossing_map) ||
-        world_reader_read_hex(reader, 7, board->unique_id, sizeof board->unique_id) || world_reader_read_number(reader, 8, -1e5, 1e5, &board->clock_ppm) ||
-        world_reader_read_number(reader, 9, 0.1, 1e5, &board->boot_ms) || (reader->count > 10 && world_reader_read_integer(reader, 10, 0, 255, &version))) {
+    if (world_line_read_integer(line, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address) ||
+        world_line_read_integer(line, 2, 0, 255, &kind) || world_line_read_integer(line, 3, 1, TAXEL_LINES_MAX, &rows) ||
+        world_line_read_integer(line, 4, 1, TAXEL_LINES_MAX, &columns) ||
+        world_line_read_integer(line, 5, 1, TAXEL_TAXELS_MAX, &taxels) ||
+        world_line_read_hex(line, 6, board->crossing_map, sizeof board->crossing_map) ||
+        world_line_read_hex(line, 7, board->unique_id, sizeof board->unique_id) ||
+        world_line_read_number(line, 8, -1e5, 1e5, &board->clock_ppm) ||
+        world_line_read_number(line, 9, 0.1, 1e5, &board->boot_ms) ||
+        (line->count > 10 && world_line_read_integer(line, 10, 0, 255, &version))) {
         return -1;
     }
     board->address = (uint8_t)address;
@@ -53,13 +58,15 @@ static int read_board(const struct world_reader *reader)
 static int read_scan(const struct world_reader *reader)
 {
     struct taxel_scan_settings *scan = &reader->world->scan;
+    const struct world_line *line = &reader->line;
     long sub, sense, modulator, idac, settle;
-    if (world_reader_read_integer(reader, 1, 1, 65535, &sub) || world_reader_read_integer(reader, 2, 1, 65535, &sense) || world_reader_read_integer(reader, 3, 1, 255, &modulator) ||
-        world_reader_read_integer(reader, 4, 1, 255, &idac) || world_reader_read_integer(reader, 5, 0, 65535, &settle)) {
+    if (world_line_read_integer(line, 1, 1, 65535, &sub) || world_line_read_integer(line, 2, 1, 65535, &sense) ||
+        world_line_read_integer(line, 3, 1, 255, &modulator) || world_line_read_integer(line, 4, 1, 255, &idac) ||
+        world_line_read_integer(line, 5, 0, 65535, &settle)) {
         return -1;
     }
     if (sub * sense > 65535) {
-        return world_reader_report_error(reader, "sub-conversions times sense clock divider must not exceed 65535");
+        return world_line_report_error(&reader->line, "sub-conversions times sense clock divider must not exceed 65535");
     }
     scan->sub_conversions = (uint16_t)sub;
     scan->sense_clock_divider = (uint16_t)sense;
@@ -73,28 +80,29 @@ static int read_scan(const struct world_reader *reader)
 static int read_fault(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
+    const struct world_line *line = &reader->line;
     long address;
     if (world->fault_count == WORLD_FAULTS_MAX) {
-        return world_reader_report_error(reader, "more faults than the maximum of 4096");
+        return world_line_report_error(line, "more faults than the maximum of 4096");
     }
     struct fault_description *fault = &world->faults[world->fault_count];
     fault->value = fault->second_value = 0.0;
-    if (world_reader_read_number(reader, 1, 0.0, 1e7, &fault->time_s) || world_reader_read_integer(reader, 3, 0, 127, &address) ||
-        (reader->count > 4 && world_reader_read_number(reader, 4, 0.0, 1e9, &fault->value)) ||
-        (reader->count > 5 && world_reader_read_number(reader, 5, 0.0, 1e9, &fault->second_value))) {
+    if (world_line_read_number(line, 1, 0.0, 1e7, &fault->time_s) || world_line_read_integer(line, 3, 0, 127, &address) ||
+        (line->count > 4 && world_line_read_number(line, 4, 0.0, 1e9, &fault->value)) ||
+        (line->count > 5 && world_line_read_number(line, 5, 0.0, 1e9, &fault->second_value))) {
         return -1;
     }
     fault->address = (uint8_t)address;
     if (world->fault_count && fault->time_s < world->faults[world->fault_count - 1].time_s) {
-        return world_reader_report_error(reader, "faults must be sorted by time");
+        return world_line_report_error(line, "faults must be sorted by time");
     }
-    fault->kind = fault_find_kind(reader->words[2]);
+    fault->kind = fault_find_kind(line->words[2]);
     if (fault->kind == FAULT_KINDS) {
-        return world_reader_report_error(reader, "unknown fault; firmware/emulator/README.md lists the names");
+        return world_line_report_error(line, "unknown fault; firmware/emulator/README.md lists the names");
     }
     world->fault_count++;
     if (fault_get_target(fault->kind) == FAULT_TARGET_BOARD && !find_board(world, fault->address)) {
-        return world_reader_report_error(reader, "no board has that address");
+        return world_line_report_error(line, "no board has that address");
     }
     return 0;
 }
@@ -103,12 +111,12 @@ static int read_fault(const struct world_reader *reader)
 static struct board_description *find_addressed_board(const struct world_reader *reader)
 {
     long address;
-    if (world_reader_read_integer(reader, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
+    if (world_line_read_integer(&reader->line, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
         return NULL;
     }
     struct board_description *board = find_board(reader->world, (uint8_t)address);
     if (!board) {
-        (void)world_reader_report_error(reader, "no board has that address");
+        (void)world_line_report_error(&reader->line, "no board has that address");
     }
     return board;
 }
@@ -119,7 +127,7 @@ static int read_firmware(const struct world_reader *reader)
     struct board_description *board = find_addressed_board(reader);
     for (int i = 0; board && i < 3; i++) {
         long number;
-        if (world_reader_read_integer(reader, 2 + i, 0, 255, &number)) {
+        if (world_line_read_integer(&reader->line, 2 + i, 0, 255, &number)) {
             return -1;
         }
         board->firmware_version[i] = (uint8_t)number;
@@ -132,7 +140,7 @@ static int read_clock_start(const struct world_reader *reader)
 {
     double seconds;
     struct board_description *board = find_addressed_board(reader);
-    if (!board || world_reader_read_number(reader, 2, 0.0, 1e6, &seconds)) {
+    if (!board || world_line_read_number(&reader->line, 2, 0.0, 1e6, &seconds)) {
         return -1;
     }
     board->clock_start_us = seconds * 1e6;
@@ -142,22 +150,23 @@ static int read_clock_start(const struct world_reader *reader)
 /* A relative path starts at the folder of the world file. */
 static int read_image(const struct world_reader *reader, int index, uint8_t **image)
 {
+    const struct world_line *line = &reader->line;
     char path[4096];
-    int line;
-    if (index >= reader->count) {
-        return world_reader_report_error(reader, "the file name of the image is missing");
+    int image_line;
+    if (index >= line->count) {
+        return world_line_report_error(line, "the file name of the image is missing");
     }
-    const char *name = reader->words[index], *folder_end = strrchr(reader->path, '/');
-    const int folder = *name == '/' || !folder_end ? 0 : (int)(folder_end - reader->path) + 1;
-    snprintf(path, sizeof path, "%.*s%s", folder, reader->path, name);
+    const char *name = line->words[index], *folder_end = strrchr(line->path, '/');
+    const int folder = *name == '/' || !folder_end ? 0 : (int)(folder_end - line->path) + 1;
+    snprintf(path, sizeof path, "%.*s%s", folder, line->path, name);
     free(*image);
     *image = malloc(WORLD_IMAGE_SIZE);
     if (!*image) {
-        return world_reader_report_error(reader, "out of memory");
+        return world_line_report_error(line, "out of memory");
     }
-    const char *error = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &line);
+    const char *error = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &image_line);
     if (error) {
-        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", reader->path, reader->line, path, line, error);
+        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", line->path, line->number, path, image_line, error);
         return -1;
     }
     return 0;
@@ -166,7 +175,7 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
 static int read_flag(const struct world_reader *reader, bool *flag)
 {
     long value;
-    if (world_reader_read_integer(reader, 1, 0, 1, &value)) {
+    if (world_line_read_integer(&reader->line, 1, 0, 1, &value)) {
         return -1;
     }
     *flag = value != 0;
@@ -184,13 +193,14 @@ static int read_blank(const struct world_reader *reader)
 
 static int read_seed(const struct world_reader *reader, const char *error, uint64_t *seed)
 {
+    const struct world_line *line = &reader->line;
     char *end;
-    if (reader->count < 2) {
-        return world_reader_report_error(reader, "a number is missing");
+    if (line->count < 2) {
+        return world_line_report_error(line, "a number is missing");
     }
     errno = 0;
-    *seed = strtoull(reader->words[1], &end, 10);
-    return *end || errno || !isdigit((unsigned char)reader->words[1][0]) ? world_reader_report_error(reader, error) : 0;
+    *seed = strtoull(line->words[1], &end, 10);
+    return *end || errno || !isdigit((unsigned char)line->words[1][0]) ? world_line_report_error(line, error) : 0;
 }
 
 static int read_line(const struct world_reader *reader)
@@ -200,7 +210,7 @@ static int read_line(const struct world_reader *reader)
     if (scene <= 0) {
         return scene;
     }
-    const char *keyword = reader->words[0];
+    const char *keyword = reader->line.words[0];
     double value;
     if (strcmp(keyword, "board") == 0) {
         return read_board(reader);
@@ -234,7 +244,7 @@ static int read_line(const struct world_reader *reader)
         return read_clock_start(reader);
     }
     if (strcmp(keyword, "effect") == 0) {
-        return effects_read_line(reader);
+        return effects_read_line(&world->effects, &reader->line, world->boards, world->board_count);
     }
     if (strcmp(keyword, "seed") == 0) {
         return read_seed(reader, "seed: expected a whole number from 0 to 2^64 - 1", &world->seed);
@@ -259,56 +269,48 @@ static int read_line(const struct world_reader *reader)
     };
     for (size_t i = 0; i < sizeof settings / sizeof settings[0]; i++) {
         if (strcmp(keyword, settings[i].keyword) == 0) {
-            if (world_reader_read_number(reader, 1, settings[i].low, settings[i].high, &value)) {
+            if (world_line_read_number(&reader->line, 1, settings[i].low, settings[i].high, &value)) {
                 return -1;
             }
             *settings[i].target = value;
             return 0;
         }
     }
-    fprintf(stderr, "world %s, line %d: unknown keyword '%s'\n", reader->path, reader->line, keyword);
+    fprintf(stderr, "world %s, line %d: unknown keyword '%s'\n", reader->line.path, reader->line.number, keyword);
     return -1;
 }
 
-static void split_line(struct world_reader *reader, char *line)
+static bool is_header(const struct world_line *line)
 {
-    char *saved;
-    char *comment = strchr(line, '#');
-    if (comment) {
-        *comment = '\0';
-    }
-    reader->count = 0;
-    for (char *word = strtok_r(line, " \t\r\n", &saved); word && reader->count < WORLD_READER_WORDS_MAX;
-         word = strtok_r(NULL, " \t\r\n", &saved)) {
-        reader->words[reader->count++] = word;
-    }
+    return line->count == 2 && strcmp(line->words[0], "taxel-world") == 0 && strcmp(line->words[1], "1") == 0;
 }
 
 static int read_lines(struct world_reader *reader, FILE *file)
 {
-    char line[LINE_SIZE_MAX];
-    while (fgets(line, sizeof line, file)) {
-        reader->line++;
-        if (!strchr(line, '\n') && !feof(file)) {
-            return world_reader_report_error(reader, "the line is longer than 510 characters");
+    struct world_line *line = &reader->line;
+    char text[LINE_SIZE_MAX];
+    while (fgets(text, sizeof text, file)) {
+        line->number++;
+        if (!strchr(text, '\n') && !feof(file)) {
+            return world_line_report_error(line, "the line is longer than 510 characters");
         }
-        split_line(reader, line);
-        if (reader->line == 1) {
-            if (reader->count != 2 || strcmp(reader->words[0], "taxel-world") != 0 || strcmp(reader->words[1], "1") != 0) {
-                return world_reader_report_error(reader, "expected 'taxel-world 1' as the first line");
+        world_line_split(line, text);
+        if (line->number == 1) {
+            if (!is_header(line)) {
+                return world_line_report_error(line, "expected 'taxel-world 1' as the first line");
             }
             continue;
         }
-        if (reader->count && read_line(reader)) {
+        if (line->count && read_line(reader)) {
             return -1;
         }
     }
-    return reader->world->board_count ? world_scene_check(reader) : world_reader_report_error(reader, "no board is described");
+    return reader->world->board_count ? world_scene_check(reader) : world_line_report_error(&reader->line, "no board is described");
 }
 
 int world_file_read(struct world_description *world, const char *path)
 {
-    struct world_reader reader = {.path = path, .world = world};
+    struct world_reader reader = {.line = {.path = path}, .world = world};
     FILE *file = fopen(path, "r");
     memset(world, 0, sizeof *world);
     world->seed = 1;

@@ -7,19 +7,16 @@
 
 #include "check.h"
 #include "emulator/electronics.h"
-#include "emulator/world_reader.h"
+#include "emulator/effects/effect_line.h"
 
 /* Read an effect line of a world file, without the word `effect`. Returns 0 or -1. */
 static inline int read_effect(struct world_description *world, const char *text)
 {
     char line[256];
-    char *saved;
-    struct world_reader reader = {.path = "test", .line = 1, .world = world};
+    struct world_line words = {.path = "test", .number = 1};
     snprintf(line, sizeof line, "effect %s", text);
-    for (char *word = strtok_r(line, " ", &saved); word; word = strtok_r(NULL, " ", &saved)) {
-        reader.words[reader.count++] = word;
-    }
-    return effects_read_line(&reader);
+    world_line_split(&words, line);
+    return effects_read_line(&world->effects, &words, world->boards, world->board_count);
 }
 
 struct bench {

@@ -26,15 +26,11 @@ struct skin_bench {
 /* Read an effect line without the word `effect`. Returns 0, or -1 if it is rejected. */
 static inline int add_effect(struct world_description *world, const char *line)
 {
-    char copy[256];
-    struct world_reader reader = {.path = "test", .world = world};
-    static char effect[] = "effect";
-    snprintf(copy, sizeof copy, "%s", line);
-    reader.words[reader.count++] = effect;
-    for (char *word = strtok(copy, " "); word; word = strtok(NULL, " ")) {
-        reader.words[reader.count++] = word;
-    }
-    return effects_read_line(&reader);
+    char text[256];
+    struct world_line words = {.path = "test"};
+    snprintf(text, sizeof text, "effect %s", line);
+    world_line_split(&words, text);
+    return effects_read_line(&world->effects, &words, world->boards, world->board_count);
 }
 
 /* Open an 8 x 8 board without the taxel at crossing `hole` (-1: all taxels). */

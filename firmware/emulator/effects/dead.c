@@ -16,7 +16,7 @@ int dead_read(struct effect_line *line, struct effects *effects)
     if (dead->count == DEAD_MAX) {
         return effect_line_report_error(line, "more than 128 dead taxels");
     }
-    const long last = line->reader->world->boards[one.board].taxel_count - 1;
+    const long last = line->boards[one.board].taxel_count - 1;
     if (effect_line_integer(line, "taxel", 0, last, &taxel) ||
         (form == 0 && effect_line_optional(line, "strength", 0.0, 1.0, 1.0, &one.strength)) ||
         (form == 1 && effect_line_integer(line, "value", 0, 65535, &value))) {

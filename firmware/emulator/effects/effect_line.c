@@ -10,19 +10,22 @@
 
 int effect_line_report_error(const struct effect_line *line, const char *message)
 {
-    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->reader->path, line->reader->line, line->name, message);
+    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->source->path, line->source->number, line->name, message);
     return -1;
 }
 
-int effect_line_open(struct effect_line *line, const struct world_reader *reader)
+int effect_line_open(struct effect_line *line, const struct world_line *source,
+                     const struct board_description *boards, size_t board_count)
 {
     memset(line, 0, sizeof *line);
-    line->reader = reader;
-    if (reader->count < FIRST_KEY) {
-        return world_reader_report_error(reader, "expected 'effect NAME FORM key=value ...', found no form");
+    line->source = source;
+    line->boards = boards;
+    line->board_count = board_count;
+    if (source->count < FIRST_KEY) {
+        return world_line_report_error(source, "expected 'effect NAME FORM key=value ...', found no form");
     }
-    line->name = reader->words[1];
-    line->form = reader->words[2];
+    line->name = source->words[1];
+    line->form = source->words[2];
     return 0;
 }
 
@@ -35,8 +38,8 @@ int effect_line_form_index(struct effect_line *line, const char *const *forms)
         }
         snprintf(known_forms + strlen(known_forms), sizeof known_forms - strlen(known_forms), "%s%s", i ? ", " : "", forms[i]);
     }
-    fprintf(stderr, "world %s, line %d: effect %s: expected one of the forms %s, found '%s'\n", line->reader->path,
-            line->reader->line, line->name, known_forms, line->form);
+    fprintf(stderr, "world %s, line %d: effect %s: expected one of the forms %s, found '%s'\n", line->source->path,
+            line->source->number, line->name, known_forms, line->form);
     return -1;
 }
 
@@ -44,8 +47,8 @@ int effect_line_form_index(struct effect_line *line, const char *const *forms)
 static int find_key(const struct effect_line *line, const char *key)
 {
     const size_t length = strlen(key);
-    for (int i = FIRST_KEY; i < line->reader->count; i++) {
-        if (strncmp(line->reader->words[i], key, length) == 0 && line->reader->words[i][length] == '=') {
+    for (int i = FIRST_KEY; i < line->source->count; i++) {
+        if (strncmp(line->source->words[i], key, length) == 0 && line->source->words[i][length] == '=') {
             return i;
         }
     }
@@ -62,7 +65,7 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
     const int index = find_key(line, key);
     char *end = NULL;
     if (index) {
-        const char *text = line->reader->words[index] + strlen(key) + 1;
+        const char *text = line->source->words[index] + strlen(key) + 1;
         line->used[index] = true;
         errno = 0;
         *value = strtod(text, &end);
@@ -70,8 +73,8 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
             return 0;
         }
     }
-    fprintf(stderr, "world %s, line %d: effect %s: expected %s= with a number from %g to %g, found %s\n", line->reader->path,
-            line->reader->line, line->name, key, low, high, index ? line->reader->words[index] : "nothing");
+    fprintf(stderr, "world %s, line %d: effect %s: expected %s= with a number from %g to %g, found %s\n", line->source->path,
+            line->source->number, line->name, key, low, high, index ? line->source->words[index] : "nothing");
     return -1;
 }
 
@@ -95,9 +98,9 @@ int effect_line_board(struct effect_line *line, size_t *index)
 {
     const int word = find_key(line, "board");
     char *end = NULL;
-    const long address = word ? strtol(line->reader->words[word] + strlen("board="), &end, 0) : -1;
-    for (size_t i = 0; word && !*end && i < line->reader->world->board_count; i++) {
-        if (line->reader->world->boards[i].address == address) {
+    const long address = word ? strtol(line->source->words[word] + strlen("board="), &end, 0) : -1;
+    for (size_t i = 0; word && !*end && i < line->board_count; i++) {
+        if (line->boards[i].address == address) {
             line->used[word] = true;
             *index = i;
             return 0;
@@ -108,10 +111,10 @@ int effect_line_board(struct effect_line *line, size_t *index)
 
 int effect_line_check_keys(const struct effect_line *line)
 {
-    for (int i = FIRST_KEY; i < line->reader->count; i++) {
+    for (int i = FIRST_KEY; i < line->source->count; i++) {
         if (!line->used[i]) {
-            fprintf(stderr, "world %s, line %d: effect %s %s: unknown or misspelt '%s'\n", line->reader->path,
-                    line->reader->line, line->name, line->form, line->reader->words[i]);
+            fprintf(stderr, "world %s, line %d: effect %s %s: unknown or misspelt '%s'\n", line->source->path,
+                    line->source->number, line->name, line->form, line->source->words[i]);
             return -1;
         }
     }

@@ -6,16 +6,21 @@
 #define EMULATOR_EFFECTS_EFFECT_LINE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
-#include "emulator/world_reader.h"
+#include "emulator/board_description.h"
+#include "emulator/world_line.h"
 
 struct effect_line {
-    const struct world_reader *reader;
+    const struct world_line *source;
+    const struct board_description *boards; /* [board_count] described so far */
+    size_t board_count;
     const char *name, *form;
-    bool used[WORLD_READER_WORDS_MAX];
+    bool used[WORLD_LINE_WORDS_MAX];
 };
 
-int effect_line_open(struct effect_line *line, const struct world_reader *reader);
+int effect_line_open(struct effect_line *line, const struct world_line *source,
+                     const struct board_description *boards, size_t board_count);
 int effect_line_report_error(const struct effect_line *line, const char *message);
 
 /* Index of the line's form in `forms` (terminated by NULL), or -1 after an error that lists the forms. */

@@ -27,17 +27,18 @@ static const struct {
     {"proximity", proximity_read}, {"moisture", moisture_read}, {"modulus", modulus_read},
 };
 
-int effects_read_line(const struct world_reader *reader)
+int effects_read_line(struct effects *effects, const struct world_line *line,
+                      const struct board_description *boards, size_t board_count)
 {
-    struct effect_line line;
-    if (effect_line_open(&line, reader)) {
+    struct effect_line effect;
+    if (effect_line_open(&effect, line, boards, board_count)) {
         return -1;
     }
     for (size_t i = 0; i < sizeof modules / sizeof modules[0]; i++) {
-        if (strcmp(modules[i].name, line.name) == 0) {
-            return modules[i].read(&line, &reader->world->effects) ? -1 : effect_line_check_keys(&line);
+        if (strcmp(modules[i].name, effect.name) == 0) {
+            return modules[i].read(&effect, effects) ? -1 : effect_line_check_keys(&effect);
         }
     }
-    fprintf(stderr, "world %s, line %d: unknown effect '%s'\n", reader->path, reader->line, line.name);
+    fprintf(stderr, "world %s, line %d: unknown effect '%s'\n", line->path, line->number, effect.name);
     return -1;
 }

@@ -51,9 +51,12 @@ struct effects {
     struct modulus_effect modulus;
 };
 
-struct world_reader;
+struct board_description;
+struct world_line;
 
-/* Read a world-file line that begins with `effect`. Returns 0, or -1 after one line on stderr. */
-int effects_read_line(const struct world_reader *reader);
+/* Read a world-file line that begins with `effect`; boards [board_count] are those described before it. Returns 0, or -1 after one line on
+ * stderr. */
+int effects_read_line(struct effects *effects, const struct world_line *line,
+                      const struct board_description *boards, size_t board_count);
 
 #endif

@@ -7,14 +7,13 @@
 
 static int read_boards(struct effect_line *line, struct exchange *one)
 {
-    const struct world_description *world = line->reader->world;
-    const struct board_description *board = &world->boards[one->board];
+    const struct board_description *board = &line->boards[one->board];
     long address;
     if (effect_line_integer(line, "other", TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
         return -1;
     }
-    for (size_t i = 0; i < world->board_count; i++) {
-        const struct board_description *other = &world->boards[i];
+    for (size_t i = 0; i < line->board_count; i++) {
+        const struct board_description *other = &line->boards[i];
         if (other->address == address) {
             one->other_board = i;
             return i != one->board && other->rows == board->rows && other->columns == board->columns &&
@@ -28,7 +27,7 @@ static int read_boards(struct effect_line *line, struct exchange *one)
 
 static int read_lines(struct effect_line *line, struct exchange *one)
 {
-    const struct board_description *board = &line->reader->world->boards[one->board];
+    const struct board_description *board = &line->boards[one->board];
     long axis, index, other;
     if (effect_line_integer(line, "axis", 0, 1, &axis)) {
         return -1;

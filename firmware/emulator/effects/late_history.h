@@ -2,7 +2,11 @@
 #ifndef EMULATOR_EFFECTS_LATE_HISTORY_H
 #define EMULATOR_EFFECTS_LATE_HISTORY_H
 
-#include "emulator/skin/skin.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "emulator/skin/taxel_field.h"
+#include "emulator/vtime.h"
 
 struct late_record {
     vtime time;

@@ -19,7 +19,7 @@ int line_read(struct effect_line *line, struct effects *effects)
     if (lines->count == LINE_EFFECTS_MAX) {
         return effect_line_report_error(line, "more than 64 broken lines");
     }
-    const struct board_description *board = &line->reader->world->boards[one.board];
+    const struct board_description *board = &line->boards[one.board];
     if (effect_line_integer(line, "axis", 0, 1, &axis)) {
         return -1;
     }

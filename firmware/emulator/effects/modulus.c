@@ -30,7 +30,7 @@ int modulus_read(struct effect_line *line, struct effects *effects)
         effect_line_optional(line, "gradient", -1.0, 1.0, 0.0, &gradient)) {
         return -1;
     }
-    const uint8_t address = line->reader->world->boards[index].address;
+    const uint8_t address = line->boards[index].address;
     modulus->log_factor[address] = log(factor);
     modulus->gradient[address] = gradient;
     return 0;

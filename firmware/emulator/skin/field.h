@@ -8,13 +8,8 @@
 #define EMULATOR_SKIN_FIELD_H
 
 #include "emulator/skin/patch.h"
+#include "emulator/skin/taxel_field.h"
 #include "emulator/world_file.h"
-
-struct taxel_field {
-    double rise;  /* relative rise of the fringe capacitance through the layer, mean over the taxel */
-    double gap;   /* distance to the object before contact, metres, mean over the cells; CONTACT_FAR_M if no effect uses it */
-    double force; /* newtons */
-};
 
 /* Load on a board's cells at a record. */
 struct field_load {

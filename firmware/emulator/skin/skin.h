@@ -8,20 +8,9 @@
 #define EMULATOR_SKIN_SKIN_H
 
 #include "emulator/thread_pool.h"
-#include "emulator/skin/contact.h"
-#include "emulator/skin/field.h"
+#include "emulator/skin/skin_board.h"
 #include "emulator/stimulus.h"
 #include "emulator/world_file.h"
-
-struct skin_board {
-    struct patch patch;
-    struct field field;
-    size_t first_taxel;                 /* index of its first taxel in the stimulus */
-    struct field_load loads[2];         /* at the records before (loads[earlier]) and after the current time */
-    struct taxel_field *before, *after; /* [taxels] at `from` and `until` */
-    double *compression;                /* [cells] of the latest contact, metres */
-    unsigned unchanged_steps;                     /* consecutive steps without a change */
-};
 
 struct skin {
     const struct world_description *description;
