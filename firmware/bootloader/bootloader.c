@@ -43,8 +43,8 @@ static void start_image(struct taxel_boot *boot)
 void taxel_boot_run(struct taxel_boot *boot)
 {
     const struct taxel_boot_hal *const hal = boot->config->flash.hal;
-    if (boot->restart_wanted) {
-        boot->restart_wanted = false;
+    if (boot->restart_requested) {
+        boot->restart_requested = false;
         hal->restart(hal->context);
         return;
     }

@@ -54,7 +54,7 @@ struct taxel_boot {
     bool silent;      /* a search named other boards */
     bool entered;
     bool programmed; /* a row of the free slot was written since ENTER */
-    bool restart_wanted;
+    bool restart_requested;
     bool started;
     uint8_t fill; /* bytes of row[] that have come */
     uint8_t row[TAXEL_BOOT_ROW_SIZE];

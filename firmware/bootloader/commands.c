@@ -47,7 +47,7 @@ static uint8_t leave(struct taxel_boot *boot, const struct taxel_boot_packet *pa
 {
     (void)packet;
     (void)reply;
-    boot->restart_wanted = true;
+    boot->restart_requested = true;
     return TAXEL_BOOT_STATUS_OK;
 }
 

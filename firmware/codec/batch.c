@@ -3,14 +3,14 @@
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 
-/* One step searches at most a full chunk buffer and the step itself. Frames without delimiters between them may fill it, and
- * the shortest is 12 stuffed bytes. */
+/* One step searches at most a full chunk buffer plus the step itself. Both may be filled with frames without delimiters, of which
+ * the shortest has 12 stuffed bytes. */
 #define STEP (TAXEL_BATCH_CHUNK_SIZE / 2u)
 #define SEARCHED_MAX (TAXEL_BATCH_CHUNK_SIZE + STEP)
 #define FRAMES_MAX (SEARCHED_MAX / 12u)
-#define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX) /* the shortest compact one is 30, and may have all taxels */
+#define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX) /* the shortest compact frame has 30 bytes, with any number of taxels */
 
-#define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* a register of all ones, after four bytes of zero */
+#define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* CRC register that held all ones, after four zero bytes */
 
 size_t taxel_batch_struct_size(void)
 {
@@ -22,18 +22,18 @@ size_t taxel_batch_row_size(void)
     return sizeof(struct taxel_batch_row);
 }
 
-/* Cycles that should have brought a frame and did not. A board that scans more slowly than it is polled has nothing new to say
- * in some cycles: no more frames can be missing than scans were passed over. */
+/* Number of missing frames. A board that scans more slowly than it is polled has no new snapshot in some cycles: no more frames
+ * can be missing than scans were skipped. */
 static uint16_t missing_between(uint16_t cycles, uint16_t scans)
 {
     const uint16_t steps = cycles < scans ? cycles : scans;
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* What does not come from the snapshot, and whether a cycle is missing before it. A board may be polled while it codes: it has
- * nothing to say then, and a newer scan in the next cycle, so that one scan (`unshown`) passed over says nothing. */
+/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it codes has no snapshot
+ * in that cycle and a newer one in the next: `skipped` is the number of skipped scans that are no loss. */
 static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
-                    uint16_t unshown)
+                    uint16_t skipped)
 {
     const uint8_t address = header->address;
     row->address = address;
@@ -42,7 +42,7 @@ static void account(struct taxel_batch *batch, struct taxel_batch_row *row, cons
     if (batch->has_cycle[address]) {
         const uint16_t scans = (uint16_t)(row->board_sequence - batch->last_scan[address]);
         row->missing_before = missing_between((uint16_t)(header->cycle - batch->last_cycle[address]),
-                                              scans > unshown ? (uint16_t)(scans - unshown) : 0);
+                                              scans > skipped ? (uint16_t)(scans - skipped) : 0);
         batch->totals.missing[address] += row->missing_before;
     }
     batch->has_cycle[address] = true;
@@ -68,8 +68,8 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
         output->count_count += header.taxel_count;
         batch->totals.received[header.address]++;
         break;
-    case TAXEL_COMPACT_UNKNOWN:
-        row->flags |= TAXEL_BATCH_NO_REFERENCE;
+    case TAXEL_COMPACT_NO_KEY_FRAME:
+        row->flags |= TAXEL_BATCH_NO_KEY_FRAME;
         batch->totals.undecoded[header.address]++;
         break;
     default:
@@ -80,7 +80,7 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
     account(batch, row, &header, 1);
 }
 
-/* restrict: without it every count is read, written and checked against the next by itself. */
+/* restrict lets the compiler vectorise this loop. */
 static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -91,22 +91,23 @@ static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict byt
 static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_t size)
 {
     for (size_t i = 0; i < batch->size_count; i++) {
-        if (batch->beyond_header[i].size == size) {
-            return &batch->beyond_header[i];
+        if (batch->after_header[i].size == size) {
+            return &batch->after_header[i];
         }
     }
     if (batch->size_count == TAXEL_BATCH_SIZES) {
         return NULL;
     }
-    struct taxel_crc32_zeros *zeros = &batch->beyond_header[batch->size_count++];
+    struct taxel_crc32_zeros *zeros = &batch->after_header[batch->size_count++];
     taxel_crc32_zeros_init(zeros, size);
     return zeros;
 }
 
-/* Is the board's CRC right, in a frame whose own is? The frame's goes over header, snapshot and the board's CRC b; the board's over
- * its address a and the same snapshot. Two registers, the header's h and the address's, differ after n more bytes by what n zeros
- * make of h - a. So if b is the register of a and snapshot, inverted, then that of the frame without b differs from b's bytes by all
- * ones and that; four zeros on, it is the frame's CRC. No byte of the snapshot is looked at. */
+/* Whether the board's CRC is right, in a frame whose own CRC is right. The frame's CRC covers header, snapshot and the board's CRC b;
+ * the board's CRC covers its address a and the same snapshot. After n common bytes, the registers of header h and address a differ
+ * by the effect of n zero bytes on h ^ a. If b is right, it is the inverted register of a and snapshot; the frame's register before
+ * b then differs from b by all ones and that effect, and four zero bytes later it gives the frame's CRC. So no byte of the snapshot
+ * is read a second time. */
 static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
 {
     const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE, *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
@@ -115,8 +116,8 @@ static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_fra
     if (!zeros) {
         return taxel_crc32(taxel_crc32(0, &address, 1), snapshot, size - 4u) == taxel_get_u32(snapshot + size - 4u);
     }
-    const uint32_t apart = taxel_crc32(0, body, (size_t)(snapshot - body)) ^ taxel_crc32(0, &address, 1);
-    return (~taxel_get_u32(snapshot + size) ^ ONES_AND_FOUR_ZEROS) == taxel_crc32_zeros_after(zeros, apart);
+    const uint32_t difference = taxel_crc32(0, body, (size_t)(snapshot - body)) ^ taxel_crc32(0, &address, 1);
+    return (~taxel_get_u32(snapshot + size) ^ ONES_AND_FOUR_ZEROS) == taxel_crc32_zeros_after(zeros, difference);
 }
 
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
@@ -176,7 +177,7 @@ static void store(void *context, const struct taxel_frame *frame)
     const bool is_compact = frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS;
     const bool is_taxels = is_compact || frame->type == TAXEL_FRAME_TYPE_TAXELS;
     struct taxel_batch_row *row =
-        is_taxels ? &output->taxels[output->taxel_count++] : &output->others[output->other_count++];
+        is_taxels ? &output->taxel_rows[output->taxel_count++] : &output->message_rows[output->message_count++];
     memset(row, 0, sizeof *row);
     row->stream_position = batch->deframer.position;
     row->type = frame->type;
@@ -211,15 +212,15 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
 static void set_output(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     batch->output = output;
-    output->taxel_count = output->other_count = output->count_count = output->payload_count = 0;
+    output->taxel_count = output->message_count = output->count_count = output->payload_count = 0;
 }
 
 /* n stuffed bytes decode to fewer than n bytes of payload. */
-static bool has_room(const struct taxel_batch *batch)
+static bool has_space(const struct taxel_batch *batch)
 {
     const struct taxel_batch_output *output = batch->output;
     return output->row_capacity - output->taxel_count > FRAMES_MAX &&
-           output->row_capacity - output->other_count > FRAMES_MAX &&
+           output->row_capacity - output->message_count > FRAMES_MAX &&
            output->count_capacity - output->count_count > COUNTS_MAX &&
            output->payload_capacity - output->payload_count > SEARCHED_MAX;
 }
@@ -228,7 +229,7 @@ size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_
 {
     size_t taken = 0;
     set_output(batch, output);
-    while (taken < size && has_room(batch)) {
+    while (taken < size && has_space(batch)) {
         const size_t left = size - taken;
         taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < STEP ? left : STEP);
     }
@@ -238,7 +239,7 @@ size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     set_output(batch, output);
-    if (!has_room(batch)) {
+    if (!has_space(batch)) {
         return false;
     }
     taxel_deframer_finish(&batch->deframer);
@@ -255,7 +256,7 @@ uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
     return batch->deframer.discarded_bytes;
 }
 
-size_t taxel_batch_answers(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
+size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
 {
     size_t size = 0;
     for (unsigned address = 0; address < TAXEL_BATCH_ADDRESSES; address++) {
@@ -266,7 +267,7 @@ size_t taxel_batch_answers(struct taxel_batch *batch, uint8_t *payload, size_t c
         const bool forget = receiver->answer == TAXEL_COMPACT_ANSWER_FORGET;
         const struct taxel_acknowledgement answer = {
             .address = (uint8_t)(address | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u)),
-            .reference = forget ? 0 : receiver->candidate.name,
+            .key_frame = forget ? 0 : receiver->pending.id,
         };
         taxel_acknowledgement_pack(&answer, payload + size);
         size += TAXEL_ACKNOWLEDGEMENT_SIZE;

@@ -2,11 +2,12 @@
 
 #include <string.h>
 
-/* A USB adapter's packet has 62 bytes, and most records are one: copied as a whole, which the head leaves room for. */
+/* Most records are one packet of a USB adapter, 62 bytes: they are copied with a fixed size, and the record's head provides the
+ * space for the excess bytes. */
 #define PACKET 64u
 
-/* Captures are little-endian, and so may be read by machines that are not. */
-static uint64_t get(const uint8_t *bytes, size_t size)
+/* Captures are little-endian on every machine. */
+static uint64_t get_uint(const uint8_t *bytes, size_t size)
 {
     uint64_t value = 0;
     for (size_t i = size; i; i--) {
@@ -30,12 +31,12 @@ void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct
                           struct taxel_capture_block *block)
 {
     size_t used = 0, payload = 0, records = 0;
-    block->wanted = 0;
+    block->next_record_size = 0;
     while (size - used >= TAXEL_CAPTURE_RECORD_HEAD) {
-        const uint64_t time_ns = get(bytes + used, 8);
-        const size_t length = (size_t)get(bytes + used + 8, 4);
+        const uint64_t time_ns = get_uint(bytes + used, 8);
+        const size_t length = (size_t)get_uint(bytes + used + 8, 4);
         if (length > TAXEL_CAPTURE_RECORD_MAX || length > size - used - TAXEL_CAPTURE_RECORD_HEAD) {
-            block->wanted = (uint64_t)length + TAXEL_CAPTURE_RECORD_HEAD;
+            block->next_record_size = (uint64_t)length + TAXEL_CAPTURE_RECORD_HEAD;
             break;
         }
         move_down(bytes + payload, bytes + used + TAXEL_CAPTURE_RECORD_HEAD, length, size - used - TAXEL_CAPTURE_RECORD_HEAD);

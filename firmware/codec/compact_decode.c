@@ -1,4 +1,4 @@
-/* Bytes to counts, for the host. Whatever the bytes are, nothing is read beyond them and every count is one of 16 bits. */
+/* Bytes to counts, for the host. For any bytes, nothing is read beyond their end and every count has 16 bits. */
 #include "codec/compact.h"
 
 #define TOP 0x1000000u
@@ -23,7 +23,7 @@ static void shift(struct range_decoder *decoder)
 static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
-    return target < last ? target : last; /* what the division leaves over belongs to nobody: damage can point there */
+    return target < last ? target : last; /* the remainder of the division belongs to no share; only damaged bytes point there */
 }
 
 static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, uint8_t bits)
@@ -65,7 +65,7 @@ static bool take_count(struct range_decoder *decoder, taxel_compact_state state,
         return take_escape(decoder, state, count);
     }
     const uint8_t raw_bits = taxel_compact_raw_bits(state);
-    /* Nothing is expected further off than eight scales, which are less than 2^(octave + 1) counts. */
+    /* The distribution ends at eight scales, which are less than 2^(octave + 1) counts. */
     const uint32_t centre = taxel_compact_centre(state), half = 2u + (2u << ((state & TAXEL_COMPACT_LEVEL_MAX) >> 6));
     uint32_t low = (centre > half ? centre - half : 0u) >> raw_bits;
     uint32_t high = (centre + half < COUNT_MAX ? centre + half : COUNT_MAX) >> raw_bits;
@@ -107,14 +107,14 @@ bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, cons
 
 void taxel_compact_unpack(const uint8_t *bytes, size_t taxels, uint8_t width, uint16_t *counts)
 {
-    uint32_t waiting = 0;
+    uint32_t buffer = 0;
     uint8_t bits = 0;
     for (size_t i = 0; i < taxels; i++) {
         for (; bits < width; bits = (uint8_t)(bits + 8u)) {
-            waiting |= (uint32_t)*bytes++ << bits;
+            buffer |= (uint32_t)*bytes++ << bits;
         }
-        counts[i] = (uint16_t)(waiting & ((1u << width) - 1u));
-        waiting >>= width;
+        counts[i] = (uint16_t)(buffer & ((1u << width) - 1u));
+        buffer >>= width;
         bits = (uint8_t)(bits - width);
     }
 }

@@ -1,4 +1,4 @@
-/* Counts to bytes: a range coder (Martin, 1979) without division, 32 bits wide, that carries into the bytes it has written. */
+/* Counts to bytes: a range coder (Martin, 1979) of 32 bits without division; carries propagate into the bytes already written. */
 #include "codec/compact.h"
 
 #define TOP 0x1000000u /* the range stays above it */
@@ -18,7 +18,7 @@ static void carry(struct range_encoder *encoder)
     }
 }
 
-/* Narrow to [first, first + size) of 2^bits equal shares. False: the bytes are full. */
+/* Narrow the interval to [first, first + size) of 2^bits equal shares. False: the output is full. */
 static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, uint8_t bits)
 {
     const uint32_t share = encoder->range >> bits;
@@ -63,7 +63,7 @@ static bool put_count(struct range_encoder *encoder, taxel_compact_state state, 
            (!interval.raw_bits || put(encoder, count & ((1u << interval.raw_bits) - 1u), 1, interval.raw_bits));
 }
 
-/* The fewest bytes that stand for the interval; a reader takes zeros for what is left out. */
+/* Write the fewest bytes that identify the interval; a decoder reads zeros behind them. */
 static bool finish(struct range_encoder *encoder)
 {
     unsigned kept = 0;
@@ -129,16 +129,16 @@ size_t taxel_compact_packed_size(uint8_t width, size_t taxels)
 
 void taxel_compact_pack(const uint8_t *counts, size_t taxels, uint8_t width, uint8_t *bytes)
 {
-    uint32_t waiting = 0;
+    uint32_t buffer = 0;
     uint8_t bits = 0;
     for (size_t i = 0; i < taxels; i++) {
-        waiting |= (uint32_t)taxel_get_u16(counts + 2u * i) << bits;
+        buffer |= (uint32_t)taxel_get_u16(counts + 2u * i) << bits;
         for (bits = (uint8_t)(bits + width); bits >= 8u; bits = (uint8_t)(bits - 8u)) {
-            *bytes++ = (uint8_t)waiting;
-            waiting >>= 8;
+            *bytes++ = (uint8_t)buffer;
+            buffer >>= 8;
         }
     }
     if (bits) {
-        *bytes = (uint8_t)waiting;
+        *bytes = (uint8_t)buffer;
     }
 }

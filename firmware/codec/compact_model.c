@@ -1,10 +1,10 @@
-/* What is expected of a taxel's next count, and what a candidate teaches. Numbers and rounding are part of the protocol: both
- * sides must come to the same state. */
+/* Prediction of a taxel's next count, and its update by a key frame. Constants and rounding are part of the protocol: both sides
+ * must compute the same state. */
 #include "codec/compact.h"
 
 #define COUNT_MAX 0xFFFFu
 #define HALF_COUNT (1u << (TAXEL_COMPACT_FRACTION_BITS - 1u))
-#define EXACT_RESIDUALS 64u /* smaller ones are remembered as they are */
+#define EXACT_RESIDUALS 64u /* smaller residuals are stored exactly */
 #define RESIDUAL_NEGATIVE 0x80u
 
 static const uint16_t cumulative[] = TAXEL_COMPACT_CUMULATIVE;
@@ -28,9 +28,9 @@ static uint32_t distance(taxel_compact_state state, uint32_t difference)
     return (difference * multipliers[(level >> 3) & 7u]) >> (level >> 6);
 }
 
-taxel_compact_state taxel_compact_begin(uint16_t count, uint8_t form)
+taxel_compact_state taxel_compact_initial_state(uint16_t count, uint8_t format)
 {
-    const uint32_t start = (form & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
+    const uint32_t start = (format & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
     return ((uint32_t)count << (TAXEL_COMPACT_FRACTION_BITS + TAXEL_COMPACT_LEVEL_BITS)) |
            (TAXEL_COMPACT_LEVEL_START + TAXEL_COMPACT_LEVEL_START_STEP * start);
 }
@@ -57,8 +57,8 @@ uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
     uint32_t share = cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
     if (size < TAXEL_COMPACT_REACH) {
         const uint16_t *corner = &cumulative[size >> TAXEL_COMPACT_STEP_BITS];
-        const uint32_t rest = size & ((1u << TAXEL_COMPACT_STEP_BITS) - 1u);
-        share = corner[0] + (((uint32_t)(corner[1] - corner[0]) * rest) >> TAXEL_COMPACT_STEP_BITS);
+        const uint32_t fraction = size & ((1u << TAXEL_COMPACT_STEP_BITS) - 1u);
+        share = corner[0] + (((uint32_t)(corner[1] - corner[0]) * fraction) >> TAXEL_COMPACT_STEP_BITS);
     }
     return below ? middle - share : middle + share;
 }
@@ -79,7 +79,7 @@ uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
     if (size < EXACT_RESIDUALS) {
         return (uint8_t)(sign | size);
     }
-    uint8_t code = EXACT_RESIDUALS; /* a quarter of an octave each, from 64 on */
+    uint8_t code = EXACT_RESIDUALS; /* one code per quarter of an octave, from 64 on */
     while (size >= 2u * EXACT_RESIDUALS) {
         size >>= 1;
         code = (uint8_t)(code + 4u);
@@ -87,7 +87,7 @@ uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
     return (uint8_t)(sign | (code + ((size >> 4) & 3u)));
 }
 
-/* The middle of what that byte stands for. */
+/* Middle of the range of residuals that this code represents. */
 static uint32_t size_of(uint8_t residual)
 {
     const uint32_t code = residual & ~RESIDUAL_NEGATIVE;
@@ -97,7 +97,7 @@ static uint32_t size_of(uint8_t residual)
     return (72u + 16u * (code & 3u)) << ((code - EXACT_RESIDUALS) >> 2);
 }
 
-static uint32_t moved(uint32_t value, bool down, uint32_t by, uint32_t largest)
+static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest)
 {
     if (down) {
         return value > by ? value - by : 0u;
@@ -105,24 +105,24 @@ static uint32_t moved(uint32_t value, bool down, uint32_t by, uint32_t largest)
     return by < largest - value ? value + by : largest;
 }
 
-taxel_compact_state taxel_compact_learn(taxel_compact_state state, uint8_t residual, uint8_t updates)
+taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t residual, uint8_t updates)
 {
     const uint32_t gain = gains[updates - 1u], mean = mean_of(state);
     const uint32_t from = ((uint32_t)taxel_compact_centre(state)) << TAXEL_COMPACT_FRACTION_BITS;
     const uint32_t by = size_of(residual) << TAXEL_COMPACT_FRACTION_BITS;
-    /* What the board remembers may lie below 0 or beyond the largest count: 32 bits wrap, and the sign is the top one. */
+    /* The quantised count may lie below 0 or above the largest count: the difference wraps, and its top bit is the sign. */
     const uint32_t difference = (residual & RESIDUAL_NEGATIVE ? from - by : from + by) - mean;
     const bool down = difference >> 31;
     const uint32_t size = down ? 0u - difference : difference;
     const uint32_t scales = distance(state, size);
     uint32_t level = level_of(state);
     if (scales >= TAXEL_COMPACT_JUMP) {
-        return (moved(mean, down, size, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
+        return (shifted(mean, down, size, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
     }
     const uint32_t clipped = scales < TAXEL_COMPACT_CLIP ? scales : TAXEL_COMPACT_CLIP;
-    const uint32_t found = (clipped * TAXEL_COMPACT_MEAN_DEVIATION) >> 10;
-    const bool smaller = found < TAXEL_COMPACT_UNIT;
-    const uint32_t excess = smaller ? TAXEL_COMPACT_UNIT - found : found - TAXEL_COMPACT_UNIT;
-    level = moved(level, smaller, (excess * gain * TAXEL_COMPACT_LEVEL_STEP + (1u << 17)) >> 18, TAXEL_COMPACT_LEVEL_MAX);
-    return (moved(mean, down, (size * gain + 128u) >> 8, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
+    const uint32_t spread = (clipped * TAXEL_COMPACT_MEAN_DEVIATION) >> 10;
+    const bool smaller = spread < TAXEL_COMPACT_UNIT;
+    const uint32_t excess = smaller ? TAXEL_COMPACT_UNIT - spread : spread - TAXEL_COMPACT_UNIT;
+    level = shifted(level, smaller, (excess * gain * TAXEL_COMPACT_LEVEL_STEP + (1u << 17)) >> 18, TAXEL_COMPACT_LEVEL_MAX);
+    return (shifted(mean, down, (size * gain + 128u) >> 8, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
 }

@@ -1,4 +1,20 @@
-/* What a host remembers of one board that sends compact snapshots, and what it answers (protocol/SPEC.md, "Compact snapshot"). */
+/* A host's receiver of the compact snapshots of one board, and the acknowledgement that it sends back (protocol/SPEC.md, "Compact
+ * snapshot").
+ *
+ * Integration (`bytes`: the payload of a COMPACT_TAXELS frame after its header; one receiver per board, all zeros at first):
+ *
+ *     static struct taxel_compact_receiver receiver;
+ *     struct taxel_compact_snapshot snapshot;
+ *     if (taxel_compact_receive(&receiver, address, taxel_count, bytes, size, &snapshot) == TAXEL_COMPACT_OK) {
+ *         use(snapshot.counts);
+ *     }
+ *     if (receiver.answer == TAXEL_COMPACT_ANSWER_ACKNOWLEDGE) {
+ *         send_acknowledgement(address, receiver.pending.id);
+ *     } else if (receiver.answer == TAXEL_COMPACT_ANSWER_FORGET) {
+ *         send_acknowledgement(address | TAXEL_ACKNOWLEDGE_FORGET, 0);
+ *     }
+ *     receiver.answer = TAXEL_COMPACT_ANSWER_NONE;
+ */
 #ifndef TAXEL_COMPACT_RECEIVER_H
 #define TAXEL_COMPACT_RECEIVER_H
 
@@ -6,8 +22,8 @@
 
 enum taxel_compact_result {
     TAXEL_COMPACT_OK = 0,
-    TAXEL_COMPACT_DAMAGED,   /* the CRC is wrong, or no board makes these bytes */
-    TAXEL_COMPACT_UNKNOWN,   /* coded against a reference that this host does not have */
+    TAXEL_COMPACT_DAMAGED,      /* the CRC is wrong, or no board produces these bytes */
+    TAXEL_COMPACT_NO_KEY_FRAME, /* a delta frame whose key frame this host does not have */
 };
 
 enum taxel_compact_answer {
@@ -16,20 +32,21 @@ enum taxel_compact_answer {
     TAXEL_COMPACT_ANSWER_FORGET,
 };
 
-struct taxel_compact_reference {
-    bool known;
+/* State from which delta frames are decoded. */
+struct taxel_compact_key_frame {
+    bool is_valid;
     uint8_t taxels;
     uint8_t updates;
-    uint16_t name;
+    uint16_t id; /* low 16 bits of the CRC-32 of the snapshot that produced this state */
     uint32_t timestamp_us;
     taxel_compact_state states[TAXEL_COMPACT_TAXELS_MAX];
 };
 
 struct taxel_compact_receiver {
-    uint8_t answer; /* to be sent; whoever sends it sets it to NONE */
-    uint8_t wait;   /* snapshots until the answer is said again, should it have no effect */
-    struct taxel_compact_reference reference;
-    struct taxel_compact_reference candidate; /* its name is that of the acknowledgement */
+    uint8_t answer; /* enum taxel_compact_answer: to be sent; the sender then sets NONE */
+    uint8_t snapshots_until_repeat; /* snapshots after which an answer without effect is sent again */
+    struct taxel_compact_key_frame key_frame;
+    struct taxel_compact_key_frame pending; /* the last snapshot marked as a key frame; its id is acknowledged */
 };
 
 struct taxel_compact_snapshot {
@@ -38,7 +55,7 @@ struct taxel_compact_snapshot {
     uint16_t counts[TAXEL_COMPACT_TAXELS_MAX];
 };
 
-/* Decode a compact snapshot, from `sequence` to `crc32`. Unless the result is OK, nothing of *snapshot is to be believed. */
+/* Decode a compact snapshot, from `sequence` to `crc32`. *snapshot is valid only if the result is TAXEL_COMPACT_OK. */
 enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address, uint8_t taxels,
                                                 const uint8_t *bytes, size_t size, struct taxel_compact_snapshot *snapshot);
 

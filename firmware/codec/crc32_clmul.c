@@ -1,12 +1,12 @@
 /* CRC-32 by carry-less multiplication on x86-64: V. Gopal et al., "Fast CRC Computation for Generic Polynomials Using PCLMULQDQ
  * Instruction", Intel, 2009. Remainders are folded 16 bytes at a time, then reduced once. */
-#include "codec/crc32_ways.h"
+#include "codec/crc32_variants.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
 
 #include <immintrin.h>
 
-#define LANES 4u
+#define STREAMS 4u
 #define BLOCK 16u
 #define CLMUL __attribute__((target("pclmul,sse4.1"), always_inline)) static inline
 
@@ -43,25 +43,25 @@ CLMUL uint32_t reduce(__m128i remainder)
     return (uint32_t)_mm_extract_epi32(_mm_xor_si128(x, _mm_clmulepi64_si128(quotient, REDUCE, 0x00)), 1);
 }
 
-/* Bytes of a vector moved up by n (down by 16 - n is the other half), zeros in their place. */
-CLMUL __m128i moved(__m128i vector, int n)
+/* Bytes of a vector shifted up by n positions (negative: down), with zeros shifted in. */
+CLMUL __m128i shifted(__m128i vector, int n)
 {
-    const __m128i places = _mm_set_epi8(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
-    const __m128i from = _mm_sub_epi8(places, _mm_set1_epi8((char)n));
-    const __m128i outside = _mm_cmpgt_epi8(from, _mm_set1_epi8(15)); /* negative ones have their highest bit set already */
+    const __m128i indices = _mm_set_epi8(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
+    const __m128i from = _mm_sub_epi8(indices, _mm_set1_epi8((char)n));
+    const __m128i outside = _mm_cmpgt_epi8(from, _mm_set1_epi8(15)); /* negative indices already have their highest bit set */
     return _mm_shuffle_epi8(vector, _mm_or_si128(from, outside));
 }
 
 __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc, const uint8_t *bytes, size_t size)
 {
-    /* A first block with what is beyond whole blocks at its upper end: zeros before it change nothing. What the register holds is
-     * added to the first four bytes, which may reach into the next block. */
+    /* The first block holds the bytes beyond whole blocks at its upper end; zeros before them have no effect. The register is added
+     * to the first four bytes of the message, which may extend into the next block. */
     const size_t odd = size % BLOCK;
     const __m128i state = _mm_cvtsi32_si128((int)~crc);
     __m128i block = load(bytes), carried = state;
     if (odd) {
-        block = moved(_mm_xor_si128(block, state), (int)(BLOCK - odd));
-        carried = moved(state, -(int)odd);
+        block = shifted(_mm_xor_si128(block, state), (int)(BLOCK - odd));
+        carried = shifted(state, -(int)odd);
         bytes += odd;
         size -= odd;
         block = fold(block, FOLD_ONE, load(bytes));
@@ -69,18 +69,18 @@ __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc
     block = _mm_xor_si128(block, carried);
     bytes += BLOCK;
     size -= BLOCK;
-    if (size >= (2u * LANES - 1u) * BLOCK) {
-        __m128i lanes[LANES] = {block, load(bytes), load(bytes + BLOCK), load(bytes + 2u * BLOCK)};
-        bytes += (LANES - 1u) * BLOCK;
-        size -= (LANES - 1u) * BLOCK;
-        while (size >= LANES * BLOCK) {
-            for (size_t i = 0; i < LANES; i++) {
-                lanes[i] = fold(lanes[i], FOLD_FOUR, load(bytes + i * BLOCK));
+    if (size >= (2u * STREAMS - 1u) * BLOCK) {
+        __m128i streams[STREAMS] = {block, load(bytes), load(bytes + BLOCK), load(bytes + 2u * BLOCK)};
+        bytes += (STREAMS - 1u) * BLOCK;
+        size -= (STREAMS - 1u) * BLOCK;
+        while (size >= STREAMS * BLOCK) {
+            for (size_t i = 0; i < STREAMS; i++) {
+                streams[i] = fold(streams[i], FOLD_FOUR, load(bytes + i * BLOCK));
             }
-            bytes += LANES * BLOCK;
-            size -= LANES * BLOCK;
+            bytes += STREAMS * BLOCK;
+            size -= STREAMS * BLOCK;
         }
-        block = fold(fold(fold(lanes[0], FOLD_ONE, lanes[1]), FOLD_ONE, lanes[2]), FOLD_ONE, lanes[3]);
+        block = fold(fold(fold(streams[0], FOLD_ONE, streams[1]), FOLD_ONE, streams[2]), FOLD_ONE, streams[3]);
     }
     for (; size; size -= BLOCK, bytes += BLOCK) {
         block = fold(block, FOLD_ONE, load(bytes));

@@ -1,14 +1,14 @@
 #include "codec/crc32.h"
 
-#include "codec/crc32_ways.h"
+#include "codec/crc32_variants.h"
 
 #define SLICES 16u
 
-/* Slicing (Kounavis and Berry, 2005), sixteen bytes a step: tables[k][b] is byte b followed by k zero bytes. */
+/* Slicing (Kounavis and Berry, 2005), sixteen bytes per step: tables[k][b] is byte b followed by k zero bytes. */
 static uint32_t tables[SLICES][256];
 static bool has_clmul;
 
-/* Before anything runs: a conversion adds two bytes, and must not ask each time whether the tables are there. */
+/* Filled when the library is loaded: a check at each call would be slow, because many calls add only two bytes. */
 __attribute__((constructor)) static void fill_tables(void)
 {
     has_clmul = taxel_crc32_has_clmul();
@@ -46,7 +46,7 @@ uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
         bytes += SLICES;
         size -= SLICES;
     }
-    if (size >= 4) { /* fewer than a step: all bytes at once again, and not one after the other */
+    if (size >= 4) { /* fewer bytes than a step: again all at once instead of one after the other */
         const uint32_t first = little_endian_u32(bytes) ^ crc;
         crc = 0;
         for (size_t i = 0; i < 4; i++) {

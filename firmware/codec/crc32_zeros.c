@@ -7,7 +7,7 @@
 static uint32_t after_zeros(uint32_t state, size_t size)
 {
     static const uint8_t zeros[BLOCK];
-    uint32_t crc = ~state; /* taxel_crc32() inverts what it is given and what it gives */
+    uint32_t crc = ~state; /* taxel_crc32() inverts its argument and its result */
     for (; size > BLOCK; size -= BLOCK) {
         crc = taxel_crc32(crc, zeros, BLOCK);
     }

@@ -41,7 +41,7 @@ static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t
     return NULL;
 }
 
-/* Whole length of the body that this header begins, or 0 if type and length do not go together. */
+/* Length of the body that begins with this header, or 0 if type and length do not agree. */
 static size_t expected_length(const struct taxel_deframer *deframer, const uint8_t *header)
 {
     const struct rule *rule = rule_of(deframer, header[0]);
@@ -83,8 +83,8 @@ static void deliver(struct taxel_deframer *deframer, size_t size)
     deframer->config.handler(deframer->config.context, &frame);
 }
 
-/* Stuffed bytes that the frame at the start of `bytes` takes, after delivering it; 0 if no frame begins there. Its end is
- * the end of the block where the unstuffed length is the one that the header claims: no delimiter is needed. */
+/* Deliver the frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A frame ends
+ * with the block at which the unstuffed length equals the length stated in the header: no delimiter is needed. */
 static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     uint8_t *body = deframer->config.body;
@@ -140,8 +140,8 @@ static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size
     return start;
 }
 
-/* The chunk buffer is full without a delimiter in sight: search all but the bytes that may begin an unfinished frame. */
-static void make_room(struct taxel_deframer *deframer)
+/* The chunk buffer is full and contains no delimiter: search all but the last bytes, at which an incomplete frame may begin. */
+static void make_space(struct taxel_deframer *deframer)
 {
     const size_t keep = taxel_encoded_size_max(deframer->config.payload_max);
     const size_t used = search(deframer, deframer->config.chunk, deframer->fill, deframer->fill - keep);
@@ -153,10 +153,10 @@ static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t
 {
     while (size) {
         if (deframer->fill == deframer->config.chunk_capacity) {
-            make_room(deframer);
+            make_space(deframer);
         }
-        const size_t room = deframer->config.chunk_capacity - deframer->fill;
-        const size_t step = size < room ? size : room;
+        const size_t space = deframer->config.chunk_capacity - deframer->fill;
+        const size_t step = size < space ? size : space;
         memcpy(deframer->config.chunk + deframer->fill, bytes, step);
         deframer->fill += step;
         bytes += step;
@@ -177,7 +177,7 @@ size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t 
     const size_t used = zero ? length + 1u : size;
     deframer->position += used;
     if (zero && !deframer->fill && length <= deframer->config.chunk_capacity) {
-        (void)search(deframer, bytes, length, length); /* the whole chunk is here: no copy */
+        (void)search(deframer, bytes, length, length); /* the chunk is complete: no copy is needed */
         return used;
     }
     append(deframer, bytes, length);

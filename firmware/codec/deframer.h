@@ -1,5 +1,19 @@
-/* Frames out of a byte stream. A chunk between two zeros that is not one whole frame is searched at every byte, so that no
- * valid frame is lost to a broken neighbour. Never allocates; never trusts a length before it has checked it. */
+/* Frames out of a byte stream. A chunk between two zeros that is not exactly one frame is searched at every byte, so that no
+ * valid frame is lost because of a damaged neighbour. Allocates no memory, and uses no length before it has checked it.
+ *
+ * Integration:
+ *
+ *     static uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)], body[TAXEL_BODY_MAX];
+ *     static const struct taxel_deframer_config config = {
+ *         .chunk = chunk, .chunk_capacity = sizeof chunk, .body = body, .payload_max = TAXEL_PAYLOAD_MAX,
+ *         .directions = TAXEL_DIRECTION_TO_HOST, .handler = on_frame, .context = NULL,
+ *     };
+ *     static struct taxel_deframer deframer;
+ *     taxel_deframer_init(&deframer, &config);
+ *     taxel_deframer_push(&deframer, bytes, size);  // for each piece of the stream; calls on_frame() for each frame
+ *     taxel_deframer_finish(&deframer);             // at the end of the stream
+ *
+ * firmware/tests/test_integration_examples.c compiles and runs this example. */
 #ifndef TAXEL_DEFRAMER_H
 #define TAXEL_DEFRAMER_H
 
@@ -7,7 +21,7 @@
 #include <stdint.h>
 
 struct taxel_frame {
-    const uint8_t *payload; /* valid during the handler only */
+    const uint8_t *payload; /* valid only during the handler's call */
     uint16_t length;
     uint16_t sequence;
     uint8_t type;
@@ -21,11 +35,20 @@ enum taxel_direction {
 };
 
 struct taxel_deframer_config {
-    uint8_t *chunk; /* chunk_capacity bytes, at least twice taxel_encoded_size_max(payload_max) */
+    /* Buffer for the bytes of an incomplete chunk. Size in bytes: at least twice taxel_encoded_size_max(payload_max). */
+    uint8_t *chunk;
     size_t chunk_capacity;
-    uint8_t *body; /* 9 + payload_max bytes */
+
+    /* Buffer for one unstuffed frame: payload_max + 9 bytes (header and CRC). */
+    uint8_t *body;
+
+    /* Longest accepted payload in bytes, 0 to TAXEL_PAYLOAD_MAX (498). */
     uint16_t payload_max;
-    uint8_t directions; /* which frame types are believed: TAXEL_DIRECTION_... */
+
+    /* Accepted frame types: a bitwise OR of enum taxel_direction, 1 to 3. */
+    uint8_t directions;
+
+    /* Called for each frame, with `context`, which may be NULL. */
     taxel_frame_handler handler;
     void *context;
 };
@@ -33,7 +56,7 @@ struct taxel_deframer_config {
 struct taxel_deframer {
     struct taxel_deframer_config config;
     size_t fill;
-    uint64_t position;        /* bytes of the stream taken so far */
+    uint64_t position;        /* bytes of the stream processed so far */
     uint64_t discarded_bytes; /* bytes that belong to no frame; delimiters do not count */
     uint64_t frames;
 };
@@ -41,10 +64,10 @@ struct taxel_deframer {
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config);
 void taxel_deframer_push(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size);
 
-/* Push at most up to and including the next zero; returns the bytes taken, so that a caller can stop between frames. */
+/* Push at most up to and including the next zero; returns the bytes processed, so that a caller can stop between frames. */
 size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size);
 
-/* The stream has ended: search what is left. */
+/* The stream has ended: search the remaining bytes. */
 void taxel_deframer_finish(struct taxel_deframer *deframer);
 
 #endif

@@ -8,7 +8,7 @@
 size_t taxel_encoded_size_max(size_t payload_length)
 {
     const size_t body = TAXEL_FRAME_HEADER_SIZE + payload_length + TAXEL_FRAME_CRC_SIZE;
-    const size_t full_blocks = (body * 16514u) >> 22; /* body / 254, exact to 16,000: a division takes 270 bytes of a Cortex-M0 */
+    const size_t full_blocks = (body * 16514u) >> 22; /* body / 254, exact up to 16,000; a division would take 270 bytes of flash on a Cortex-M0 */
     return body + full_blocks + 1u + 2u;
 }
 
@@ -19,7 +19,7 @@ static uint8_t *after(const struct taxel_encoder *encoder, uint8_t *at)
     return at + 1 == encoder->limit ? encoder->ring : at + 1;
 }
 
-/* The place of a block's code is left open until the block is closed. */
+/* The byte of a block's code is reserved, and written when the block is closed. */
 static uint8_t *open_block(struct taxel_encoder *encoder, uint8_t *at)
 {
     encoder->code_at = at;
@@ -32,7 +32,7 @@ static void put(struct taxel_encoder *encoder, uint8_t byte)
     encoder->at = after(encoder, encoder->at);
 }
 
-/* What every byte changes stays out of memory: on a Cortex-M0 that is much of the work. */
+/* Values that change with every byte are kept in registers: memory accesses are slow on a Cortex-M0. */
 static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
     uint8_t *at = encoder->at;
@@ -47,7 +47,7 @@ static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t
             const bool is_full = code == FULL_BLOCK;
             code = 1;
             if (is_full) {
-                continue; /* the byte is still to come, and may be a zero */
+                continue; /* the current byte is not encoded yet, and may be a zero */
             }
         } else {
             *at++ = byte;
@@ -55,7 +55,7 @@ static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t
             code++;
         }
         bytes++;
-        whitening = TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT; /* its low byte counts */
+        whitening = TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT; /* only the low byte is used */
     }
     encoder->at = at;
     encoder->whitening = (uint8_t)whitening;
@@ -82,7 +82,7 @@ void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t ca
 
 void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
-    if (size) { /* nothing may be nowhere */
+    if (size) { /* `bytes` may be NULL for an empty piece */
         encoder->crc = taxel_crc32(encoder->crc, bytes, size);
         put_body(encoder, bytes, size);
     }

@@ -1,11 +1,21 @@
-/* Frames onto a wire: header, payload in pieces, CRC-32, whitening, byte stuffing and delimiters in one pass. */
+/* Frames onto a wire: header, payload in pieces, CRC-32, whitening, byte stuffing and delimiters in one pass.
+ *
+ * Integration (`wire` has at least taxel_encoded_size_max(payload_size) bytes):
+ *
+ *     struct taxel_encoder encoder;
+ *     taxel_encoder_begin(&encoder, wire, sizeof wire, 0, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, sequence, payload_size);
+ *     taxel_encoder_put(&encoder, payload, payload_size);  // any number of pieces
+ *     size = taxel_encoder_end(&encoder);
+ *     send(wire, size);
+ *
+ * firmware/tests/test_integration_examples.c compiles and runs this example. */
 #ifndef TAXEL_ENCODER_H
 #define TAXEL_ENCODER_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* Writes into a ring of any size (a plain buffer is a ring that does not wrap). Only the encoder touches its members. */
+/* Writes into a ring of any size (a linear buffer is a ring that does not wrap). The members belong to the encoder. */
 struct taxel_encoder {
     uint8_t *ring, *limit;
     uint8_t *start, *at, *code_at;
@@ -14,10 +24,10 @@ struct taxel_encoder {
     uint8_t whitening;
 };
 
-/* Bytes on the wire of a payload of that length at most, delimiters included. */
+/* Largest number of bytes on the wire for a payload of that length, delimiters included. */
 size_t taxel_encoded_size_max(size_t payload_length);
 
-/* Begin a frame at ring[position]. The ring must have room for taxel_encoded_size_max(payload_length) bytes. */
+/* Begin a frame at ring[position]. The ring must have space for taxel_encoded_size_max(payload_length) bytes. */
 void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t capacity, size_t position, uint8_t type,
                          uint16_t sequence, uint16_t payload_length);
 void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size);
@@ -25,7 +35,7 @@ void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size
 /* Finish the frame; returns its bytes on the wire. */
 size_t taxel_encoder_end(struct taxel_encoder *encoder);
 
-/* Where in the ring the next byte would go. */
+/* Position in the ring of the next byte. */
 size_t taxel_encoder_position(const struct taxel_encoder *encoder);
 
 #endif

@@ -2,10 +2,10 @@
 
 #include "generated/taxel_protocol.h"
 
-/* The sequence as long as a body, so that the XOR below is one straight loop that the compiler makes vectors of. */
+/* The sequence for the longest body, so that the compiler can vectorise the XOR below. */
 static uint8_t sequence[TAXEL_BODY_MAX + 1u];
 
-/* When the program or library is loaded: asking at every frame whether it was done costs as much as a short frame's XOR. */
+/* Filled when the program or library is loaded: a check at each frame costs as much as the XOR of a short frame. */
 __attribute__((constructor)) static void fill_sequence(void)
 {
     uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;

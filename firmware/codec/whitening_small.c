@@ -2,14 +2,14 @@
 
 #include "generated/taxel_protocol.h"
 
-/* factor^n and the increment that n steps add up to, for n = 1, 2, 4 ... 128: any element is at most eight steps away. */
+/* Factor and increment of n steps together, for n = 1, 2, 4 ... 128: any element is reached in at most eight steps. */
 static uint8_t element(size_t index)
 {
     uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;
     uint8_t factor = (uint8_t)TAXEL_WHITENING_FACTOR;
     uint8_t increment = (uint8_t)TAXEL_WHITENING_INCREMENT;
-    for (uint8_t left = (uint8_t)index; left; left >>= 1) {
-        if (left & 1u) {
+    for (uint8_t bits = (uint8_t)index; bits; bits >>= 1) {
+        if (bits & 1u) {
             value = (uint8_t)(factor * value + increment);
         }
         increment = (uint8_t)((factor + 1u) * increment);

@@ -51,11 +51,11 @@ void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kin
 
 static void begin_scan(struct board_model *model)
 {
-    if (model->settings_wait) {
-        model->settings_wait = false;
+    if (model->settings_pending) {
+        model->settings_pending = false;
         model->settings_generation++;
         model->configured++;
-        memcpy(model->settings, model->wanted_settings, sizeof model->settings);
+        memcpy(model->settings, model->next_settings, sizeof model->settings);
     }
     model->taxel = 0;
     model->started_us = model->clock_us;
@@ -80,9 +80,9 @@ void model_start(struct board_model *model)
 
 uint16_t model_crossing(const struct board_model *model)
 {
-    unsigned left = model->taxel;
+    unsigned remaining = model->taxel;
     for (uint16_t crossing = 0; crossing < 256; crossing++) {
-        if (model->crossing_map[crossing / 8] >> (crossing % 8) & 1 && left-- == 0) {
+        if (model->crossing_map[crossing / 8] >> (crossing % 8) & 1 && remaining-- == 0) {
             return crossing;
         }
     }
@@ -148,7 +148,7 @@ static void answer_with_status(struct board_model *model)
 static void answer_with_settings(struct board_model *model)
 {
     uint8_t bytes[12];
-    memcpy(bytes, model->settings_wait ? model->wanted_settings : model->settings, 8);
+    memcpy(bytes, model->settings_pending ? model->next_settings : model->settings, 8);
     fuzz_put_u32(bytes + 8, fuzz_crc32(fuzz_crc32(0, &model->address, 1), bytes, 8));
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x60u);
 }
@@ -230,8 +230,8 @@ static void take_settings(struct board_model *model)
         reject(model, FLAG_SETTINGS);
         return;
     }
-    memcpy(model->wanted_settings, model->written, sizeof model->wanted_settings);
-    model->settings_wait = true;
+    memcpy(model->next_settings, model->written, sizeof model->next_settings);
+    model->settings_pending = true;
 }
 
 static void take_command(struct board_model *model)
@@ -250,10 +250,10 @@ static void take_command(struct board_model *model)
         model->snapshot_reads = 0;
         break;
     case 4:
-        model->restart_asked = true;
+        model->restart_requested = true;
         break;
     case 5:
-        model->bootloader_asked = true;
+        model->bootloader_requested = true;
         break;
     default:
         reject(model, FLAG_COMMAND);

@@ -1,5 +1,5 @@
-/* What a board should answer, byte by byte: SPEC.md part 1 written down a second time. It keeps whole copies where the firmware
- * changes the roles of buffers, and knows nothing of the firmware's structs. */
+/* Expected answers of a board, byte by byte: an independent implementation of SPEC.md, part 1. It copies snapshots where the
+ * firmware changes the roles of buffers, and does not use the firmware's structs. */
 #ifndef TAXEL_BOARD_MODEL_H
 #define TAXEL_BOARD_MODEL_H
 
@@ -26,10 +26,10 @@ struct board_model {
     uint8_t identity[58];
 
     /* the scan */
-    bool scanning, converting, dropped_conversion; /* dropped: it began before a stop */
+    bool scanning, converting, dropped_conversion; /* dropped: the conversion began before a stop */
     uint16_t taxel;
-    uint8_t settings[MODEL_SETTINGS_SIZE], wanted_settings[MODEL_SETTINGS_SIZE];
-    bool settings_wait;
+    uint8_t settings[MODEL_SETTINGS_SIZE], next_settings[MODEL_SETTINGS_SIZE];
+    bool settings_pending;
     uint8_t settings_generation;
     uint32_t clock_us, started_us, scan_time_us, scans;
     struct model_snapshot being_scanned, newest, latched;
@@ -45,17 +45,16 @@ struct board_model {
     uint8_t answer[MODEL_SNAPSHOT_MAX];
     size_t answer_size, answer_position;
 
-    bool restart_asked, bootloader_asked;
+    bool restart_requested, bootloader_requested;
 };
 
-/* Begin as after a reset: address, reset_cause, rows, columns, taxel_count, crossing_map, boot_settings and the clock stay, all else
- * is as at boot. */
+/* Reset the model. It keeps address, reset_cause, rows, columns, taxel_count, crossing_map, boot_settings and the clock. */
 void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kind, const uint8_t unique_id[8]);
 bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE]);
 
 void model_start(struct board_model *model);
 void model_conversion(struct board_model *model, uint16_t raw_count);
-/* TX * columns + RX of the conversion that should run now. */
+/* TX * columns + RX of the conversion that must be in progress. */
 uint16_t model_crossing(const struct board_model *model);
 
 bool model_address(struct board_model *model, bool reading);

@@ -52,13 +52,13 @@ static bool body_is_good(const uint8_t *body, size_t size, uint8_t directions)
     return fuzz_crc32(0, body, size - 4) == u32_at(body + size - 4);
 }
 
-/* Unstuff and unwhiten from `bytes` on; the body's length and the stuffed bytes it took, or 0. */
+/* Unstuff and unwhiten a frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none begins there. */
 static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uint8_t *body, size_t *taken)
 {
-    size_t length = 0, wanted = 0, position = 0;
+    size_t length = 0, expected = 0, position = 0;
     uint8_t whitening = 0xA5;
     if (size < 2 || bytes[0] == 1 || !rule_of(bytes[1] ^ whitening, directions)) {
-        return 0; /* whatever follows, its type is not one (a block of nothing but its code unstuffs to type A5) */
+        return 0; /* no frame has this type (a block without bytes unstuffs to type A5) */
     }
     while (position < size) {
         const size_t end = position + bytes[position];
@@ -74,15 +74,15 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uin
             whitening = (uint8_t)(5 * whitening + 0x6B);
         }
         position = end;
-        if (!wanted && length >= 5) {
+        if (!expected && length >= 5) {
             if (!oracle_allows(body[0], directions, u16_at(body + 3))) {
                 return 0;
             }
-            wanted = 9u + u16_at(body + 3);
+            expected = 9u + u16_at(body + 3);
         }
-        if (wanted && length >= wanted) {
+        if (expected && length >= expected) {
             *taken = position;
-            return length == wanted && body_is_good(body, length, directions) ? length : 0;
+            return length == expected && body_is_good(body, length, directions) ? length : 0;
         }
         if (!is_full) {
             if (length == TAXEL_BODY_MAX) {
@@ -125,12 +125,12 @@ static void search_chunk(struct oracle *oracle, const uint8_t *bytes, size_t siz
     }
 }
 
-struct board_memory {
-    bool known;
+struct board_history {
+    bool exists;
     uint16_t cycle, scan;
 };
 
-static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_memory *memory)
+static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
     const uint8_t *payload = oracle->payloads + frame->offset;
@@ -142,23 +142,23 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     frame->flags |= is_damaged ? TAXEL_BATCH_BOARD_CRC_BAD : 0;
     totals->damaged[address] += is_damaged;
     totals->received[address] += !is_damaged;
-    if (memory[address].known) {
-        const uint16_t cycles = (uint16_t)(cycle - memory[address].cycle), scans = (uint16_t)(scan - memory[address].scan);
-        const uint16_t shown = frame->type == 0x03 && scans ? (uint16_t)(scans - 1) : scans;
-        const uint16_t steps = cycles < shown ? cycles : shown;
+    if (history[address].exists) {
+        const uint16_t cycles = (uint16_t)(cycle - history[address].cycle), scans = (uint16_t)(scan - history[address].scan);
+        const uint16_t counted_scans = frame->type == 0x03 && scans ? (uint16_t)(scans - 1) : scans;
+        const uint16_t steps = cycles < counted_scans ? cycles : counted_scans;
         frame->missing_before = steps ? (uint16_t)(steps - 1) : 0;
         totals->missing[address] += frame->missing_before;
     }
-    memory[address] = (struct board_memory){true, cycle, scan};
+    history[address] = (struct board_history){true, cycle, scan};
 }
 
 static void count_losses(struct oracle *oracle)
 {
-    struct board_memory memory[TAXEL_BATCH_ADDRESSES] = {{0}};
+    struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
     for (size_t i = 0; i < oracle->frame_count; i++) {
         struct oracle_frame *frame = &oracle->frames[i];
         if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
-            memset(memory, 0, sizeof memory);
+            memset(history, 0, sizeof history);
             frame->flags |= i ? TAXEL_BATCH_HUB_RESTARTED : 0;
             oracle->totals.restarts += i > 0;
         } else if (i) {
@@ -166,7 +166,7 @@ static void count_losses(struct oracle *oracle)
             oracle->totals.lost += frame->lost_before;
         }
         if (frame->type == 0x02 || frame->type == 0x03) {
-            count_board(oracle, frame, memory);
+            count_board(oracle, frame, history);
         }
     }
     oracle->totals.frames = oracle->frame_count;

@@ -1,11 +1,11 @@
-/* What a receiver should make of a whole stream: SPEC.md, "What a receiver does" and "Counting losses", written down a second
- * time with no buffer to run out of and no state to keep between bytes. Slow and plain, for the fuzz target to compare with. */
+/* Expected output of a receiver for a complete stream: an independent, slow implementation of SPEC.md, "Receiver" and "Counting
+ * losses", without limited buffers and without state between pieces. The fuzz target compares the decoders with it. */
 #ifndef TAXEL_CODEC_ORACLE_H
 #define TAXEL_CODEC_ORACLE_H
 
 #include "codec/batch.h"
 
-#define ORACLE_STREAM_MAX 1536u /* half as much again as a receiver's buffer holds */
+#define ORACLE_STREAM_MAX 1536u /* one and a half times a receiver's buffer */
 #define ORACLE_FRAMES_MAX (ORACLE_STREAM_MAX / 12u + 1u)
 
 struct oracle_frame {
@@ -22,14 +22,14 @@ struct oracle {
     uint8_t payloads[ORACLE_STREAM_MAX];
     size_t payload_size;
     uint64_t discarded_bytes;
-    bool has_compact; /* with a right CRC of the board */
+    bool has_compact; /* a compact snapshot whose board CRC is valid */
     struct taxel_batch_totals totals;
 };
 
-/* Whether a payload of that length goes with that type, and that type that way. */
+/* Whether the type allows a payload of that length and is sent in one of these directions. */
 bool oracle_allows(uint8_t type, uint8_t directions, size_t length);
 
-/* Every frame of the stream, in order, and what was lost between them. */
+/* Decode every frame of the stream, in order, and count the losses between them. */
 void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions);
 
 #endif

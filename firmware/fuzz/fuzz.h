@@ -1,5 +1,5 @@
-/* What the fuzz targets share: reading a script from the input's bytes, invariants that end the run, and a CRC-32 of their
- * own, so that a target never checks the firmware's CRC with itself. */
+/* Shared by the fuzz targets: a reader of the input's bytes, invariants that abort the run, and an independent CRC-32, so that a
+ * target does not check the firmware's CRC against itself. */
 #ifndef TAXEL_FUZZ_H
 #define TAXEL_FUZZ_H
 
@@ -13,16 +13,16 @@
 /* The entry that libFuzzer and standalone.c call. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
-/* An invariant: a finding if it does not hold, as a crash is. */
-#define FUZZ_CHECK(holds)                                                                 \
-    do {                                                                                  \
-        if (!(holds)) {                                                                   \
-            (void)fprintf(stderr, "%s:%d: does not hold: %s\n", __FILE__, __LINE__, #holds); \
-            abort();                                                                      \
-        }                                                                                 \
+/* An invariant: a violation aborts the run and is a finding, like a crash. */
+#define FUZZ_CHECK(condition)                                                                     \
+    do {                                                                                          \
+        if (!(condition)) {                                                                       \
+            (void)fprintf(stderr, "%s:%d: violated: %s\n", __FILE__, __LINE__, #condition);          \
+            abort();                                                                              \
+        }                                                                                         \
     } while (0)
 
-/* The input, read from the front; behind its end stand zeros. */
+/* The input, read from the front; zeros follow its end. */
 struct fuzz_input {
     const uint8_t *bytes;
     size_t left;
@@ -43,7 +43,7 @@ static inline uint16_t fuzz_u16(struct fuzz_input *input)
     return (uint16_t)(low | fuzz_u8(input) << 8);
 }
 
-/* Bytes from the input, as many as there are, at most `size`; the rest of `bytes` becomes zero. Returns how many came. */
+/* Copy at most `size` bytes of the input to `bytes`, and fill up with zeros. Returns the number of bytes copied. */
 static inline size_t fuzz_bytes(struct fuzz_input *input, uint8_t *bytes, size_t size)
 {
     const size_t taken = size < input->left ? size : input->left;
@@ -58,7 +58,7 @@ static inline size_t fuzz_bytes(struct fuzz_input *input, uint8_t *bytes, size_t
     return taken;
 }
 
-/* A cheap sequence of bytes from a seed (the multiplier is Knuth's, MMIX), for what need not be mutated byte by byte. */
+/* Next byte of a cheap pseudo-random sequence (multiplier of Knuth's MMIX), for bytes that need not be mutated one by one. */
 static inline uint8_t fuzz_next(uint64_t *state)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;

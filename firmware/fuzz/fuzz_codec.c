@@ -1,14 +1,14 @@
 /* Bytes through every decoder of the codec.
  *
- * The input is either a stream as it is, or a script that builds one: frames of any type and payload, rubbish, and damage
- * (flip, insert, delete, duplicate, truncate, delimiters lost), so that mutations need not guess a CRC. Invariants:
- *   - the deframer, given the stream in pieces whose sizes the input chooses (or at once), finds the oracle's frames in the
- *     oracle's order, and discards as many bytes (codec_oracle.h);
- *   - the batch decoder, with arrays as small as it allows, finds the same and counts the same losses, of the wire and of boards;
- *   - a frame that was believed is encoded again, into a ring that wraps anywhere, and decodes to itself;
- *   - any payload at all is encoded without a zero inside, into no more bytes than promised;
- *   - the small CRC and whitening of the boards equal the fast ones of the PC;
- *   - every fixed layout packs what it has unpacked. */
+ * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes, and damage
+ * (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC. Invariants:
+ *   - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in the same order
+ *     and discards the same number of bytes (codec_oracle.h);
+ *   - the batch decoder, with arrays of the smallest allowed size, delivers the same frames and counts the same losses;
+ *   - each decoded frame, encoded again into a ring that wraps at any position, decodes to itself;
+ *   - any payload is encoded without a zero byte, into no more bytes than the stated maximum;
+ *   - the CRC and whitening of the boards (small) equal those of the PC (fast);
+ *   - every fixed layout packs the values that it has unpacked. */
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 #include "codec/whitening.h"
@@ -16,7 +16,7 @@
 #include "fuzz/fuzz.h"
 #include "generated_fields.h"
 
-/* The boards' versions beside the PC's, under names of their own. */
+/* The implementations of the boards, under separate names. */
 #define taxel_crc32 small_crc32
 #define taxel_whiten small_whiten
 #include "codec/crc32_small.c"
@@ -35,27 +35,28 @@
 
 static uint8_t stream[ORACLE_STREAM_MAX];
 static size_t stream_size;
-static uint8_t placed[ORACLE_STREAM_MAX]; /* the stream again, against the array's end: a sanitizer sees the byte beyond */
+static uint8_t aligned_stream[ORACLE_STREAM_MAX]; /* the stream at the end of the array, so that a sanitizer detects an access behind it */
 static const uint8_t *data;
 static struct oracle oracle;
 static uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE], body[TAXEL_BODY_MAX];
 static struct taxel_batch batch;
-static struct taxel_batch_row taxel_rows[ROWS_MAX], other_rows[ROWS_MAX];
+static struct taxel_batch_row taxel_rows[ROWS_MAX], message_rows[ROWS_MAX];
 static uint16_t counts[COUNTS_MIN];
 static uint8_t payloads[PAYLOADS_MIN];
 
 static void append(const uint8_t *bytes, size_t size)
 {
-    const size_t room = sizeof stream - stream_size;
-    const size_t taken = size < room ? size : room;
+    const size_t space = sizeof stream - stream_size;
+    const size_t taken = size < space ? size : space;
     memcpy(stream + stream_size, bytes, taken);
     stream_size += taken;
 }
 
-/* A payload that the type allows, mostly; its first bytes from the input, the rest from a seed, a constant or whole frames. */
+/* A payload that the type allows in most cases; its first bytes come from the input, the messages from a seed, a constant or the
+ * stream. */
 static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payload)
 {
-    const uint8_t form = fuzz_u8(input);
+    const uint8_t filling = fuzz_u8(input);
     const uint16_t wish = fuzz_u16(input);
     uint64_t state = wish;
     size_t length = wish % (TAXEL_PAYLOAD_MAX + 1u);
@@ -63,9 +64,9 @@ static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payl
         length = (length + 1u) % (TAXEL_PAYLOAD_MAX + 1u);
     }
     for (size_t i = 0; i < length; i++) {
-        payload[i] = form & 1u ? fuzz_next(&state) : (form & 2u) && i < stream_size ? stream[i] : (uint8_t)(form >> 4);
+        payload[i] = filling & 1u ? fuzz_next(&state) : (filling & 2u) && i < stream_size ? stream[i] : (uint8_t)(filling >> 4);
     }
-    (void)fuzz_bytes(input, payload, length < (form >> 2 & 3u) * 4u ? length : (form >> 2 & 3u) * 4u);
+    (void)fuzz_bytes(input, payload, length < (filling >> 2 & 3u) * 4u ? length : (filling >> 2 & 3u) * 4u);
     if (type == TAXEL_FRAME_TYPE_TAXELS) {
         payload[1] = (uint8_t)((length - TAXEL_TAXEL_HEADER_SIZE - TAXEL_SNAPSHOT_OVERHEAD) / 2u);
         length = TAXEL_TAXEL_HEADER_SIZE + TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)payload[1];
@@ -138,7 +139,7 @@ static void damage_stream(struct fuzz_input *input, uint8_t op)
     }
 }
 
-static void append_rubbish(struct fuzz_input *input, uint8_t op)
+static void append_random_bytes(struct fuzz_input *input, uint8_t op)
 {
     uint64_t state = fuzz_u16(input);
     uint8_t bytes[16];
@@ -147,7 +148,7 @@ static void append_rubbish(struct fuzz_input *input, uint8_t op)
         return;
     }
     for (size_t i = 0; i < 8u * (op >> 4); i++) {
-        bytes[0] = (uint8_t)(fuzz_next(&state) | (op >> 3 & 1u)); /* half of the runs hold no zero */
+        bytes[0] = (uint8_t)(fuzz_next(&state) | (op >> 3 & 1u)); /* half of the runs contain no zero */
         append(bytes, 1);
     }
 }
@@ -165,19 +166,19 @@ static void build_stream(struct fuzz_input *input)
             damage_stream(input, op);
             break;
         default:
-            append_rubbish(input, op);
+            append_random_bytes(input, op);
             break;
         }
     }
 }
 
-static size_t frames_taken; /* by the decoder that runs now */
+static size_t frames_decoded; /* by the decoder under test */
 
 static void expect_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
-    FUZZ_CHECK(frames_taken < oracle.frame_count);
-    const struct oracle_frame *expected = &oracle.frames[frames_taken++];
+    FUZZ_CHECK(frames_decoded < oracle.frame_count);
+    const struct oracle_frame *expected = &oracle.frames[frames_decoded++];
     FUZZ_CHECK(frame->type == expected->type && frame->sequence == expected->sequence && frame->length == expected->length);
     FUZZ_CHECK(memcmp(frame->payload, oracle.payloads + expected->offset, frame->length) == 0);
 }
@@ -188,7 +189,7 @@ static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size
     struct taxel_deframer deframer;
     size_t position = 0;
     taxel_deframer_init(&deframer, &config);
-    frames_taken = 0;
+    frames_decoded = 0;
     for (size_t i = 0; position < stream_size; i++) {
         const size_t wish = size_count ? (size_t)sizes[i % size_count] * sizes[i % size_count] / 8u + 1u : stream_size;
         const size_t size = wish < stream_size - position ? wish : stream_size - position;
@@ -197,7 +198,7 @@ static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size
         FUZZ_CHECK(deframer.fill <= sizeof chunk && deframer.position == position);
     }
     taxel_deframer_finish(&deframer);
-    FUZZ_CHECK(frames_taken == oracle.frame_count && deframer.frames == oracle.frame_count);
+    FUZZ_CHECK(frames_decoded == oracle.frame_count && deframer.frames == oracle.frame_count);
     FUZZ_CHECK(deframer.discarded_bytes == oracle.discarded_bytes && deframer.fill == 0);
 }
 
@@ -218,9 +219,9 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
         FUZZ_CHECK(memcmp(payloads + row->offset, payload, row->size) == 0);
         return;
     }
-    const uint8_t size = row->type == TAXEL_FRAME_TYPE_TAXELS ? payload[1] : 0; /* a damaged compact one has none */
+    const uint8_t size = row->type == TAXEL_FRAME_TYPE_TAXELS ? payload[1] : 0; /* a damaged compact snapshot has no counts */
     FUZZ_CHECK(row->address == payload[0] && row->size == size && row->length == expected->length);
-    FUZZ_CHECK( row->offset + row->size <= output->count_count);
+    FUZZ_CHECK(row->offset + row->size <= output->count_count);
     FUZZ_CHECK(row->cycle == (payload[2] | payload[3] << 8) && row->board_sequence == (payload[8] | payload[9] << 8));
     for (size_t i = 0; i < row->size; i++) {
         FUZZ_CHECK(counts[row->offset + i] == (payload[14u + 2u * i] | payload[15u + 2u * i] << 8));
@@ -228,9 +229,9 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
 }
 
 /* The two tables of one call, each in the order of the stream. */
-static void check_rows(const struct taxel_batch_output *output, size_t *taxels, size_t *others)
+static void check_rows(const struct taxel_batch_output *output, size_t *taxels, size_t *messages)
 {
-    FUZZ_CHECK(output->taxel_count <= output->row_capacity && output->other_count <= output->row_capacity);
+    FUZZ_CHECK(output->taxel_count <= output->row_capacity && output->message_count <= output->row_capacity);
     FUZZ_CHECK(output->count_count <= output->count_capacity && output->payload_count <= output->payload_capacity);
     for (size_t i = 0; i < output->taxel_count; i++, (*taxels)++) {
         while (*taxels < oracle.frame_count && !is_taxels(oracle.frames[*taxels].type)) {
@@ -239,38 +240,38 @@ static void check_rows(const struct taxel_batch_output *output, size_t *taxels, 
         FUZZ_CHECK(*taxels < oracle.frame_count);
         check_row(&taxel_rows[i], &oracle.frames[*taxels], output);
     }
-    for (size_t i = 0; i < output->other_count; i++, (*others)++) {
-        while (*others < oracle.frame_count && is_taxels(oracle.frames[*others].type)) {
-            (*others)++;
+    for (size_t i = 0; i < output->message_count; i++, (*messages)++) {
+        while (*messages < oracle.frame_count && is_taxels(oracle.frames[*messages].type)) {
+            (*messages)++;
         }
-        FUZZ_CHECK(*others < oracle.frame_count);
-        check_row(&other_rows[i], &oracle.frames[*others], output);
+        FUZZ_CHECK(*messages < oracle.frame_count);
+        check_row(&message_rows[i], &oracle.frames[*messages], output);
     }
 }
 
 static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
 {
-    struct taxel_batch_output output = {taxel_rows, other_rows, counts, payloads, rows, COUNTS_MIN, PAYLOADS_MIN, 0, 0, 0, 0};
-    size_t position = 0, taxels = 0, others = 0;
+    struct taxel_batch_output output = {taxel_rows, message_rows, counts, payloads, rows, COUNTS_MIN, PAYLOADS_MIN, 0, 0, 0, 0};
+    size_t position = 0, taxels = 0, messages = 0;
     if (oracle.has_compact) {
-        return; /* a compact snapshot with a right CRC: fuzz_compact knows what that says */
+        return; /* a compact snapshot with a valid CRC: its content is tested by fuzz_compact */
     }
     taxel_batch_init(&batch, directions);
     for (size_t i = 0; position < stream_size; i++) {
         const size_t wish = size_count ? (size_t)sizes[i % size_count] * sizes[i % size_count] / 8u + 1u : stream_size;
         const size_t size = wish < stream_size - position ? wish : stream_size - position;
         const size_t taken = taxel_batch_decode(&batch, data + position, size, &output);
-        FUZZ_CHECK(taken && taken <= size); /* empty arrays always have room for a step */
-        check_rows(&output, &taxels, &others);
+        FUZZ_CHECK(taken && taken <= size); /* empty arrays always have space for a step */
+        check_rows(&output, &taxels, &messages);
         position += taken;
     }
     FUZZ_CHECK(taxel_batch_finish(&batch, &output));
-    check_rows(&output, &taxels, &others);
+    check_rows(&output, &taxels, &messages);
     FUZZ_CHECK(memcmp(taxel_batch_totals(&batch), &oracle.totals, sizeof oracle.totals) == 0);
     FUZZ_CHECK(taxel_batch_discarded_bytes(&batch) == oracle.discarded_bytes);
 }
 
-/* What was believed, encoded again into a ring that wraps somewhere inside, is believed again. */
+/* Each decoded frame, encoded again into a ring that wraps at any position, is decoded again. */
 static void check_encoded_again(size_t wrap)
 {
     uint8_t ring[WIRE_MAX], wire[WIRE_MAX], again[WIRE_MAX];
@@ -278,7 +279,7 @@ static void check_encoded_again(size_t wrap)
     const struct taxel_deframer_config config = {chunk, sizeof chunk, body, TAXEL_PAYLOAD_MAX, 3, expect_frame, NULL};
     struct taxel_deframer deframer;
     taxel_deframer_init(&deframer, &config);
-    frames_taken = 0;
+    frames_decoded = 0;
     for (size_t i = 0; i < oracle.frame_count; i++) {
         struct taxel_encoder encoder;
         const uint8_t *payload = oracle.payloads + frames[i].offset;
@@ -293,7 +294,7 @@ static void check_encoded_again(size_t wrap)
         }
         FUZZ_CHECK(memcmp(wire, again, size) == 0);
         taxel_deframer_push(&deframer, wire, size);
-        FUZZ_CHECK(frames_taken == i + 1u && deframer.discarded_bytes == 0);
+        FUZZ_CHECK(frames_decoded == i + 1u && deframer.discarded_bytes == 0);
     }
 }
 
@@ -341,7 +342,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     } else {
         build_stream(&input);
     }
-    data = memcpy(placed + sizeof placed - stream_size, stream, stream_size);
+    data = memcpy(aligned_stream + sizeof aligned_stream - stream_size, stream, stream_size);
     oracle_decode(&oracle, data, stream_size, directions);
     check_deframer(directions, sizes, size_count);
     check_batch(directions, rows, sizes, size_count);

@@ -1,12 +1,12 @@
-/* A board that codes compact snapshots and a host that decodes them, with everything between them that can go wrong.
+/* A board that codes compact snapshots and a host that decodes them, over a faulty connection.
  *
- * The first bytes of the input draw the board; the rest are events: scans (quiet, noisy, with jumps, of any counts), passes of the
- * main loop, polls with and without the pointer, answers that arrive, are lost or come late, restarts of either side, plain reads
- * in between, bytes of the snapshot damaged, and snapshots that nobody sent, with a right CRC. Invariants:
- *   - a snapshot that the host decodes has the counts and the time of the scan with its sequence;
- *   - what a board says has a right CRC and is no longer than packed;
- *   - host and board mean the same by a reference's name: their states are equal;
- *   - damage is refused; of a forged snapshot nothing is read or written out of bounds. */
+ * The first bytes of the input configure the board; the other bytes are events: scans (quiet, noisy, with jumps, with any counts),
+ * passes of the main loop, polls with and without the pointer, answers that arrive, are lost or arrive late, restarts of either
+ * side, reads of uncompressed snapshots, damaged snapshots, and forged snapshots with a valid CRC. Invariants:
+ *   - a snapshot that the host decodes has the counts and the timestamp of the scan with its sequence;
+ *   - a snapshot of the board has a valid CRC and is no longer than a packed frame;
+ *   - if host and board have the same key frame id, their states are equal;
+ *   - damaged snapshots are rejected; a forged snapshot causes no access out of bounds. */
 #include "codec/compact_receiver.h"
 #include "fuzz/fuzz.h"
 #include "sensor/sensor.h"
@@ -17,7 +17,7 @@
 #define FRAME_MAX (TAXEL_COMPACT_BUFFER_SIZE(TAXELS_MAX) + 8u)
 
 struct scan {
-    bool known;
+    bool exists;
     uint16_t sequence;
     uint32_t started_us;
     uint16_t counts[TAXELS_MAX];
@@ -89,7 +89,7 @@ static void boot(void)
 static void scan(uint8_t kind, uint64_t *state)
 {
     struct scan *slot = &history[sensor.scan.scans % HISTORY];
-    slot->known = true;
+    slot->exists = true;
     slot->sequence = (uint16_t)sensor.scan.scans;
     slot->started_us = sensor.scan.started_us;
     for (uint16_t i = 0; i < config.taxel_count; i++) {
@@ -115,24 +115,24 @@ static void write(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
     }
 }
 
-static void answer(uint8_t what)
+static void answer(uint8_t delivery)
 {
     uint8_t bytes[3] = {0};
     uint8_t size = 0;
     if (host.answer == TAXEL_COMPACT_ANSWER_ACKNOWLEDGE) {
-        taxel_put_u16(bytes, host.candidate.name);
+        taxel_put_u16(bytes, host.pending.id);
         size = 2;
     } else if (host.answer == TAXEL_COMPACT_ANSWER_FORGET) {
         size = 1;
     }
     host.answer = TAXEL_COMPACT_ANSWER_NONE;
-    if ((what & 3u) == 3u && late_size) { /* the one before this arrives now */
+    if ((delivery & 3u) == 3u && late_size) { /* the earlier answer arrives now */
         write(TAXEL_REGISTER_COMPACT, late_answer, late_size, true);
         late_size = 0;
-    } else if ((what & 3u) == 2u && size) {
+    } else if ((delivery & 3u) == 2u && size) {
         memcpy(late_answer, bytes, size);
         late_size = size;
-    } else if ((what & 3u) == 0 && size) {
+    } else if ((delivery & 3u) == 0 && size) {
         write(TAXEL_REGISTER_COMPACT, bytes, size, true);
     }
 }
@@ -140,20 +140,20 @@ static void answer(uint8_t what)
 static void check_states(void)
 {
     const struct taxel_compact *compact = &sensor.compact;
-    const struct taxel_compact_reference *known = &host.reference;
-    if (!compact->has_reference || !known->known || known->name != compact->reference_name) {
+    const struct taxel_compact_key_frame *key_frame = &host.key_frame;
+    if (!compact->has_key_frame || !key_frame->is_valid || key_frame->id != compact->key_frame_id) {
         return;
     }
-    FUZZ_CHECK(known->updates == compact->updates && known->timestamp_us == compact->reference_us);
-    FUZZ_CHECK(memcmp(known->states, config.compact.states, config.taxel_count * sizeof known->states[0]) == 0);
+    FUZZ_CHECK(key_frame->updates == compact->updates && key_frame->timestamp_us == compact->key_frame_us);
+    FUZZ_CHECK(memcmp(key_frame->states, config.compact.states, config.taxel_count * sizeof key_frame->states[0]) == 0);
 }
 
-static void take(const uint8_t *bytes, size_t size, uint8_t damage)
+static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
 {
-    uint8_t *copy = malloc(size); /* as long as it claims: a sanitizer sees the byte beyond */
+    uint8_t *copy = malloc(size); /* exact size, so that a sanitizer detects an access behind it */
     memcpy(copy, bytes, size);
-    FUZZ_CHECK(size >= TAXEL_COMPACT_OVERHEAD_CODED);
-    FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_MIN + 2u * config.taxel_count + 3u) & ~3u) || config.taxel_count < 2u);
+    FUZZ_CHECK(size >= TAXEL_COMPACT_OVERHEAD_DELTA);
+    FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * config.taxel_count + 3u) & ~3u) || config.taxel_count < 2u);
     if (damage) {
         copy[damage % size] ^= damage;
         const struct taxel_compact_receiver before = host;
@@ -164,10 +164,10 @@ static void take(const uint8_t *bytes, size_t size, uint8_t damage)
         const enum taxel_compact_result result =
             taxel_compact_receive(&host, config.address, (uint8_t)config.taxel_count, copy, size, &decoded);
         FUZZ_CHECK(result != TAXEL_COMPACT_DAMAGED);
-        const struct scan *said = &history[decoded.sequence % HISTORY];
-        if (result == TAXEL_COMPACT_OK && said->known && said->sequence == decoded.sequence) {
-            FUZZ_CHECK(memcmp(decoded.counts, said->counts, config.taxel_count * sizeof counts[0]) == 0);
-            FUZZ_CHECK(decoded.timestamp_us == said->started_us);
+        const struct scan *original = &history[decoded.sequence % HISTORY];
+        if (result == TAXEL_COMPACT_OK && original->exists && original->sequence == decoded.sequence) {
+            FUZZ_CHECK(memcmp(decoded.counts, original->counts, config.taxel_count * sizeof counts[0]) == 0);
+            FUZZ_CHECK(decoded.timestamp_us == original->started_us);
         }
     }
     free(copy);
@@ -187,29 +187,29 @@ static void poll(bool again, uint8_t damage)
     for (size_t i = 0; i < size; i++) {
         bytes[i] = taxel_sensor_on_read(&sensor);
         if (i == size / 2u) {
-            taxel_sensor_run(&sensor); /* the main loop goes on during a read */
+            taxel_sensor_run(&sensor); /* the main loop runs during a read */
         }
     }
     FUZZ_CHECK(taxel_sensor_on_read(&sensor) == 0xFF);
     taxel_sensor_on_stop(&sensor);
     if (size) {
-        take(bytes, size, damage);
+        receive(bytes, size, damage);
     }
 }
 
-/* A snapshot that no board sent, to a host whose state is put back afterwards. */
+/* Send a forged snapshot to the host, whose state is restored afterwards. */
 static void forge(struct fuzz_input *input)
 {
     const struct taxel_compact_receiver before = host;
-    const uint8_t address = fuzz_u8(input), taxels = fuzz_u8(input), form = fuzz_u8(input);
-    const size_t size = TAXEL_COMPACT_OVERHEAD_CODED + fuzz_u8(input) % 64u;
-    uint64_t state = form;
+    const uint8_t address = fuzz_u8(input), taxels = fuzz_u8(input), format = fuzz_u8(input);
+    const size_t size = TAXEL_COMPACT_OVERHEAD_DELTA + fuzz_u8(input) % 64u;
+    uint64_t state = format;
     uint8_t *bytes = malloc(size);
     for (size_t i = 0; i < size; i++) {
         bytes[i] = fuzz_next(&state);
     }
-    bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] = form;
-    taxel_put_u16(bytes + TAXEL_COMPACT_CODED_OFFSET_REFERENCE, form & 0x40u ? host.candidate.name : host.reference.name);
+    bytes[TAXEL_COMPACT_HEADER_OFFSET_FORMAT] = format;
+    taxel_put_u16(bytes + TAXEL_COMPACT_DELTA_OFFSET_KEY_FRAME, format & 0x40u ? host.pending.id : host.key_frame.id);
     fuzz_put_u32(bytes + size - 4u, fuzz_crc32(fuzz_crc32(0, &address, 1), bytes, size - 4u));
     (void)taxel_compact_receive(&host, address, taxels, bytes, size, &decoded);
     (void)taxel_compact_receive(&host, address, taxels, bytes, size, &decoded);
@@ -217,7 +217,7 @@ static void forge(struct fuzz_input *input)
     host = before;
 }
 
-static void read_plain(uint8_t blocks)
+static void read_uncompressed(uint8_t blocks)
 {
     write((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (blocks & 3u)), NULL, 0, false);
     if (taxel_sensor_on_address(&sensor, true)) {
@@ -242,7 +242,7 @@ static void event(struct fuzz_input *input, uint64_t *state)
     case 5:
         taxel_sensor_run(&sensor);
         break;
-    case 6: /* what an undisturbed skin does */
+    case 6: /* scan, poll and acknowledge without a fault */
         scan(high & 1u, state);
         taxel_sensor_run(&sensor);
         answer(0);
@@ -266,7 +266,7 @@ static void event(struct fuzz_input *input, uint64_t *state)
         if (high == 15u) {
             boot();
         } else {
-            read_plain(high);
+            read_uncompressed(high);
         }
         break;
     case 14:

@@ -1,15 +1,15 @@
 /* A sensor board's register machine and scan, driven by a script of bus events, conversions and time.
  *
- * The first bytes of the input draw the board (lines, crossing map, settings, how long it has run); the rest are events: single
- * ones in any order, also such as a bus cannot produce, and whole transfers with a right CRC, so that deep states are reached.
+ * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other bytes are events:
+ * single bus events in any order, also impossible ones, and complete transfers with a valid CRC, so that deep states are reached.
  * Invariants, after each event:
- *   - every byte read is the one that the model gives (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a
- *     snapshot is one whole scan with its sequence, time, counts and CRC; the identity never changes; settings are those last
- *     accepted; counters stop or wrap as they should, which boards near the end of their counters show soon;
- *   - every acknowledge is the model's;
- *   - at most one conversion runs, of the crossing that comes next; the front end is set between scans only;
- *   - the three snapshot buffers are three, and nothing is written beside them;
- *   - a board that cannot be is refused at boot, and no other. */
+ *   - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a snapshot is one
+ *     complete scan with its sequence, time, counts and CRC; the identity never changes; the settings are the last accepted ones;
+ *     counters saturate or wrap as specified, which boards with nearly full counters test;
+ *   - every acknowledge equals the model's;
+ *   - at most one conversion is in progress, at the expected crossing; the front end is configured between scans only;
+ *   - the three snapshot buffers are distinct, and nothing is written outside them;
+ *   - exactly the invalid configurations are rejected at boot. */
 #include "fuzz/board_model.h"
 #include "fuzz/fuzz.h"
 #include "sensor/sensor.h"
@@ -132,16 +132,16 @@ static void stop(void)
 {
     taxel_sensor_on_stop(&sensor);
     model_stop(&model);
-    FUZZ_CHECK((restarts != 0) == model.restart_asked && (bootloader_entries != 0) == model.bootloader_asked);
-    if (restarts || bootloader_entries) { /* neither returns on silicon: the next thing is a boot */
+    FUZZ_CHECK((restarts != 0) == model.restart_requested && (bootloader_entries != 0) == model.bootloader_requested);
+    if (restarts || bootloader_entries) { /* neither call returns on silicon: the board boots next */
         restarts = bootloader_entries = 0;
         FUZZ_CHECK(boot());
     }
 }
 
-static void convert(unsigned wanted, uint16_t first, uint8_t step)
+static void convert(unsigned count, uint16_t first, uint8_t step)
 {
-    for (unsigned i = 0; i < wanted && conversions < CONVERSIONS_MAX && converting; i++, conversions++) {
+    for (unsigned i = 0; i < count && conversions < CONVERSIONS_MAX && converting; i++, conversions++) {
         const uint16_t value = (uint16_t)(first + i * step);
         model.clock_us += step;
         converting = false;
@@ -163,10 +163,10 @@ static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
 static void write_settings(struct fuzz_input *input, uint8_t flags)
 {
     uint8_t bytes[12];
-    const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF)); /* one in sixteen is meant for another board */
+    const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF)); /* one in sixteen is addressed to another board */
     (void)fuzz_bytes(input, bytes, 8);
     if (flags & 1u) {
-        bytes[1] = bytes[3] = 0; /* small enough to be right */
+        bytes[1] = bytes[3] = 0; /* small enough to be valid */
     }
     fuzz_put_u32(bytes + 8, fuzz_crc32(fuzz_crc32(0, &for_board, 1), bytes, 8));
     write_whole(0x60, bytes, sizeof bytes - (flags == 8));
@@ -231,7 +231,7 @@ static void event(struct fuzz_input *input)
     case 13:
         read_whole(high, 2);
         break;
-    case 14: /* a poll: the pointer stands where it stood */
+    case 14: /* a poll: the pointer is unchanged */
         address(true);
         read(10u + 2u * (size_t)config.taxel_count);
         stop();
@@ -243,26 +243,26 @@ static void event(struct fuzz_input *input)
     check_state();
 }
 
-/* The last counts before counters stop or wrap. */
-static void grow_old(void)
+/* Set all counters just below the value at which they saturate or wrap. */
+static void fill_counters(void)
 {
     sensor.scan.scans = model.scans = 0xFFFFFFFEu;
     sensor.slave.snapshot_reads = model.snapshot_reads = 0xFFFFFFFEu;
     sensor.slave.bus_errors = model.bus_errors = 0xFFFE;
     sensor.slave.rejected_writes = model.rejected_writes = 0xFFFE;
     sensor.scan.saturated_conversions = model.saturated_conversions = 0xFFFE;
-    fuzz_put_u16(model.being_scanned.bytes, 0xFFFE); /* the scan under way knows its number already */
+    fuzz_put_u16(model.being_scanned.bytes, 0xFFFE); /* the scan in progress has its number already */
     fuzz_put_u16(sensor.scan.scanning, 0xFFFE);
     sensor.scan.crc = fuzz_crc32(fuzz_crc32(0, &model.address, 1), sensor.scan.scanning, 6);
 }
 
-static void draw_map(struct fuzz_input *input, uint8_t form)
+static void choose_map(struct fuzz_input *input, uint8_t options)
 {
     const unsigned crossings = (unsigned)model.rows * model.columns;
-    uint64_t state = form;
-    (void)fuzz_bytes(input, model.crossing_map, form & 3u ? 0u : 32u);
-    for (unsigned i = 0; i < crossings && i < 256 && form & 3u; i++) {
-        const bool taxel = (form & 3u) == 1u || fuzz_next(&state) & 1u;
+    uint64_t state = options;
+    (void)fuzz_bytes(input, model.crossing_map, options & 3u ? 0u : 32u);
+    for (unsigned i = 0; i < crossings && i < 256 && options & 3u; i++) {
+        const bool taxel = (options & 3u) == 1u || fuzz_next(&state) & 1u;
         model.crossing_map[i / 8] |= (uint8_t)(taxel << (i % 8));
     }
     model.taxel_count = 0;
@@ -271,7 +271,7 @@ static void draw_map(struct fuzz_input *input, uint8_t form)
     }
 }
 
-static bool board_can_be(uint16_t claimed_taxels)
+static bool config_is_valid(uint16_t claimed_taxels)
 {
     for (unsigned i = (unsigned)model.rows * model.columns; i < 256; i++) {
         if (model.crossing_map[i / 8] >> (i % 8) & 1) {
@@ -283,58 +283,58 @@ static bool board_can_be(uint16_t claimed_taxels)
            model.address <= 0x77 && model_settings_are_valid(model.boot_settings);
 }
 
-static bool draw_board(struct fuzz_input *input)
+static bool choose_board(struct fuzz_input *input)
 {
     static const uint8_t usual[MODEL_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
-    const uint8_t form = fuzz_u8(input);
+    const uint8_t options = fuzz_u8(input);
     memset(&model, 0, sizeof model);
-    model.address = form & 4u ? fuzz_u8(input) : 0x20;
-    model.rows = form & 8u ? fuzz_u8(input) % 20u : 3;
-    model.columns = form & 8u ? fuzz_u8(input) % 20u : 4;
-    model.reset_cause = form & 3u;
-    model.clock_us = form & 0x10u ? 0xFFFFFF00u : 1000u;
+    model.address = options & 4u ? fuzz_u8(input) : 0x20;
+    model.rows = options & 8u ? fuzz_u8(input) % 20u : 3;
+    model.columns = options & 8u ? fuzz_u8(input) % 20u : 4;
+    model.reset_cause = options & 3u;
+    model.clock_us = options & 0x10u ? 0xFFFFFF00u : 1000u;
     memcpy(model.boot_settings, usual, sizeof usual);
-    if (form & 0x20u) {
+    if (options & 0x20u) {
         (void)fuzz_bytes(input, model.boot_settings, sizeof model.boot_settings);
     }
-    draw_map(input, form);
+    choose_map(input, options);
     config = (struct taxel_sensor_config){
         .hal = &hal,
         .address = model.address,
-        .kind = form,
+        .kind = options,
         .reset_cause = model.reset_cause,
         .firmware_version = {1, 2, 3},
-        .unique_id = {form, 2, 3, 4, 5, 6, 7, 8},
+        .unique_id = {options, 2, 3, 4, 5, 6, 7, 8},
         .rows = model.rows,
         .columns = model.columns,
-        .taxel_count = (uint16_t)(model.taxel_count + (form == 0x43)), /* one form claims a taxel too many */
+        .taxel_count = (uint16_t)(model.taxel_count + (options == 0x43)), /* one option claims a taxel too many */
         .crossing_map = model.crossing_map,
         .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
     };
     taxel_scan_settings_unpack(&config.settings, model.boot_settings);
-    return form & 0x80u;
+    return options & 0x80u;
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};
     started = configured = restarts = bootloader_entries = conversions = 0;
-    const bool is_old = draw_board(&input);
-    const bool can_be = board_can_be(config.taxel_count);
-    for (size_t i = 0; i < 3; i++) { /* exactly as long as the firmware asks for */
+    const bool has_full_counters = choose_board(&input);
+    const bool is_valid = config_is_valid(config.taxel_count);
+    for (size_t i = 0; i < 3; i++) { /* of exactly the required size */
         snapshots[i] = malloc(TAXEL_SNAPSHOT_SIZE((size_t)config.taxel_count));
         config.snapshots[i] = snapshots[i];
     }
     if (boot()) {
-        FUZZ_CHECK(can_be);
-        if (is_old) {
-            grow_old();
+        FUZZ_CHECK(is_valid);
+        if (has_full_counters) {
+            fill_counters();
         }
         for (unsigned i = 0; input.left && i < EVENTS_MAX; i++) {
             event(&input);
         }
     } else {
-        FUZZ_CHECK(!can_be);
+        FUZZ_CHECK(!is_valid);
     }
     for (size_t i = 0; i < 3; i++) {
         free(snapshots[i]);

@@ -3,13 +3,13 @@
 #include "codec/encoder.h"
 
 #define RUN_COST_US 5u
-#define SPIN_CALLS 512u /* of the clock in one pass of the main loop: a pass asks fewer than a hundred times */
+#define SPIN_CALLS 512u /* clock readings in one pass of the main loop; a correct pass needs fewer than a hundred */
 #define ENDED_COUNTERS(s) \
     ((s)->forwarded + (s)->repeated + (s)->nacks + (s)->timeouts + (s)->crc_errors + (s)->bus_errors + (s)->dropped)
 
 struct bench bench;
 
-/* What a bus owns, each exactly as long as the hub is told, so that a sanitizer sees the byte beyond. */
+/* Memory of a bus, of exactly the configured sizes, so that a sanitizer detects an access behind it. */
 struct blocks {
     struct taxel_hub_slot *slots;
     uint8_t *pool;
@@ -28,7 +28,7 @@ static struct saved saved[BENCH_BUSES][BENCH_STATES];
 static uint64_t on_clock_us(void *context)
 {
     (void)context;
-    FUZZ_CHECK(++bench.clock_calls <= SPIN_CALLS); /* else the main loop does not come back */
+    FUZZ_CHECK(++bench.clock_calls <= SPIN_CALLS); /* otherwise the main loop does not return */
     return bench.now_us;
 }
 
@@ -36,43 +36,45 @@ static void end_transfer(void)
 {
     const struct taxel_i2c_transfer *transfer = &bench.transfer;
     int8_t result = TAXEL_I2C_OK;
-    const int verdict = bench.verdict;
-    bench.verdict = BENCH_PROCEED;
+    const int outcome = bench.outcome;
+    bench.outcome = BENCH_PROCEED;
     bench.done_us = BENCH_NEVER;
     FUZZ_CHECK(memcmp(transfer->write_bytes, bench.transfer_write, transfer->write_size) == 0);
-    if (verdict <= 0) {
-        result = (int8_t)verdict;
+    if (outcome <= 0) {
+        result = (int8_t)outcome;
     } else {
         result = bench_transfer(transfer);
     }
-    if (transfer->read_size && (verdict == BENCH_FLIP || verdict == BENCH_NOISE)) {
-        transfer->read_bytes[bench.verdict_place % transfer->read_size] ^= bench.verdict_value;
-        for (size_t i = 0; verdict == BENCH_NOISE && i < transfer->read_size; i++) {
-            transfer->read_bytes[i] = (uint8_t)(bench.verdict_value + i * bench.verdict_place);
+    if (transfer->read_size && (outcome == BENCH_FLIP || outcome == BENCH_NOISE)) {
+        transfer->read_bytes[bench.damage_position % transfer->read_size] ^= bench.damage_value;
+        for (size_t i = 0; outcome == BENCH_NOISE && i < transfer->read_size; i++) {
+            transfer->read_bytes[i] = (uint8_t)(bench.damage_value + i * bench.damage_position);
         }
     }
     taxel_hub_on_i2c_done(&bench.hub, result);
 }
 
-static void check_apart(size_t at, size_t end, size_t other_at, size_t other_end)
+static void check_disjoint(size_t begin, size_t end, size_t other_begin, size_t other_end)
 {
-    FUZZ_CHECK(end <= other_at || other_end <= at);
+    FUZZ_CHECK(end <= other_begin || other_end <= begin);
 }
 
-/* What is read begins at `place` of the pool: that, what goes before it and what follows belong to nobody else. */
-static void check_place(size_t place, size_t size)
+/* The bytes read begin at `offset` of the pool: they, their headroom and their tailroom overlap no other buffer. */
+static void check_buffer(size_t offset, size_t size)
 {
     const struct taxel_hub *const hub = &bench.hub;
-    const size_t at = hub->job.at, end = place + size + TAXEL_HUB_TAILROOM;
-    FUZZ_CHECK(place == at + TAXEL_HUB_HEADROOM || (place == at + TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && size == 12));
+    const size_t begin = hub->job.pool_offset, end = offset + size + TAXEL_HUB_TAILROOM;
+    FUZZ_CHECK(offset == begin + TAXEL_HUB_HEADROOM ||
+               (offset == begin + TAXEL_HUB_HEADROOM + TAXEL_IDENTITY_SIZE && size == 12));
     FUZZ_CHECK(end <= bench.config.transfer_pool_size);
     if (hub->unframed.size) {
-        check_apart(at, end, hub->unframed.at, hub->unframed.at + TAXEL_HUB_BUFFER_SIZE(hub->unframed.size));
+        check_disjoint(begin, end, hub->unframed.pool_offset,
+                       hub->unframed.pool_offset + TAXEL_HUB_BUFFER_SIZE(hub->unframed.size));
     }
     for (size_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
         const struct taxel_large *const large = &hub->outbox.large[i];
         if (large->left) {
-            check_apart(at, end, large->end - large->left, large->end);
+            check_disjoint(begin, end, large->end - large->left, large->end);
         }
     }
 }
@@ -84,18 +86,19 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     FUZZ_CHECK(bench.done_us == BENCH_NEVER && bench.scl && bench.sda);
     FUZZ_CHECK(transfer->address >= TAXEL_ADDRESS_MIN);
     FUZZ_CHECK(transfer->address <= TAXEL_ADDRESS_MAX);
-    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX && transfer->read_size <= taxel_hub_read_max(hub) + transfer->counted);
-    const size_t place = (size_t)(transfer->read_bytes + transfer->counted - bench.config.transfer_pool);
-    check_place(place, transfer->read_size - transfer->counted);
+    FUZZ_CHECK(transfer->write_size <= BENCH_WRITE_MAX);
+    FUZZ_CHECK(transfer->read_size <= taxel_hub_read_max(hub) + transfer->length_prefixed);
+    const size_t offset = (size_t)(transfer->read_bytes + transfer->length_prefixed - bench.config.transfer_pool);
+    check_buffer(offset, transfer->read_size - transfer->length_prefixed);
     bench.transfer = *transfer;
     memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
     memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
     bench.done_us = bench.now_us + 5u + (2u + transfer->write_size + transfer->read_size) * 9u * 1000000u / bench.config.scl_hz;
     if (bench.scl_held || bench.sda_held_clocks) {
-        bench.verdict = TAXEL_I2C_BUSY;
+        bench.outcome = TAXEL_I2C_BUSY;
     }
-    if (bench.verdict == BENCH_HANG) {
-        bench.verdict = BENCH_PROCEED;
+    if (bench.outcome == BENCH_HANG) {
+        bench.outcome = BENCH_PROCEED;
         bench.done_us = BENCH_NEVER - 1u;
     } else if (bench.ends_at_once) {
         end_transfer();
@@ -176,12 +179,12 @@ static const struct taxel_hub_hal hal = {
     .enter_bootloader = on_restart,
 };
 
-/* What the host sees of one frame. */
+/* Check one frame that the host receives. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     const uint8_t *payload = frame->payload;
     (void)context;
-    FUZZ_CHECK(frame->type != TAXEL_FRAME_TYPE_COMPACT_TAXELS || bench.wants_compact);
+    FUZZ_CHECK(frame->type != TAXEL_FRAME_TYPE_COMPACT_TAXELS || bench.compact_requested);
     FUZZ_CHECK(frame->sequence == (uint16_t)bench.frames_pulled);
     bench.frames_pulled++;
     if (frame->type == TAXEL_FRAME_TYPE_TAXELS || frame->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
@@ -227,7 +230,7 @@ static void check_slots(void)
         const struct taxel_hub_slot *slot = &bench.config.slots[i];
         const bool is_polled = hub->job.slot == i && (hub->job.kind == TAXEL_JOB_POLL || hub->job.kind == TAXEL_JOB_PROBE_SLOT);
         const bool is_waiting = hub->unframed.size && hub->unframed.slot == i && hub->unframed.type != TAXEL_FRAME_TYPE_BOARD_INFO;
-        const unsigned in_flight = (slot->retry ? 1u : 0u) + (is_polled ? 1u : 0u) + (is_waiting ? 1u : 0u);
+        const unsigned in_flight = (slot->retry_pending ? 1u : 0u) + (is_polled ? 1u : 0u) + (is_waiting ? 1u : 0u);
         FUZZ_CHECK(in_flight <= 1u);
         FUZZ_CHECK(slot->address >= TAXEL_ADDRESS_MIN && slot->address <= TAXEL_ADDRESS_MAX);
         FUZZ_CHECK(i == 0 || slot->address > slot[-1].address);
@@ -247,9 +250,9 @@ static void check_hub(void)
     FUZZ_CHECK(hub->cycle.position <= hub->slot_count && hub->inbox.commands_rejected <= hub->inbox.commands);
     FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job_done || bench.done_us != BENCH_NEVER);
     const unsigned waiting = (uint8_t)(hub->inbox.head - hub->inbox.tail);
-    FUZZ_CHECK(hub->inbox.holds == bench.host_is_held);
-    FUZZ_CHECK(bench.host_is_held || waiting < TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_HOLD_ROOM);
-    FUZZ_CHECK(!bench.host_is_held || bench.restarted || waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_ROOM);
+    FUZZ_CHECK(hub->inbox.is_holding == bench.host_is_held);
+    FUZZ_CHECK(bench.host_is_held || waiting < TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_HOLD_SPACE);
+    FUZZ_CHECK(!bench.host_is_held || bench.restarted || waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_SPACE);
 }
 
 void bench_pass(void)
@@ -262,7 +265,7 @@ void bench_pass(void)
         bench_pull(SIZE_MAX);
     }
     check_hub();
-    /* A hub that has a transfer, a reply or a board to wait for must ask to be woken: otherwise it sleeps for ever. */
+    /* A hub that waits for a transfer, a reply or a board must have requested a wake-up: otherwise it never runs again. */
     FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u || bench.hub.job_done);
 }
 
@@ -319,7 +322,7 @@ static void boot(unsigned bus)
     bench.scl = bench.sda = bench.host_reads = true;
     bench.now_us = 1000;
     bench.done_us = BENCH_NEVER;
-    bench.verdict = BENCH_PROCEED;
+    bench.outcome = BENCH_PROCEED;
     taxel_hub_init(&bench.hub, &bench.config, TAXEL_RESET_CAUSE_POWER_ON);
     bench_pass();
 }
@@ -364,19 +367,19 @@ static struct blocks new_blocks(void)
 
 void bench_restore(unsigned bus, enum bench_state state)
 {
-    struct saved *const kept = &saved[bus][state];
-    if (!kept->exists) {
+    struct saved *const snapshot = &saved[bus][state];
+    if (!snapshot->exists) {
         bench_populate(bus);
         if (!blocks[bus].ring) {
             blocks[bus] = new_blocks();
         }
         boot(bus);
         warm_up(state);
-        kept->copies = new_blocks();
-        kept->bench = bench;
-        kept->exists = true;
-        copy_blocks(&kept->copies, &blocks[bus]);
+        snapshot->copies = new_blocks();
+        snapshot->bench = bench;
+        snapshot->exists = true;
+        copy_blocks(&snapshot->copies, &blocks[bus]);
     }
-    bench = kept->bench;
-    copy_blocks(&blocks[bus], &kept->copies);
+    bench = snapshot->bench;
+    copy_blocks(&blocks[bus], &snapshot->copies);
 }

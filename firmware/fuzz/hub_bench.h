@@ -1,6 +1,5 @@
-/* The hub's firmware on a HAL of virtual microseconds, small and quick to set back: boards are answers computed on the spot
- * (hub_bus.c), and a bus, once booted, is kept as bytes and copied back for the next input. Every call of the HAL and every frame
- * that leaves the UART is checked here. */
+/* The hub's firmware on a HAL with virtual time that is fast to reset: the boards' answers are computed on demand (hub_bus.c), and
+ * the state of a booted bus is saved and restored for each input. Every call of the HAL and every frame from the UART is checked. */
 #ifndef TAXEL_HUB_BENCH_H
 #define TAXEL_HUB_BENCH_H
 
@@ -17,22 +16,22 @@
 enum bench_state {
     BENCH_COLD = 0,  /* just reset */
     BENCH_WARM,      /* boards found, host and hub have completed the handshake */
-    BENCH_STREAMING, /* three cycles on */
+    BENCH_STREAMING, /* after three cycles */
     BENCH_STATES,
 };
 
-/* What becomes of the next transfer that ends, beside enum taxel_i2c_result. */
-enum bench_verdict {
+/* Outcome of the next transfer, in addition to enum taxel_i2c_result. */
+enum bench_outcome {
     BENCH_PROCEED = 1,
-    BENCH_HANG, /* it never ends */
-    BENCH_FLIP, /* a byte that is read is damaged */
-    BENCH_NOISE, /* every byte that is read is */
+    BENCH_HANG,  /* the transfer never ends */
+    BENCH_FLIP,  /* one byte read is damaged */
+    BENCH_NOISE, /* every byte read is damaged */
 };
 
 struct bench_board {
     uint8_t address; /* 0: no board */
     uint8_t taxel_count;
-    bool foreign; /* a device that is no board */
+    bool foreign; /* a device that is not a sensor board */
     bool unplugged, rejects_settings, holds_scan;
     uint8_t map_version;
     uint8_t pointer;
@@ -46,18 +45,18 @@ struct bench {
     struct taxel_hub_config config;
     struct bench_board boards[BENCH_BOARDS];
     uint64_t now_us, wake_us, done_us;
-    unsigned clock_calls; /* since the hub began to run */
+    unsigned clock_calls; /* in this pass of the main loop */
     bool ends_at_once;    /* transfers end inside i2c_start */
     struct taxel_i2c_transfer transfer;
     uint8_t transfer_write[BENCH_WRITE_MAX];
-    int verdict; /* of the next transfer to end */
-    uint8_t verdict_place, verdict_value;
+    int outcome; /* of the next transfer */
+    uint8_t damage_position, damage_value;
     bool scl, sda, scl_held;
     unsigned sda_held_clocks;
     bool host_is_held;
-    bool host_reads; /* everything, after each pass */
+    bool host_reads; /* the host reads all bytes after each pass */
     bool restarted;
-    bool wants_compact; /* the host has sent a START that asks for compact snapshots */
+    bool compact_requested; /* the host sent a START with the COMPACT flag */
 
     struct taxel_deframer deframer;
     uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)];
@@ -68,19 +67,19 @@ struct bench {
 
 extern struct bench bench;
 
-/* Set the bench to one of its buses in one of its states; the same bytes every time. */
+/* Restore one of the buses in one of its states; deterministic. */
 void bench_restore(unsigned bus, enum bench_state state);
 
-/* One pass of the hub's main loop, or the next event and then a pass; false if nothing happens until then. */
+/* bench_pass: one pass of the hub's main loop. bench_step: the next event and a pass; false if there is none until `until_us`. */
 void bench_pass(void);
 bool bench_step(uint64_t until_us);
 
 void bench_receive(const uint8_t *bytes, size_t size);
-/* A frame of the host into `wire`, delimiters included; returns its bytes. */
+/* Encode a frame of the host into `wire`, delimiters included; returns its size. */
 size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity);
 void bench_pull(size_t size);
 
-/* hub_bus.c: which devices a bus has, and what they make of a transfer. */
+/* hub_bus.c: the devices of a bus, and their response to a transfer. */
 void bench_populate(unsigned bus);
 int8_t bench_transfer(const struct taxel_i2c_transfer *transfer);
 

@@ -12,33 +12,33 @@ struct bus {
     } devices[BENCH_BOARDS];
 };
 
-#define ROOMY 256u
+#define RING_SIZE 256u
 #define LARGEST (TAXEL_SNAPSHOT_OVERHEAD + 2u * TAXEL_TAXELS_MAX)
 
 static const struct bus buses[BENCH_BUSES] = {
-    {4, LARGEST, ROOMY, {{0x20, 2, false}}},
-    {8, LARGEST, ROOMY, {{0x10, 2, false}, {0x20, 63, false}, {0x30, 5, false}}},
-    {4, LARGEST, ROOMY, {{0x08, 123, false}, {0x20, 3, false}, {0x21, 4, false}, {0x77, 12, false}}},
-    {4, LARGEST, 236, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* as little room as a ring may have */
+    {4, LARGEST, RING_SIZE, {{0x20, 2, false}}},
+    {8, LARGEST, RING_SIZE, {{0x10, 2, false}, {0x20, 63, false}, {0x30, 5, false}}},
+    {4, LARGEST, RING_SIZE, {{0x08, 123, false}, {0x20, 3, false}, {0x21, 4, false}, {0x77, 12, false}}},
+    {4, LARGEST, 236, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* the smallest allowed ring */
     {1, 112, 400, {{0}}},
-    {2, LARGEST, ROOMY, {{0x20, 4, false}, {0x40, 0, true}, {0x41, 0, true}}}, /* more devices than slots */
-    {32, LARGEST, ROOMY,
+    {2, LARGEST, RING_SIZE, {{0x20, 4, false}, {0x40, 0, true}, {0x41, 0, true}}}, /* more devices than slots */
+    {32, LARGEST, RING_SIZE,
      {{0x11, 7, false}, {0x12, 7, false}, {0x13, 7, false}, {0x14, 7, false}, {0x15, 7, false}, {0x16, 7, false}}},
-    {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}}, /* one is too large for the buffers */
+    {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}}, /* one board is too large for the buffers */
 };
 
 void bench_populate(unsigned bus)
 {
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
-    const struct bus *chosen = &buses[bus];
-    bench.config.slot_capacity = chosen->slot_capacity;
-    bench.config.transfer_pool_size = 2u * TAXEL_HUB_BUFFER_SIZE(chosen->buffer_size);
-    bench.config.transmit_ring_size = chosen->ring_size;
+    const struct bus *source = &buses[bus];
+    bench.config.slot_capacity = source->slot_capacity;
+    bench.config.transfer_pool_size = 2u * TAXEL_HUB_BUFFER_SIZE(source->buffer_size);
+    bench.config.transmit_ring_size = source->ring_size;
     for (size_t i = 0; i < BENCH_BOARDS; i++) {
         struct bench_board *board = &bench.boards[i];
-        board->address = chosen->devices[i].address;
-        board->taxel_count = chosen->devices[i].taxel_count;
-        board->foreign = chosen->devices[i].foreign;
+        board->address = source->devices[i].address;
+        board->taxel_count = source->devices[i].taxel_count;
+        board->foreign = source->devices[i].foreign;
         board->map_version = TAXEL_REGISTER_MAP_VERSION;
         board->sequence = 0xFFF0;
         memcpy(board->settings, settings, sizeof settings);
@@ -83,11 +83,11 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + size - 4, crc_with_address(board, bytes, size - 4));
 }
 
-/* Packed with 16 bits, or coded, or nothing new: the hub forwards what has a good CRC. */
+/* A packed frame of 16 bits, a delta frame, or no new snapshot: the hub forwards any bytes with a valid CRC. */
 static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 {
-    const bool is_coded = board->sequence & 1u;
-    const size_t size = is_coded ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
+    const bool is_delta = board->sequence & 1u;
+    const size_t size = is_delta ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
     if (board->holds_scan) {
         bytes[0] = 0;
         return 1;
@@ -96,16 +96,16 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
     bytes[0] = (uint8_t)(size < 0x80u ? size : 0x80u + size / 4u);
     memset(bytes + 1, 0x55, size);
     fuzz_put_u16(bytes + 1, board->sequence);
-    bytes[3] = is_coded ? 0 : 16;
-    fuzz_put_u32(bytes + (is_coded ? 6 : 4), (uint32_t)bench.now_us + board->clock_offset_us);
+    bytes[3] = is_delta ? 0 : 16;
+    fuzz_put_u32(bytes + (is_delta ? 6 : 4), (uint32_t)bench.now_us + board->clock_offset_us);
     fuzz_put_u32(bytes + 1 + size - 4, crc_with_address(board, bytes + 1, size - 4));
     return 1u + size;
 }
 
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
-    uint8_t registers[1u + LARGEST + 4u]; /* a compact snapshot has its length in front and is a multiple of four bytes */
-    size_t known = 0;
+    uint8_t registers[1u + LARGEST + 4u]; /* a compact snapshot has a length byte and is padded to a multiple of four bytes */
+    size_t available = 0;
     if (board->foreign) {
         memset(bytes, FOREIGN_BYTE, size);
         return;
@@ -113,29 +113,29 @@ static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
     switch (board->pointer) {
     case 0x00:
         read_identity(board, registers);
-        known = TAXEL_IDENTITY_SIZE;
+        available = TAXEL_IDENTITY_SIZE;
         break;
     case 0x44:
         fuzz_put_u32(registers, (uint32_t)bench.now_us + board->clock_offset_us);
-        known = 4;
+        available = 4;
         break;
     case 0x60:
         memcpy(registers, board->settings, 8);
         fuzz_put_u32(registers + 8, crc_with_address(board, registers, 8));
-        known = 12;
+        available = 12;
         break;
     case 0xA0:
-        known = read_compact(board, registers);
+        available = read_compact(board, registers);
         break;
     case 0x80:
         read_snapshot(board, registers);
-        known = 10u + 2u * (size_t)board->taxel_count;
+        available = 10u + 2u * (size_t)board->taxel_count;
         break;
     default:
         break;
     }
     for (size_t i = 0; i < size; i++) {
-        bytes[i] = i < known ? registers[i] : 0xFF;
+        bytes[i] = i < available ? registers[i] : 0xFF;
     }
 }
 

@@ -23,18 +23,18 @@ static int replay_file(const char *path)
         return 1;
     }
     const size_t size = (size_t)status.st_size;
-    uint8_t *bytes = malloc(size ? size : 1u); /* exactly as long as the file: a sanitizer sees the byte beyond */
-    const bool whole = bytes && fread(bytes, 1, size, file) == size;
+    uint8_t *bytes = malloc(size ? size : 1u); /* exact size, so that a sanitizer detects an access behind it */
+    const bool is_complete = bytes && fread(bytes, 1, size, file) == size;
     (void)fclose(file);
-    if (whole) {
-        (void)fprintf(stderr, "%s\n", path); /* the last one printed is the one that failed */
+    if (is_complete) {
+        (void)fprintf(stderr, "%s\n", path); /* the last path printed is that of the failing file */
         (void)LLVMFuzzerTestOneInput(bytes, size);
         files++;
     } else {
-        (void)fprintf(stderr, "%s: cannot be read whole\n", path);
+        (void)fprintf(stderr, "%s: cannot be read completely\n", path);
     }
     free(bytes);
-    return whole ? 0 : 1;
+    return is_complete ? 0 : 1;
 }
 
 static int replay_directory(const char *path)

@@ -17,8 +17,8 @@
 #define TAXEL_SMBUS_BLOCK 32u
 #define TAXEL_CROSSING_MAP_SIZE 32u
 #define TAXEL_SNAPSHOT_OVERHEAD 10u
-#define TAXEL_COMPACT_OVERHEAD_MIN 11u
-#define TAXEL_COMPACT_OVERHEAD_CODED 12u
+#define TAXEL_COMPACT_OVERHEAD_PACKED 11u
+#define TAXEL_COMPACT_OVERHEAD_DELTA 12u
 #define TAXEL_COMPACT_TAXELS_MAX 238u
 #define TAXEL_COMPACT_SIZE_MAX 488u
 #define TAXEL_COMPACT_LENGTH_FINE 128u
@@ -26,7 +26,7 @@
 #define TAXEL_COMPACT_WIDTH_MASK 31u
 #define TAXEL_COMPACT_START_MASK 96u
 #define TAXEL_COMPACT_START_SHIFT 5u
-#define TAXEL_COMPACT_CANDIDATE 128u
+#define TAXEL_COMPACT_KEY_FRAME 128u
 #define TAXEL_ACKNOWLEDGE_FORGET 128u
 #define TAXEL_ACKNOWLEDGE_MAX 22u
 #define TAXEL_TRANSFER_MAX 64u
@@ -455,82 +455,82 @@ static inline void taxel_snapshot_header_unpack(struct taxel_snapshot_header *va
 
 #define TAXEL_COMPACT_HEADER_SIZE 3u
 #define TAXEL_COMPACT_HEADER_OFFSET_SEQUENCE 0u
-#define TAXEL_COMPACT_HEADER_OFFSET_FORM 2u
+#define TAXEL_COMPACT_HEADER_OFFSET_FORMAT 2u
 struct taxel_compact_header {
     uint16_t sequence;
-    uint8_t form;
+    uint8_t format;
 };
 static inline void taxel_compact_header_pack(const struct taxel_compact_header *value, uint8_t *bytes)
 {
     taxel_put_u16(bytes + 0, value->sequence);
-    taxel_put_u8(bytes + 2, value->form);
+    taxel_put_u8(bytes + 2, value->format);
 }
 static inline void taxel_compact_header_unpack(struct taxel_compact_header *value, const uint8_t *bytes)
 {
     value->sequence = taxel_get_u16(bytes + 0);
-    value->form = taxel_get_u8(bytes + 2);
+    value->format = taxel_get_u8(bytes + 2);
 }
 
 #define TAXEL_COMPACT_PACKED_SIZE 7u
 #define TAXEL_COMPACT_PACKED_OFFSET_SEQUENCE 0u
-#define TAXEL_COMPACT_PACKED_OFFSET_FORM 2u
+#define TAXEL_COMPACT_PACKED_OFFSET_FORMAT 2u
 #define TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US 3u
 struct taxel_compact_packed {
     uint16_t sequence;
-    uint8_t form;
+    uint8_t format;
     uint32_t timestamp_us;
 };
 static inline void taxel_compact_packed_pack(const struct taxel_compact_packed *value, uint8_t *bytes)
 {
     taxel_put_u16(bytes + 0, value->sequence);
-    taxel_put_u8(bytes + 2, value->form);
+    taxel_put_u8(bytes + 2, value->format);
     taxel_put_u32(bytes + 3, value->timestamp_us);
 }
 static inline void taxel_compact_packed_unpack(struct taxel_compact_packed *value, const uint8_t *bytes)
 {
     value->sequence = taxel_get_u16(bytes + 0);
-    value->form = taxel_get_u8(bytes + 2);
+    value->format = taxel_get_u8(bytes + 2);
     value->timestamp_us = taxel_get_u32(bytes + 3);
 }
 
-#define TAXEL_COMPACT_CODED_SIZE 8u
-#define TAXEL_COMPACT_CODED_OFFSET_SEQUENCE 0u
-#define TAXEL_COMPACT_CODED_OFFSET_FORM 2u
-#define TAXEL_COMPACT_CODED_OFFSET_REFERENCE 3u
-#define TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW 5u
-struct taxel_compact_coded {
+#define TAXEL_COMPACT_DELTA_SIZE 8u
+#define TAXEL_COMPACT_DELTA_OFFSET_SEQUENCE 0u
+#define TAXEL_COMPACT_DELTA_OFFSET_FORMAT 2u
+#define TAXEL_COMPACT_DELTA_OFFSET_KEY_FRAME 3u
+#define TAXEL_COMPACT_DELTA_OFFSET_TIMESTAMP_LOW 5u
+struct taxel_compact_delta {
     uint16_t sequence;
-    uint8_t form;
-    uint16_t reference;
+    uint8_t format;
+    uint16_t key_frame;
     uint8_t timestamp_low[3];
 };
-static inline void taxel_compact_coded_pack(const struct taxel_compact_coded *value, uint8_t *bytes)
+static inline void taxel_compact_delta_pack(const struct taxel_compact_delta *value, uint8_t *bytes)
 {
     taxel_put_u16(bytes + 0, value->sequence);
-    taxel_put_u8(bytes + 2, value->form);
-    taxel_put_u16(bytes + 3, value->reference);
+    taxel_put_u8(bytes + 2, value->format);
+    taxel_put_u16(bytes + 3, value->key_frame);
     memcpy(bytes + 5, value->timestamp_low, 3);
 }
-static inline void taxel_compact_coded_unpack(struct taxel_compact_coded *value, const uint8_t *bytes)
+static inline void taxel_compact_delta_unpack(struct taxel_compact_delta *value, const uint8_t *bytes)
 {
     value->sequence = taxel_get_u16(bytes + 0);
-    value->form = taxel_get_u8(bytes + 2);
-    value->reference = taxel_get_u16(bytes + 3);
+    value->format = taxel_get_u8(bytes + 2);
+    value->key_frame = taxel_get_u16(bytes + 3);
     memcpy(value->timestamp_low, bytes + 5, 3);
 }
 
 #define TAXEL_COMPACT_ACKNOWLEDGE_SIZE 2u
-#define TAXEL_COMPACT_ACKNOWLEDGE_OFFSET_REFERENCE 0u
+#define TAXEL_COMPACT_ACKNOWLEDGE_OFFSET_KEY_FRAME 0u
 struct taxel_compact_acknowledge {
-    uint16_t reference;
+    uint16_t key_frame;
 };
 static inline void taxel_compact_acknowledge_pack(const struct taxel_compact_acknowledge *value, uint8_t *bytes)
 {
-    taxel_put_u16(bytes + 0, value->reference);
+    taxel_put_u16(bytes + 0, value->key_frame);
 }
 static inline void taxel_compact_acknowledge_unpack(struct taxel_compact_acknowledge *value, const uint8_t *bytes)
 {
-    value->reference = taxel_get_u16(bytes + 0);
+    value->key_frame = taxel_get_u16(bytes + 0);
 }
 
 #define TAXEL_HOST_HANDSHAKE_SIZE 3u
@@ -949,20 +949,20 @@ static inline void taxel_command_header_unpack(struct taxel_command_header *valu
 
 #define TAXEL_ACKNOWLEDGEMENT_SIZE 3u
 #define TAXEL_ACKNOWLEDGEMENT_OFFSET_ADDRESS 0u
-#define TAXEL_ACKNOWLEDGEMENT_OFFSET_REFERENCE 1u
+#define TAXEL_ACKNOWLEDGEMENT_OFFSET_KEY_FRAME 1u
 struct taxel_acknowledgement {
     uint8_t address;
-    uint16_t reference;
+    uint16_t key_frame;
 };
 static inline void taxel_acknowledgement_pack(const struct taxel_acknowledgement *value, uint8_t *bytes)
 {
     taxel_put_u8(bytes + 0, value->address);
-    taxel_put_u16(bytes + 1, value->reference);
+    taxel_put_u16(bytes + 1, value->key_frame);
 }
 static inline void taxel_acknowledgement_unpack(struct taxel_acknowledgement *value, const uint8_t *bytes)
 {
     value->address = taxel_get_u8(bytes + 0);
-    value->reference = taxel_get_u16(bytes + 1);
+    value->key_frame = taxel_get_u16(bytes + 1);
 }
 
 #define TAXEL_START_ARGUMENTS_SIZE 1u

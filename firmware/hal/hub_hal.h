@@ -1,4 +1,17 @@
-/* What the hub's firmware needs from its processor. One struct of functions; the port fills it in. */
+/* Processor interface of the hub's firmware: one struct of functions that the port fills in.
+ *
+ * Integration (the port's side; hub/hub.h shows the configuration):
+ *
+ *     static void start_transfer(void *context, const struct taxel_i2c_transfer *transfer) { ... }
+ *     ...
+ *     static const struct taxel_hub_hal hal = {
+ *         .context = NULL, .i2c_start = start_transfer, .i2c_abort = abort_transfer, .i2c_drive = drive_lines,
+ *         .i2c_scl = read_scl, .i2c_sda = read_sda, .uart_kick = enable_transmit_interrupt, .uart_hold = NULL,
+ *         .clock_us = clock_us, .delay_us = delay_us, .wake_at = set_wake_time,
+ *         .restart = reset, .enter_bootloader = reset_into_bootloader,
+ *     };
+ *     // I2C interrupt, end of a transfer: taxel_hub_on_i2c_done(&hub, TAXEL_I2C_OK);
+ */
 #ifndef TAXEL_HUB_HAL_H
 #define TAXEL_HUB_HAL_H
 
@@ -13,56 +26,60 @@ enum taxel_i2c_result {
     TAXEL_I2C_NACK_ADDRESS = -1,
     TAXEL_I2C_NACK_DATA = -2,
     TAXEL_I2C_ARBITRATION_LOST = -3,
-    TAXEL_I2C_BUS_ERROR = -4, /* a start or stop where none belongs */
+    TAXEL_I2C_BUS_ERROR = -4, /* a start or stop condition at a wrong position */
     TAXEL_I2C_TIMEOUT = -5,
     TAXEL_I2C_BUSY = -6, /* a line is low before the start */
 };
 
-/* Write write_size bytes, then, after a repeated start, read read_size bytes; either may be 0. With both 0 the address is
- * sent for writing and nothing else: a probe. */
+/* Write write_size bytes, then, after a repeated start, read read_size bytes; either may be 0. With both 0, only the address
+ * is sent, for writing: a probe. */
 struct taxel_i2c_transfer {
     uint8_t address;
     const uint8_t *write_bytes;
     size_t write_size;
     uint8_t *read_bytes;
     size_t read_size;
-    bool counted; /* the first byte read tells, as a compact snapshot's length, how many follow; read_size is the most of all */
+    bool length_prefixed; /* the first byte read is the length of a compact snapshot; read_size is then the upper limit */
 };
 
-/* For those who carry it out: bytes still to be read after the first, of a transfer that is counted. */
-static inline size_t taxel_i2c_counted_rest(const struct taxel_i2c_transfer *transfer, uint8_t first)
+/* For the port: bytes to read after the first byte of a length-prefixed transfer. */
+static inline size_t taxel_i2c_bytes_after_length(const struct taxel_i2c_transfer *transfer, uint8_t first)
 {
-    const size_t rest = taxel_compact_size(first);
-    return rest < transfer->read_size ? rest : transfer->read_size - 1u;
+    const size_t size = taxel_compact_size(first);
+    return size < transfer->read_size ? size : transfer->read_size - 1u;
 }
 
 struct taxel_hub_hal {
+    /* First argument of all functions; may be NULL. */
     void *context;
 
-    /* Begin a transfer; the port calls taxel_hub_on_i2c_done() when it has ended. */
+    /* Start a transfer; the port calls taxel_hub_on_i2c_done() at its end. The struct is valid during the call only, the bytes
+     * to which it points until the end of the transfer. */
     void (*i2c_start)(void *context, const struct taxel_i2c_transfer *transfer);
-    /* Give a transfer up: release both lines. No taxel_hub_on_i2c_done() follows. */
+    /* Abort the transfer in progress: release both lines. No taxel_hub_on_i2c_done() follows. */
     void (*i2c_abort)(void *context);
-    /* The two lines by hand, for bus recovery: drive a line low or let it go, and read it back. */
+    /* Manual control of the two lines, for bus recovery: drive a line low (false) or release it (true), and read its level. */
     void (*i2c_drive)(void *context, bool scl_high, bool sda_high);
     bool (*i2c_scl)(void *context);
     bool (*i2c_sda)(void *context);
 
-    /* Bytes wait in the transmit ring: fetch them with taxel_hub_uart_pull(). */
+    /* Bytes are queued: the UART's interrupt fetches them with taxel_hub_uart_pull(). */
     void (*uart_kick)(void *context);
-    /* Let the host's adapter send no more (RTS high), or go on. NULL: the line is not wired. Also called from the interrupt that
-     * hands bytes over. While the processor starts the line must say "go on". */
+    /* Stop the host's adapter (RTS high) or let it send again (low). NULL: RTS is not wired. Also called from the interrupt that
+     * calls taxel_hub_on_uart_byte(). RTS must be low while the processor starts. */
     void (*uart_hold)(void *context, bool hold);
 
-    /* Microseconds since boot. */
+    /* Microseconds since boot; never decreases. */
     uint64_t (*clock_us)(void *context);
+    /* Wait for at least so many microseconds; called with values up to 5. */
     void (*delay_us)(void *context, uint32_t microseconds);
-    /* Call taxel_hub_run() at that clock_us() at the latest. It is also called after every interrupt. Of several requests the
-     * earliest holds, and any call of taxel_hub_run() uses up those made before it. */
+    /* Call taxel_hub_run() at the latest when clock_us() reaches this value, and after every interrupt. The earliest of several
+     * requests applies; each call of taxel_hub_run() cancels the requests made before it. */
     void (*wake_at)(void *context, uint64_t clock_us);
 
+    /* Reset the processor. */
     void (*restart)(void *context);
-    /* As restart, but the bootloader stays. */
+    /* Reset the processor and stay in its bootloader. */
     void (*enter_bootloader)(void *context);
 };
 

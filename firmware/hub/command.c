@@ -2,7 +2,7 @@
 #include "hub/internal.h"
 
 #define VERSION_OF_COMPACT 2u
-#define RESTART_PATIENCE_US 500000u /* for the reply to REBOOT to leave a UART that nobody reads */
+#define RESTART_TIMEOUT_US 500000u /* limit for sending the reply to REBOOT, for a UART without a reader */
 
 void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t version)
 {
@@ -40,7 +40,7 @@ void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data,
     }
 }
 
-void taxel_hub_take_handshake(struct taxel_hub *hub)
+void taxel_hub_handle_handshake(struct taxel_hub *hub)
 {
     struct taxel_host_handshake handshake;
     taxel_host_handshake_unpack(&handshake, hub->inbox.payload);
@@ -48,11 +48,11 @@ void taxel_hub_take_handshake(struct taxel_hub *hub)
         handshake.version_max < TAXEL_PROTOCOL_VERSION ? handshake.version_max : (uint8_t)TAXEL_PROTOCOL_VERSION;
     const bool agreed = highest >= TAXEL_PROTOCOL_VERSION_MIN && highest >= handshake.version_min;
     hub->version = agreed ? highest : 0;
-    taxel_hub_want_compact(hub, hub->compact && hub->version >= VERSION_OF_COMPACT);
+    taxel_hub_set_compact(hub, hub->use_compact && hub->version >= VERSION_OF_COMPACT);
     taxel_hub_send_handshake(hub, handshake.tag, hub->version);
 }
 
-static void done(struct taxel_hub *hub)
+static void reply_ok(struct taxel_hub *hub)
 {
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
 }
@@ -62,7 +62,7 @@ static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
     struct taxel_set_rate_arguments arguments;
     taxel_set_rate_arguments_unpack(&arguments, bytes);
     hub->cycle.period_us = arguments.period_us;
-    done(hub);
+    reply_ok(hub);
 }
 
 static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
@@ -87,26 +87,26 @@ static void start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
         taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
         return;
     }
-    taxel_hub_want_compact(hub, flags & TAXEL_START_FLAG_COMPACT);
+    taxel_hub_set_compact(hub, flags & TAXEL_START_FLAG_COMPACT);
     taxel_hub_start_streaming(hub);
-    done(hub);
+    reply_ok(hub);
 }
 
-void taxel_hub_take_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t reference)
+void taxel_hub_handle_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t key_frame_id)
 {
     const uint8_t slot = taxel_hub_slot_of(hub, address & (uint8_t)~TAXEL_ACKNOWLEDGE_FORGET);
-    if (slot == TAXEL_NO_SLOT || !hub->compact) {
+    if (slot == TAXEL_NO_SLOT || !hub->use_compact) {
         return;
     }
     struct taxel_hub_slot *board = taxel_hub_slot_at(hub, slot);
-    board->forget = address & TAXEL_ACKNOWLEDGE_FORGET;
-    board->acknowledge = !board->forget;
-    board->reference = reference;
+    board->forget_pending = address & TAXEL_ACKNOWLEDGE_FORGET;
+    board->acknowledge_pending = !board->forget_pending;
+    board->key_frame_id = key_frame_id;
 }
 
-static bool is_chosen(uint8_t wanted, const struct taxel_hub_slot *board)
+static bool is_selected(uint8_t address, const struct taxel_hub_slot *board)
 {
-    return wanted == 0 || board->address == wanted;
+    return address == 0 || board->address == address;
 }
 
 static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
@@ -115,7 +115,7 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
     bool any = false;
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
-        if (!is_chosen(hub->command.address, board)) {
+        if (!is_selected(hub->command.address, board)) {
             continue;
         }
         board->settings_rejected = false;
@@ -137,8 +137,8 @@ static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
     hub->command.address = bytes[0];
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
-        if (is_chosen(hub->command.address, board) && board->state == TAXEL_BOARD_STATE_STREAMING) {
-            board->info_wanted = true;
+        if (is_selected(hub->command.address, board) && board->state == TAXEL_BOARD_STATE_STREAMING) {
+            board->info_requested = true;
             any = true;
         }
     }
@@ -147,7 +147,7 @@ static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
     }
 }
 
-/* Commands that the poll cycle works off: is there anything left to do? */
+/* Send the reply of a command that is executed within the poll cycle, once all of its boards are done. */
 void taxel_hub_end_finished_command(struct taxel_hub *hub)
 {
     bool rejected = false;
@@ -156,8 +156,8 @@ void taxel_hub_end_finished_command(struct taxel_hub *hub)
     }
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         const struct taxel_hub_slot *board = taxel_hub_slot_at(hub, i);
-        if (is_chosen(hub->command.address, board)) {
-            if (board->state == TAXEL_BOARD_STATE_STREAMING && (board->settings_dirty || board->info_wanted)) {
+        if (is_selected(hub->command.address, board)) {
+            if (board->state == TAXEL_BOARD_STATE_STREAMING && (board->settings_dirty || board->info_requested)) {
                 return;
             }
             rejected = rejected || board->settings_rejected;
@@ -212,9 +212,9 @@ static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
 
 static void restart(struct taxel_hub *hub)
 {
-    hub->restart_wanted = true;
-    hub->restart_by_us = taxel_hub_now(hub) + RESTART_PATIENCE_US;
-    done(hub);
+    hub->restart_requested = true;
+    hub->restart_by_us = taxel_hub_now(hub) + RESTART_TIMEOUT_US;
+    reply_ok(hub);
 }
 
 static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
@@ -223,7 +223,7 @@ static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
         taxel_hub_reply(hub, TAXEL_REPLY_STATUS_BAD_ARGUMENTS, NULL, 0);
         return;
     }
-    hub->bootloader_wanted = true;
+    hub->bootloader_requested = true;
     restart(hub);
 }
 
@@ -235,13 +235,13 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
         break;
     case TAXEL_COMMAND_STOP:
         hub->streaming = false;
-        done(hub);
+        reply_ok(hub);
         break;
     case TAXEL_COMMAND_SET_RATE:
         set_rate(hub, arguments);
         break;
     case TAXEL_COMMAND_SCAN_BUS:
-        taxel_hub_start_sweep(hub, true);
+        taxel_hub_start_bus_scan(hub, true);
         break;
     case TAXEL_COMMAND_I2C_TRANSFER:
         transfer(hub, arguments, size);
@@ -267,7 +267,7 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
     }
 }
 
-void taxel_hub_take_command(struct taxel_hub *hub, size_t size)
+void taxel_hub_handle_command(struct taxel_hub *hub, size_t size)
 {
     struct taxel_command_header header;
     const uint8_t *payload = hub->inbox.payload;

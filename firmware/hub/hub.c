@@ -37,10 +37,10 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
     hub->config = config;
     hub->reset_cause = reset_cause;
     hub->settings_read_slot = TAXEL_NO_SLOT;
-    hub->bus_down_until_us = hub->host_until_us = hub->sweep.next_us = taxel_hub_now(hub); /* a clock may begin anywhere */
+    hub->bus_down_until_us = hub->host_bus_until_us = hub->bus_scan.next_us = taxel_hub_now(hub); /* the clock may start at any value */
     taxel_hub_inbox_init(hub);
     taxel_hub_send_handshake(hub, 0, 0);
-    taxel_hub_start_sweep(hub, false);
+    taxel_hub_start_bus_scan(hub, false);
 }
 
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
@@ -50,11 +50,11 @@ void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
     hub->job_done = true;
 }
 
-static void take_job_outcome(struct taxel_hub *hub)
+static void process_job_outcome(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     struct taxel_job *job = &hub->job;
-    if (job->kind != TAXEL_JOB_NONE && !hub->job_done && taxel_hub_has_come(taxel_hub_now(hub), job->deadline_us)) {
+    if (job->kind != TAXEL_JOB_NONE && !hub->job_done && taxel_hub_is_due(taxel_hub_now(hub), job->deadline_us)) {
         hal->i2c_abort(hal->context);
         hub->job_result = TAXEL_I2C_TIMEOUT;
         hub->job_done = true;
@@ -62,33 +62,33 @@ static void take_job_outcome(struct taxel_hub *hub)
     if (!hub->job_done) {
         return;
     }
-    atomic_signal_fence(memory_order_acquire); /* the transfer buffer is as the interrupt left it */
+    atomic_signal_fence(memory_order_acquire); /* the interrupt's writes to the transfer buffer are visible */
     hub->job_done = false;
     taxel_hub_note_result(hub, hub->job_result);
     if (job->kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
         taxel_hub_keep_snapshot(hub);
         job->kind = TAXEL_JOB_NONE;
-        taxel_hub_start_next_job(hub); /* the bus works on while this snapshot is checked and framed */
-        taxel_hub_take_snapshot(hub);
+        taxel_hub_start_next_job(hub); /* the bus is busy with the next transfer while this snapshot is checked and framed */
+        taxel_hub_process_snapshot(hub);
         return;
     }
     taxel_hub_finish_job(hub, hub->job_result);
 }
 
-/* A time that has come long ago must not look like one that is still to come. */
-static void move_along(uint32_t now, uint32_t *time)
+/* Moves a past time to `now`, because after 35 minutes it would count as a future time. */
+static void clamp_past_time(uint32_t now, uint32_t *time)
 {
-    if (taxel_hub_has_come(now, *time)) {
+    if (taxel_hub_is_due(now, *time)) {
         *time = now;
     }
 }
 
-static void run_to_the_end(struct taxel_hub *hub)
+static void restart_when_drained(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
-    if (taxel_hub_uart_pending(hub) && !taxel_hub_has_come(taxel_hub_now(hub), hub->restart_by_us)) {
+    if (taxel_hub_uart_pending(hub) && !taxel_hub_is_due(taxel_hub_now(hub), hub->restart_by_us)) {
         taxel_hub_wake_in(hub, DRAIN_POLL_US);
-    } else if (hub->bootloader_wanted) {
+    } else if (hub->bootloader_requested) {
         hal->enter_bootloader(hal->context);
     } else {
         hal->restart(hal->context);
@@ -97,22 +97,22 @@ static void run_to_the_end(struct taxel_hub *hub)
 
 TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
 {
-    if (hub->restart_wanted) { /* nothing new is begun; what has been said goes out first */
-        run_to_the_end(hub);
+    if (hub->restart_requested) { /* start no new work; drain the transmit queue first */
+        restart_when_drained(hub);
         return;
     }
     taxel_hub_drop_queued(hub);
-    take_job_outcome(hub);
+    process_job_outcome(hub);
     taxel_hub_read_inbox(hub);
     if (hub->job.kind == TAXEL_JOB_NONE) {
         taxel_hub_start_next_job(hub);
     }
     taxel_hub_report_step(hub);
-    const uint32_t now = taxel_hub_now(hub); /* not asked before: until a transfer begins, the bus waits */
-    move_along(now, &hub->bus_down_until_us);
-    move_along(now, &hub->host_until_us);
-    move_along(now, &hub->sweep.next_us);
-    if (hub->job.kind != TAXEL_JOB_NONE) { /* each pass uses up the calls that were asked for before */
-        taxel_hub_wake_in(hub, taxel_hub_has_come(now, hub->job.deadline_us) ? 0 : hub->job.deadline_us - now);
+    const uint32_t now = taxel_hub_now(hub); /* read late: the bus is idle until a transfer starts */
+    clamp_past_time(now, &hub->bus_down_until_us);
+    clamp_past_time(now, &hub->host_bus_until_us);
+    clamp_past_time(now, &hub->bus_scan.next_us);
+    if (hub->job.kind != TAXEL_JOB_NONE) { /* each pass cancels the earlier requests of wake_at() */
+        taxel_hub_wake_in(hub, taxel_hub_is_due(now, hub->job.deadline_us) ? 0 : hub->job.deadline_us - now);
     }
 }

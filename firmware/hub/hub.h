@@ -1,16 +1,34 @@
-/* The hub: reads one snapshot after the other from the boards on its I2C bus and streams them, unread but for their CRC, as
- * UART frames; obeys the host's commands between two polls.
+/* The hub: the I2C master of all sensor boards. It reads one snapshot after the other, checks its CRC, and forwards it
+ * unparsed as a UART frame; it executes the host's commands between two polls.
  *
- *   hub.c       set-up and the main loop's pass           outbox.c    UART frames out: ring, back-pressure, counting
- *   schedule.c  which transfer comes next                 inbox.c     UART bytes in: the ring, and frames in it
- *   outcome.c   what a finished transfer means            command.c   handshake and commands
- *   identify.c  who a board is, and its scan settings     report.c    status frames
- *   recovery.c  nine clocks for a stuck bus               pool.c      where transfers read to
- *   launch.c    how a transfer begins                     snapshot.c  is it whole, is it news: on to the host
- *   stall.c     a UART that nobody reads
+ *   hub.c       set-up and one pass of the main loop      outbox.c    outgoing UART frames: ring, back-pressure, counters
+ *   schedule.c  selects the next transfer                 inbox.c     incoming UART bytes: ring, frame search
+ *   outcome.c   evaluates a finished transfer             command.c   handshake and commands
+ *   identify.c  identity and scan settings of a board     report.c    status frames
+ *   recovery.c  nine clocks that free a stuck bus         pool.c      buffers of the transfers
+ *   launch.c    starts a transfer                         snapshot.c  checks a snapshot and forwards it
+ *   stall.c     a UART without a reader
  *
- * The port calls taxel_hub_on_...() from interrupts and taxel_hub_run() from its main loop after every interrupt, and at
- * the time that hal->wake_at() asked for. All memory is the caller's. */
+ * Integration (`hal`: struct taxel_hub_hal of the port; all memory is the caller's):
+ *
+ *     static struct taxel_hub hub;
+ *     static struct taxel_hub_slot slots[17];
+ *     static uint8_t pool[2u * TAXEL_HUB_BUFFER_SIZE(TAXEL_COMPACT_SIZE_MAX)], ring[512];
+ *     static const struct taxel_hub_config config = {
+ *         .hal = &hal, .firmware_version = version, .unique_id = unique_id, .scl_hz = 400000u,
+ *         .slots = slots, .slot_capacity = 17u, .transfer_pool = pool, .transfer_pool_size = sizeof pool,
+ *         .transmit_ring = ring, .transmit_ring_size = sizeof ring,
+ *     };
+ *     taxel_hub_init(&hub, &config, TAXEL_RESET_CAUSE_POWER_ON);
+ *     for (;;) {
+ *         taxel_hub_run(&hub);    // after every interrupt, and at the time requested with hal.wake_at()
+ *         wait_for_interrupt();
+ *     }
+ *     // I2C interrupt, end of a transfer:   taxel_hub_on_i2c_done(&hub, TAXEL_I2C_OK);
+ *     // UART interrupt, byte received:      taxel_hub_on_uart_byte(&hub, byte);
+ *     // UART interrupt, space to transmit:  count = taxel_hub_uart_pull(&hub, bytes, sizeof bytes);
+ *
+ * firmware/tests/test_integration_examples.c compiles and runs this example. */
 #ifndef TAXEL_HUB_H
 #define TAXEL_HUB_H
 
@@ -23,54 +41,73 @@
 
 #define TAXEL_HUB_COMMAND_PAYLOAD_MAX 68u
 #define TAXEL_HUB_RECEIVE_RING 256u
-#define TAXEL_HUB_HOLD_ROOM 32u    /* free bytes at which the host is asked to hold back: what adapters still send after that */
-#define TAXEL_HUB_RELEASE_ROOM 128u /* and at which it may go on */
-#define TAXEL_HUB_REPLY_RESERVE 180u /* the longest reply, and small frames that cannot wait */
+#define TAXEL_HUB_HOLD_SPACE 32u /* free bytes at which RTS stops the host: an adapter still sends its transmitter's bytes */
+#define TAXEL_HUB_RELEASE_SPACE 128u /* free bytes at which RTS lets the host continue */
+#define TAXEL_HUB_REPLY_RESERVE 180u /* bytes: the longest reply, and small frames that cannot wait */
 
-/* The place of a transfer becomes the frame of what was read into it: its header goes before, its CRC behind. */
-#define TAXEL_HUB_HEADROOM 18u /* its last byte is where the length of a compact snapshot is read to */
+/* A transfer's buffer becomes the frame of the bytes that were read into it: the headroom takes the frame's header and
+ * stuffing, the tailroom its CRC and delimiter. */
+#define TAXEL_HUB_HEADROOM 18u /* the length byte of a compact snapshot is read into its last byte */
 #define TAXEL_HUB_TAILROOM 6u
 #define TAXEL_HUB_BUFFER_SIZE(read_max) (TAXEL_HUB_HEADROOM + (read_max) + TAXEL_HUB_TAILROOM)
 
-/* There are many of them and little memory: no gaps. */
+/* State of one board. Ordered without padding, because a hub has many slots and little RAM. */
 struct taxel_hub_slot {
     uint8_t address;
     uint8_t taxel_count;
     uint8_t last_fault;
-    uint8_t polls;      /* modulo 256: taxel_hub_polls() knows the rest */
+    uint8_t polls;      /* modulo 256; taxel_hub_polls() restores the upper bits */
     uint8_t state : 2;  /* enum taxel_board_state */
     uint8_t attempts : 2;
-    bool retry : 1;
-    bool info_wanted : 1;
-    bool pointer_is_snapshot : 1; /* the board's register pointer, at what is polled: a read needs no write before it */
+    bool retry_pending : 1;
+    bool info_requested : 1;
+    bool pointer_is_snapshot : 1; /* the board's register pointer is at the polled register: a read needs no write before it */
     bool has_sequence : 1;
-    bool has_clock : 1; /* last_timestamp_us says something */
+    bool has_clock : 1; /* last_timestamp_us is valid */
     bool has_compact : 1; /* the board has compact snapshots */
-    bool acknowledge : 1; /* the board is to be told `reference` */
-    bool forget : 1;      /* or that the host has none */
-    bool has_settings : 1; /* the host chose settings: they are written again when the board restarts */
+    bool acknowledge_pending : 1; /* `key_frame_id` is to be written to the board */
+    bool forget_pending : 1;      /* the host has no key frame of the board, which is to be written to the board */
+    bool has_settings : 1; /* the host set `settings`: they are written again after a restart of the board */
     bool settings_dirty : 1;
     bool settings_rejected : 1;
     uint16_t consecutive_failures;
     uint16_t last_sequence;
-    uint16_t reference; /* name of the candidate that the host has decoded */
-    uint32_t last_timestamp_us; /* board's clock, of the last snapshot forwarded */
-    uint32_t last_read_us;      /* hub's clock, when that, or an identity that did not fit, was read */
+    uint16_t key_frame_id; /* of the key frame that the host has decoded */
+    uint32_t last_timestamp_us; /* board's clock in the last forwarded snapshot */
+    uint32_t last_read_us;      /* hub's clock when that snapshot, or an incompatible identity, was read */
     uint32_t forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
     struct taxel_scan_settings settings;
 };
 
 struct taxel_hub_config {
+    /* Functions of the port. Every pointer is set, except uart_hold, which may be NULL. */
     const struct taxel_hub_hal *hal;
-    const uint8_t *firmware_version; /* major, minor, patch */
-    const uint8_t *unique_id;        /* 8 bytes */
+
+    /* Major, minor, patch: 3 bytes, each 0 to 255. Sent in HUB_HANDSHAKE. */
+    const uint8_t *firmware_version;
+
+    /* Id of the processor: 8 bytes of any value. Sent in HUB_HANDSHAKE. */
+    const uint8_t *unique_id;
+
+    /* Clock rate of the bus in Hz; greater than 0, typically 100000 to 1000000. Determines the time limits of transfers and
+     * the instant of a board's clock in TIME_SYNC. */
     uint32_t scl_hz;
+
+    /* One slot per board: slot_capacity elements, 1 to 112 (the number of usable I2C addresses). Boards without a free slot
+     * are not polled. */
     struct taxel_hub_slot *slots;
     uint8_t slot_capacity;
-    uint8_t *transfer_pool; /* some of it is filled by the bus while the rest is being framed and sent */
-    size_t transfer_pool_size; /* twice TAXEL_HUB_BUFFER_SIZE of the largest board's snapshot, and of TAXEL_BOARD_INFO_SIZE + 4 */
-    uint8_t *transmit_ring;       /* all other frames */
-    size_t transmit_ring_size;    /* more than TAXEL_HUB_REPLY_RESERVE and a HUB_STATUS frame */
+
+    /* Buffers in which bytes are read, framed, and kept until the UART has sent them. Size in bytes, at most 65535: at least
+     * twice TAXEL_HUB_BUFFER_SIZE() of the larger of (a) the largest board's snapshot, uncompressed and compact, and
+     * (b) TAXEL_BOARD_INFO_SIZE + 4. A board whose snapshot does not fit is reported as TOO_LARGE. */
+    uint8_t *transfer_pool;
+    size_t transfer_pool_size;
+
+    /* Ring for all other outgoing frames. Size in bytes, at most 65535: greater than TAXEL_HUB_REPLY_RESERVE plus
+     * taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE). */
+    uint8_t *transmit_ring;
+    size_t transmit_ring_size;
 };
 
 enum taxel_job_kind {
@@ -78,8 +115,8 @@ enum taxel_job_kind {
     TAXEL_JOB_POLL,
     TAXEL_JOB_PROBE_SLOT,
     TAXEL_JOB_IDENTIFY,
-    TAXEL_JOB_READ_SETTINGS,  /* after an identity, and into its buffer behind it */
-    TAXEL_JOB_CHECK_SETTINGS, /* after a write of settings */
+    TAXEL_JOB_READ_SETTINGS,  /* after an identity, into the same buffer behind the identity */
+    TAXEL_JOB_CHECK_SETTINGS, /* after settings were written */
     TAXEL_JOB_WRITE_SETTINGS,
     TAXEL_JOB_ACKNOWLEDGE,
     TAXEL_JOB_CLOCK,
@@ -87,29 +124,30 @@ enum taxel_job_kind {
     TAXEL_JOB_PASS_THROUGH,
 };
 
+/* The transfer in progress, or the last one. */
 struct taxel_job {
     uint8_t kind; /* enum taxel_job_kind */
     uint8_t slot;
     uint8_t address;
-    bool is_compact; /* a poll that reads a length first */
-    uint16_t at; /* in the pool: its place */
+    bool is_compact; /* a poll that reads a length byte first */
+    uint16_t pool_offset; /* of its buffer */
     uint16_t cycle; /* in which it was started */
     uint16_t read_size;
     uint32_t started_us;
     uint32_t deadline_us;
     uint8_t write_size;
-    uint8_t write_bytes[1u + TAXEL_COMPACT_ACKNOWLEDGE_SIZE]; /* of all but settings and the host's own */
+    uint8_t write_bytes[1u + TAXEL_COMPACT_ACKNOWLEDGE_SIZE]; /* of all jobs but WRITE_SETTINGS and PASS_THROUGH */
 };
 
-/* What was read well and is not a frame yet. */
+/* Bytes that were read correctly and are not framed yet. */
 struct taxel_unframed {
-    uint16_t size; /* 0: nothing */
+    uint16_t size; /* 0: none */
     uint16_t cycle;
     uint32_t started_us;
-    uint16_t at; /* in the pool */
+    uint16_t pool_offset;
     uint8_t slot;
-    uint8_t type : 7; /* of the frame that it becomes */
-    bool is_judged : 1;
+    uint8_t type : 7; /* of the future frame */
+    bool is_checked : 1;
 };
 
 enum taxel_cycle_stage {
@@ -125,16 +163,17 @@ struct taxel_cycle {
     uint8_t clock_slot;
     uint8_t probes_left;
     uint8_t probe_address;
-    bool launched; /* a transfer, in this cycle */
+    bool has_launched; /* a transfer was started in this cycle */
     uint16_t number;
     uint32_t count;
     uint32_t last_length_us;
     uint32_t period_us;
-    uint32_t upkept_us; /* when a cycle last read a clock and probed */
+    uint32_t last_upkeep_us; /* start of the last clock reading and probes */
     uint64_t started_us;
 };
 
-struct taxel_sweep {
+/* A probe of every address, for SCAN_BUS or because the hub is not streaming. */
+struct taxel_bus_scan {
     bool active;
     bool for_command;
     uint8_t address;
@@ -146,7 +185,7 @@ struct taxel_command_in_progress {
     uint8_t tag;
     uint8_t command; /* enum taxel_command */
     uint8_t address;
-    uint8_t transfer_size; /* of what is to be written: it stays in the inbox's payload */
+    uint8_t transfer_size; /* bytes to write; they stay in the inbox's payload */
     uint8_t transfer_read;
 };
 
@@ -157,35 +196,35 @@ struct taxel_report {
     uint32_t next_us;
 };
 
-#define TAXEL_HUB_LARGE_MAX 3u /* more places would cut the pool of 17 boards into pieces that are too small for the largest */
+#define TAXEL_HUB_LARGE_MAX 3u /* with more frames, the free parts of a pool for 17 boards are too small for the largest board */
 
-/* A frame in the pool, which is to be sent. */
+/* A frame in the pool that is to be sent. */
 struct taxel_large {
-    uint16_t end; /* of it in the pool */
-    uint16_t mark; /* where the ring waits while it is sent */
-    volatile uint16_t left; /* bytes to send: once they are there, the UART's interrupt alone counts them down */
+    uint16_t end; /* offset in the pool */
+    uint16_t mark; /* position at which the ring waits while this frame is sent */
+    volatile uint16_t left; /* bytes to send; set by the main loop, then counted down by the UART's interrupt alone */
 };
 
 struct taxel_outbox {
-    volatile uint16_t head; /* where the ring's next frame goes: moved by the main loop only */
-    volatile uint16_t tail; /* next byte for the UART: moved by its interrupt only */
+    volatile uint16_t head; /* position of the ring's next frame: written by the main loop only */
+    volatile uint16_t tail; /* next byte for the UART: written by its interrupt only */
     struct taxel_large large[TAXEL_HUB_LARGE_MAX];
-    volatile uint8_t large_first; /* which is sent next: moved by the interrupt only */
-    uint8_t large_next; /* the next to come: moved by the main loop only */
-    volatile bool is_held; /* the interrupt is to take nothing for a moment */
+    volatile uint8_t large_first; /* index of the next one to send: written by the interrupt only */
+    uint8_t large_next; /* index of the next one to add: written by the main loop only */
+    volatile bool is_held; /* the interrupt must not take any byte */
     uint16_t sequence;
     uint32_t frames_sent, bytes_sent, frames_dropped;
 };
 
 struct taxel_inbox {
     volatile uint8_t head, tail;
-    uint8_t searched; /* no delimiter from the tail to here */
-    volatile bool holds; /* the host has been asked to hold back */
+    uint8_t search_position; /* no delimiter between the tail and this position */
+    volatile bool is_holding; /* RTS stops the host */
     volatile uint16_t overruns;
-    uint16_t overruns_told;
+    uint16_t overruns_reported;
     uint32_t commands, commands_rejected;
     uint8_t ring[TAXEL_HUB_RECEIVE_RING];
-    uint8_t payload[TAXEL_HUB_COMMAND_PAYLOAD_MAX]; /* of the command that is worked off */
+    uint8_t payload[TAXEL_HUB_COMMAND_PAYLOAD_MAX]; /* of the command in progress */
 };
 
 struct taxel_hub {
@@ -194,7 +233,7 @@ struct taxel_hub {
     volatile bool job_done;
     volatile int8_t job_result; /* enum taxel_i2c_result */
     struct taxel_cycle cycle;
-    struct taxel_sweep sweep;
+    struct taxel_bus_scan bus_scan;
     struct taxel_command_in_progress command;
     struct taxel_report report;
     struct taxel_outbox outbox;
@@ -202,35 +241,41 @@ struct taxel_hub {
     struct taxel_unframed unframed;
     uint32_t restart_by_us;
     uint32_t bus_down_until_us;
-    uint32_t host_until_us; /* transfers of the host have the idle bus to themselves until then */
+    uint32_t host_bus_until_us; /* until then the idle bus is reserved for transfers of the host */
     uint32_t bus_recoveries;
-    uint32_t uart_mark; /* bytes that the UART had taken when that was last asked */
-    uint32_t uart_moved_us; /* and when more had been taken than before */
-    uint8_t bus_fault; /* enum taxel_board_fault that bus recovery left */
+    uint32_t uart_bytes_taken; /* bytes that the UART had taken at the last check */
+    uint32_t uart_progress_us; /* last check at which the UART had taken more bytes than before */
+    uint8_t bus_fault; /* enum taxel_board_fault that the last bus recovery did not remove */
     uint8_t slot_count;
     uint8_t version; /* negotiated; 0 before a handshake */
     uint8_t reset_cause; /* enum taxel_reset_cause */
-    uint8_t settings_read_slot; /* whose settings are to be read next, or 0xFF */
+    uint8_t settings_read_slot; /* slot whose settings are read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
-    bool uart_is_stalled; /* nobody reads: what finds no room is dropped */
+    bool uart_is_stalled; /* the UART has no reader: frames without space are dropped */
     bool streaming;
-    bool retry_wanted; /* by one of the boards */
-    bool compact; /* the host wants compact snapshots of the boards that have them */
-    bool drop_wanted : 1; /* since then: of what was to be sent before */
-    bool restart_wanted : 1;
-    bool bootloader_wanted : 1;
+    bool has_retry; /* retry_pending is set in at least one slot */
+    bool use_compact; /* the host requested compact snapshots from the boards that have them */
+    bool drop_requested : 1; /* the queued frames are to be dropped, because the UART stalled */
+    bool restart_requested : 1;
+    bool bootloader_requested : 1;
 };
 
-/* Every poll ends in one of the counters, and no more than one is under way: so few bits of their number are kept. */
+/* Number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the slot stores only
+ * the low bits of the number. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot);
 
-/* Set up from a configuration that stays in place, and announce the start with a HUB_HANDSHAKE frame. */
+/* Initialise the hub and queue a HUB_HANDSHAKE frame. `config` must stay valid. */
 void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause);
+/* One pass of the main loop. */
 void taxel_hub_run(struct taxel_hub *hub);
 
+/* From interrupts. `result`: enum taxel_i2c_result. */
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result);
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte);
+/* Copy up to `size` bytes that are to be sent to `bytes`; returns their number, 0 if none are queued. */
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size);
+
+/* Bytes queued for the UART. */
 size_t taxel_hub_uart_pending(const struct taxel_hub *hub);
 
 #endif

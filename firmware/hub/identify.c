@@ -1,10 +1,10 @@
-/* Who a board is and how it measures: what the answers to these questions mean. */
+/* Identity and scan settings of a board: evaluation of the transfers that read or write them. */
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
 #define IDENTITY_ATTEMPTS 3u
 
-/* Why these 58 bytes are not those of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
+/* Reason why these 58 bytes are not the identity of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
 static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes)
 {
     const uint16_t taxel_count = taxel_get_u16(bytes + TAXEL_IDENTITY_OFFSET_TAXEL_COUNT);
@@ -14,7 +14,7 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     }
     if (taxel_get_u32(bytes + TAXEL_IDENTITY_OFFSET_CRC32) != taxel_crc32(0, bytes, TAXEL_IDENTITY_OFFSET_CRC32) ||
         bytes[TAXEL_IDENTITY_OFFSET_ADDRESS] != address) {
-        return TAXEL_BOARD_FAULT_CRC; /* misread, or read from another board by a flipped address bit */
+        return TAXEL_BOARD_FAULT_CRC; /* damaged, or read from another board after a flipped address bit */
     }
     if (map_version < TAXEL_REGISTER_MAP_VERSION_MIN || map_version > TAXEL_REGISTER_MAP_VERSION) {
         return TAXEL_BOARD_FAULT_MAP_VERSION;
@@ -26,12 +26,12 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     return TAXEL_BOARD_FAULT_NONE;
 }
 
-/* The board answered, but not as itself: its turn in this cycle is over, and that is its poll's outcome. */
+/* The board cannot be polled in this cycle: count this as the outcome of its poll, and go on to the next board. */
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault, uint8_t state)
 {
     taxel_hub_fail(hub, board, fault);
     board->state = state & 3u;
-    board->info_wanted = false;
+    board->info_requested = false;
     if (hub->streaming && hub->cycle.position == board - taxel_hub_slot_at(hub, 0)) {
         board->polls++;
         (*counter)++;
@@ -55,7 +55,7 @@ static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot
 
 void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
@@ -64,7 +64,7 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
     if (fault == TAXEL_BOARD_FAULT_NONE) {
         board->taxel_count = bytes[TAXEL_IDENTITY_OFFSET_TAXEL_COUNT];
         board->attempts = 0;
-        board->acknowledge = board->forget = false;
+        board->acknowledge_pending = board->forget_pending = false;
         board->has_compact = bytes[TAXEL_IDENTITY_OFFSET_MAP_VERSION] > TAXEL_REGISTER_MAP_VERSION_MIN &&
                              board->taxel_count <= TAXEL_COMPACT_TAXELS_MAX &&
                              taxel_hub_compact_max(board) <= taxel_hub_read_max(hub);
@@ -72,13 +72,13 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
         hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
         return;
     }
-    /* A flipped bit can look like a foreign board: only the third such answer in a row is believed. */
+    /* A flipped bit can make a taxel board look like another device: the fault is accepted after three such reads in a row. */
     board->last_read_us = hub->job.started_us;
-    const bool believed = fault != TAXEL_BOARD_FAULT_CRC && board->attempts + 1u >= IDENTITY_ATTEMPTS;
-    if (fault != TAXEL_BOARD_FAULT_CRC && !believed) {
+    const bool is_accepted = fault != TAXEL_BOARD_FAULT_CRC && board->attempts + 1u >= IDENTITY_ATTEMPTS;
+    if (fault != TAXEL_BOARD_FAULT_CRC && !is_accepted) {
         board->attempts = (board->attempts + 1u) & 3u;
     }
-    end_turn(hub, board, &board->crc_errors, fault, believed ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
+    end_turn(hub, board, &board->crc_errors, fault, is_accepted ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
 
 static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)
@@ -87,30 +87,30 @@ static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t
     return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
 }
 
-static bool settings_are_as_wanted(const struct taxel_hub_slot *board, const uint8_t *bytes)
+static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *bytes)
 {
-    uint8_t wanted[TAXEL_SCAN_SETTINGS_SIZE];
-    taxel_scan_settings_pack(&board->settings, wanted);
-    return memcmp(bytes, wanted, sizeof wanted) == 0;
+    uint8_t expected[TAXEL_SCAN_SETTINGS_SIZE];
+    taxel_scan_settings_pack(&board->settings, expected);
+    return memcmp(bytes, expected, sizeof expected) == 0;
 }
 
-/* Settings were read back after they had been written. Refused ones are not kept for the board's next start. */
+/* Settings were read back after a write. Rejected settings are not written again after the board's next restart. */
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
     const bool whole = result == TAXEL_I2C_OK && settings_are_whole(board, bytes);
     board->settings_dirty = false;
-    board->settings_rejected = !whole || !settings_are_as_wanted(board, bytes);
+    board->settings_rejected = !whole || !settings_match(board, bytes);
     if (board->settings_rejected) {
         board->has_settings = board->has_settings && !whole;
         taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_SETTINGS_REJECTED);
     }
 }
 
-/* Settings were read after an identity, and stand behind it: as BOARD_INFO has them. */
+/* Settings were read after an identity, into the bytes behind it: the layout of BOARD_INFO. */
 void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
-    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at) + TAXEL_IDENTITY_SIZE;
+    const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset) + TAXEL_IDENTITY_SIZE;
     if (result != TAXEL_I2C_OK) {
         end_turn_after_transfer(hub, board, result);
         return;
@@ -120,8 +120,8 @@ void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot
         return;
     }
     board->state = TAXEL_BOARD_STATE_STREAMING;
-    board->info_wanted = false;
-    board->settings_dirty = board->has_settings && !settings_are_as_wanted(board, bytes);
+    board->info_requested = false;
+    board->settings_dirty = board->has_settings && !settings_match(board, bytes);
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_BOARD_INFO, TAXEL_IDENTITY_SIZE + TAXEL_SCAN_SETTINGS_SIZE);
     taxel_hub_forward(hub);
 }

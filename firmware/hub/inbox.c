@@ -1,5 +1,5 @@
-/* UART bytes in. They stay in the receive ring until the frame that they make up, or rubbish, is known: nothing is copied but the
- * payload of what is taken. protocol/SPEC.md says what a receiver does; codec/deframer.c does it for streams of any length. */
+/* Incoming UART bytes. They stay in the receive ring until a frame is found in them or they are discarded; only the payload of
+ * an accepted frame is copied. protocol/SPEC.md defines the receiver; codec/deframer.c implements it for streams of any length. */
 #include <stdatomic.h>
 
 #include "codec/crc32.h"
@@ -7,21 +7,22 @@
 
 #define LONGEST (TAXEL_FRAME_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX + TAXEL_FRAME_CRC_SIZE)
 #define LONGEST_ENCODED (LONGEST + 1u)  /* without delimiters */
-#define CRC_OF_WHOLE_BODY 0x2144DF1Cu   /* of any bytes and their own CRC-32 behind them */
+#define CRC_OF_WHOLE_BODY 0x2144DF1Cu   /* CRC-32 of any bytes followed by their own CRC-32 */
 #define NO_BYTE (-1)
 #define WAIT (-1)
 
-/* Interrupt and main loop both come here, the one to hold and the other to let go: so far apart that neither sees the other's. */
-static void hold(struct taxel_hub *hub, bool wanted)
+/* Called by the interrupt to hold and by the main loop to release. The two thresholds are so far apart that the calls do not
+ * interleave. */
+static void hold(struct taxel_hub *hub, bool is_hold)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
-    if (hal->uart_hold && hub->inbox.holds != wanted) {
-        hub->inbox.holds = wanted;
-        hal->uart_hold(hal->context, wanted);
+    if (hal->uart_hold && hub->inbox.is_holding != is_hold) {
+        hub->inbox.is_holding = is_hold;
+        hal->uart_hold(hal->context, is_hold);
     }
 }
 
-static uint8_t room_in(const struct taxel_inbox *inbox)
+static uint8_t free_space(const struct taxel_inbox *inbox)
 {
     return (uint8_t)(inbox->tail - inbox->head - 1u); /* the ring has 256 bytes: indices wrap by themselves */
 }
@@ -29,14 +30,14 @@ static uint8_t room_in(const struct taxel_inbox *inbox)
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 {
     struct taxel_inbox *inbox = &hub->inbox;
-    if (room_in(inbox) == 0) {
+    if (free_space(inbox) == 0) {
         inbox->overruns++;
         return;
     }
     inbox->ring[inbox->head] = byte;
     atomic_signal_fence(memory_order_release);
     inbox->head = (uint8_t)(inbox->head + 1u);
-    if (room_in(inbox) <= TAXEL_HUB_HOLD_ROOM) {
+    if (free_space(inbox) <= TAXEL_HUB_HOLD_SPACE) {
         hold(hub, true);
     }
 }
@@ -45,8 +46,8 @@ void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 struct body {
     const uint8_t *ring;
     uint8_t at;
-    uint8_t ahead; /* bytes of the chunk from there on */
-    uint8_t left;  /* bytes of the block */
+    uint8_t ahead; /* remaining bytes of the chunk */
+    uint8_t left;  /* remaining bytes of the block */
     uint8_t whitening;
 };
 
@@ -54,7 +55,7 @@ static bool open_block(struct body *body)
 {
     const uint8_t code = body->ring[body->at];
     if (body->ahead == 0 || code > body->ahead) {
-        return false; /* it reaches over the end of the chunk */
+        return false; /* the block reaches past the end of the chunk */
     }
     body->at = (uint8_t)(body->at + 1u);
     body->ahead = (uint8_t)(body->ahead - 1u);
@@ -67,8 +68,8 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
     return (struct body){.ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-/* The next byte, or NO_BYTE where the block that it is in reaches too far. No body that fits here fills a block of 254, so each
- * block but the last stands for a zero behind it. */
+/* The next byte, or NO_BYTE if its block reaches past the chunk. Every accepted body is shorter than a full block of 254
+ * bytes, so a zero follows each block but the last. */
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;
@@ -98,7 +99,7 @@ static bool header_is_right(const uint8_t *header)
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
 
-/* Whether a frame begins at the tail, which `size` bytes of chunk follow: its header, and the bytes that it takes. */
+/* Length in the ring of the frame that begins at the tail, and its header; 0 if none begins there. `size`: bytes of the chunk. */
 TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8_t size, uint8_t *header)
 {
     struct body body = body_at_tail(inbox, size);
@@ -127,14 +128,14 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
     return body.left == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
-/* The payload of the frame at the tail, which is whole. Acknowledgements are taken byte by byte: the inbox's payload may be that
- * of a command which is still worked off. */
+/* Copy the payload of the valid frame at the tail. Acknowledgements are handled one by one, because the payload buffer may
+ * still hold the command in progress. */
 TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     struct taxel_inbox *inbox = &hub->inbox;
     struct body body = body_at_tail(inbox, size);
     const size_t length = taxel_get_u16(header + 3);
-    uint8_t last[TAXEL_ACKNOWLEDGEMENT_SIZE];
+    uint8_t acknowledgement[TAXEL_ACKNOWLEDGEMENT_SIZE];
     (void)open_block(&body);
     for (size_t i = 0; i < TAXEL_FRAME_HEADER_SIZE; i++) {
         (void)next_byte(&body);
@@ -145,48 +146,49 @@ TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, co
             inbox->payload[i] = byte;
             continue;
         }
-        last[n++] = byte;
-        if (n == sizeof last) {
+        acknowledgement[n++] = byte;
+        if (n == sizeof acknowledgement) {
             n = 0;
-            taxel_hub_take_acknowledgement(hub, last[0], taxel_get_u16(last + TAXEL_ACKNOWLEDGEMENT_OFFSET_REFERENCE));
+            taxel_hub_handle_acknowledgement(hub, acknowledgement[0],
+                                             taxel_get_u16(acknowledgement + TAXEL_ACKNOWLEDGEMENT_OFFSET_KEY_FRAME));
         }
     }
     inbox->tail = (uint8_t)(inbox->tail + size);
 }
 
-/* The frame at the tail, which is whole; false if it is a command that has to wait. */
+/* Execute the valid frame at the tail; false if it is a handshake or command that has to wait. */
 static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     const bool is_acknowledge = header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE;
-    if (!is_acknowledge && (hub->command.active || !taxel_hub_has_room_for_reply(hub))) {
+    if (!is_acknowledge && (hub->command.active || !taxel_hub_has_space_for_reply(hub))) {
         return false;
     }
     take_payload(hub, size, header);
     if (header[0] == TAXEL_FRAME_TYPE_HOST_HANDSHAKE) {
-        taxel_hub_take_handshake(hub);
+        taxel_hub_handle_handshake(hub);
     } else if (!is_acknowledge) {
-        taxel_hub_take_command(hub, taxel_get_u16(header + 3));
+        taxel_hub_handle_command(hub, taxel_get_u16(header + 3));
     }
     return true;
 }
 
-/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter yet is searched where no unfinished
- * frame can begin any more. The head is looked at once: bytes come meanwhile. */
+/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter is returned once it is longer than
+ * any frame. The head is read only once, because the interrupt changes it. */
 static int chunk_at_tail(struct taxel_inbox *inbox)
 {
     const uint8_t head = inbox->head;
     atomic_signal_fence(memory_order_acquire);
-    while (inbox->searched != head && inbox->ring[inbox->searched] != 0) {
-        inbox->searched = (uint8_t)(inbox->searched + 1u);
+    while (inbox->search_position != head && inbox->ring[inbox->search_position] != 0) {
+        inbox->search_position = (uint8_t)(inbox->search_position + 1u);
     }
-    const uint8_t size = (uint8_t)(inbox->searched - inbox->tail);
-    return inbox->searched != head || size > LONGEST_ENCODED ? size : WAIT;
+    const uint8_t size = (uint8_t)(inbox->search_position - inbox->tail);
+    return inbox->search_position != head || size > LONGEST_ENCODED ? size : WAIT;
 }
 
 static void skip(struct taxel_inbox *inbox)
 {
-    if (inbox->searched == inbox->tail) {
-        inbox->searched = (uint8_t)(inbox->searched + 1u);
+    if (inbox->search_position == inbox->tail) {
+        inbox->search_position = (uint8_t)(inbox->search_position + 1u);
     }
     inbox->tail = (uint8_t)(inbox->tail + 1u);
 }
@@ -195,7 +197,7 @@ void taxel_hub_inbox_init(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     if (hal->uart_hold) {
-        hal->uart_hold(hal->context, false); /* the hub may have been restarted while it held */
+        hal->uart_hold(hal->context, false); /* the hub may have restarted while RTS was raised */
     }
 }
 
@@ -213,10 +215,10 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
             break;
         }
         if (!used) {
-            skip(inbox); /* a byte that begins no frame, or a delimiter */
+            skip(inbox); /* a byte at which no frame begins, or a delimiter */
         }
     }
-    if (room_in(inbox) >= TAXEL_HUB_RELEASE_ROOM) {
+    if (free_space(inbox) >= TAXEL_HUB_RELEASE_SPACE) {
         hold(hub, false);
     }
 }

@@ -1,8 +1,8 @@
-/* How each kind of transfer begins: what is written, what is read, by when. */
+/* Start of each kind of transfer: bytes to write, bytes to read, deadline. */
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
-#define TIMEOUT_BASE_US 5000u    /* what a slave may stretch the clock, beside the nominal time of a transfer */
+#define TIMEOUT_BASE_US 5000u    /* clock stretching by the slave, in addition to the nominal duration of a transfer */
 #define CLOCKS_PER_BYTE 9u
 #define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
 
@@ -17,7 +17,7 @@ static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
 
 static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
-    return hub->compact && board->has_compact;
+    return hub->use_compact && board->has_compact;
 }
 
 void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
@@ -28,7 +28,7 @@ void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t
         .address = address,
         .write_bytes = job->write_bytes,
         .write_size = job->write_size,
-        .read_bytes = taxel_hub_bytes(hub, job->at),
+        .read_bytes = taxel_hub_bytes(hub, job->pool_offset),
         .read_size = read_size,
     };
     if (kind == TAXEL_JOB_PASS_THROUGH) {
@@ -42,9 +42,9 @@ void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t
     job->is_compact = kind == TAXEL_JOB_POLL && job->is_compact;
     if (job->is_compact) {
         transfer.read_bytes--;
-        transfer.counted = true;
+        transfer.length_prefixed = true;
     }
-    hub->cycle.launched = true;
+    hub->cycle.has_launched = true;
     job->kind = kind;
     job->slot = slot;
     job->address = address;
@@ -82,7 +82,7 @@ size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_s
 void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
-    const bool is_compact = polls_compact(hub, board); /* then the length is read before, into the headroom */
+    const bool is_compact = polls_compact(hub, board); /* its length byte is then read first, into the headroom */
     hub->job.is_compact = is_compact;
     taxel_hub_launch_read(hub, TAXEL_JOB_POLL, slot, is_compact ? TAXEL_REGISTER_COMPACT : TAXEL_REGISTER_SNAPSHOT,
                           taxel_hub_poll_size(hub, board) + is_compact);
@@ -92,16 +92,16 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
     uint8_t *bytes = hub->job.write_bytes;
-    if (!polls_compact(hub, board) || !(board->acknowledge || board->forget)) {
+    if (!polls_compact(hub, board) || !(board->acknowledge_pending || board->forget_pending)) {
         return false;
     }
     bytes[0] = TAXEL_REGISTER_COMPACT;
     bytes[1] = 0;
-    if (board->acknowledge) {
-        taxel_put_u16(bytes + 1, board->reference);
+    if (board->acknowledge_pending) {
+        taxel_put_u16(bytes + 1, board->key_frame_id);
     }
-    hub->job.write_size = board->acknowledge ? 3u : 2u;
-    board->acknowledge = board->forget = false;
+    hub->job.write_size = board->acknowledge_pending ? 3u : 2u;
+    board->acknowledge_pending = board->forget_pending = false;
     taxel_hub_launch(hub, TAXEL_JOB_ACKNOWLEDGE, slot, board->address, 0);
     return true;
 }
@@ -109,7 +109,7 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
-    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.at);
+    uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
     bytes[0] = TAXEL_REGISTER_SETTINGS;
     taxel_scan_settings_pack(&board->settings, bytes + 1);
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes + 1, TAXEL_SCAN_SETTINGS_SIZE);

@@ -1,5 +1,5 @@
-/* UART frames out. A frame goes into the ring, or becomes of what is in the pool, whole or not at all; what finds no room is
- * dropped whole, and counted. */
+/* Outgoing UART frames. A frame is written completely, into the ring or around the bytes in the pool, or dropped and counted
+ * if there is no space. */
 #include <stdatomic.h>
 
 #include "codec/encoder.h"
@@ -53,15 +53,15 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 #define REPLY_MAX (TAXEL_REPLY_HEADER_SIZE + TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* of SCAN_BUS: the longest */
 #define REPLY_ENCODED_MAX taxel_encoded_size_max(REPLY_MAX)
 
-/* While a report is under way, its next frame has a place of its own: taxel frames, which may be shorter and come more often,
- * would take every gap, the report would never end, and GET_STATUS would keep all other commands waiting. */
+/* Space reserved for the next frame of a report in progress. Without it, shorter and more frequent taxel frames would use all
+ * free space, the report would never end, and GET_STATUS would block all other commands. */
 static size_t report_reserve(const struct taxel_hub *hub)
 {
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Room that a frame of this type must leave in the ring: all but answers leave some for an answer, frames that can wait also for
- * small frames that cannot. */
+/* Space that a frame of this type must leave free in the ring: all frames but answers leave space for an answer, frames that can
+ * wait also for small frames that cannot. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
@@ -76,31 +76,31 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     case TAXEL_FRAME_TYPE_BOARD_STATUS:
         return TAXEL_HUB_REPLY_RESERVE;
     default:
-        return REPLY_ENCODED_MAX; /* small frames never cost an answer */
+        return REPLY_ENCODED_MAX; /* small frames never use the space of an answer */
     }
 }
 
-bool taxel_hub_has_room_for_reply(const struct taxel_hub *hub)
+bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
 {
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
 TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
-                                    size_t tail_size, uint16_t at)
+                                    size_t tail_size, uint16_t pool_offset)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
-    if (at == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
+    if (pool_offset == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
                                        config->transmit_ring_size) {
         return false;
     }
     uint8_t *base = config->transmit_ring;
     size_t capacity = config->transmit_ring_size, position = outbox->head;
-    if (at != TAXEL_HUB_IN_RING) {
+    if (pool_offset != TAXEL_HUB_IN_RING) {
         base = config->transfer_pool;
         capacity = config->transfer_pool_size;
-        position = at;
+        position = pool_offset;
     }
     taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence, (uint16_t)(head_size + tail_size));
     taxel_encoder_put(&encoder, head, head_size);
@@ -109,13 +109,13 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     outbox->bytes_sent += (uint32_t)length;
     outbox->frames_sent++;
     outbox->sequence++;
-    atomic_signal_fence(memory_order_release); /* the bytes are in place before the interrupt may see them */
-    if (at == TAXEL_HUB_IN_RING) {
+    atomic_signal_fence(memory_order_release); /* the bytes are written before the interrupt can see the frame */
+    if (pool_offset == TAXEL_HUB_IN_RING) {
         outbox->head = (uint16_t)taxel_encoder_position(&encoder);
     } else {
         struct taxel_large *large = &outbox->large[outbox->large_next];
         outbox->large_next = taxel_hub_after_large(outbox->large_next);
-        large->end = (uint16_t)(at + length);
+        large->end = (uint16_t)(pool_offset + length);
         large->mark = outbox->head;
         atomic_signal_fence(memory_order_release);
         large->left = (uint16_t)length;
@@ -124,10 +124,11 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     return true;
 }
 
-bool taxel_hub_send_place(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t at, size_t size)
+bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t pool_offset,
+                           size_t size)
 {
     struct taxel_outbox *outbox = &hub->outbox;
-    const uint8_t *bytes = taxel_hub_bytes(hub, at);
+    const uint8_t *bytes = taxel_hub_bytes(hub, pool_offset);
     if (outbox->large[outbox->large_first].left) {
         if (taxel_hub_try_send(hub, type, head, head_size, bytes, size)) {
             return true;
@@ -136,8 +137,9 @@ bool taxel_hub_send_place(struct taxel_hub *hub, uint8_t type, const uint8_t *he
             return false;
         }
     }
-    /* What is written stays behind what is still to be read: delimiter, header and at most 2 + 2 bytes of stuffing. */
-    return taxel_hub_emit(hub, type, head, head_size, bytes, size, at);
+    /* In-place encoding never overwrites bytes that are still to be read: the output is ahead by delimiter, header and at most
+     * 2 + 2 bytes of stuffing, which the headroom covers. */
+    return taxel_hub_emit(hub, type, head, head_size, bytes, size, pool_offset);
 }
 
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
@@ -164,7 +166,7 @@ void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *sl
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_FAULT, bytes, sizeof bytes, NULL, 0);
 }
 
-void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t at)
+void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t pool_offset)
 {
     uint8_t bytes[TAXEL_LOG_HEADER_SIZE];
     const struct taxel_log_header header = {
@@ -173,7 +175,7 @@ void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const
         .hub_time_us = taxel_hub_now(hub),
     };
     taxel_log_header_pack(&header, bytes);
-    if (!taxel_hub_emit(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text, strlen(text), at)) {
+    if (!taxel_hub_emit(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text, strlen(text), pool_offset)) {
         hub->outbox.frames_dropped++;
     }
 }

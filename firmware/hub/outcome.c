@@ -1,4 +1,4 @@
-/* What a finished transfer means. Every poll ends in exactly one counter, so that nothing is ever lost without a reason. */
+/* Evaluation of a finished transfer. Every poll increments exactly one outcome counter, so that every loss has a reason. */
 #include "hub/internal.h"
 
 #define RETRIES 1u
@@ -28,7 +28,7 @@ void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
     }
 }
 
-static void tell_bus_fault(struct taxel_hub *hub, uint8_t fault)
+static void report_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
     if (fault == TAXEL_BOARD_FAULT_NONE) {
         taxel_hub_log(hub, TAXEL_LOG_LEVEL_INFO, TAXEL_LOG_CODE_BUS_FREE, "I2C: free");
@@ -43,11 +43,10 @@ static void note_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
     if (fault != hub->bus_fault) {
         hub->bus_fault = fault;
-        tell_bus_fault(hub, fault);
+        report_bus_fault(hub, fault);
     }
 }
 
-/* Free the bus. Returns the fault that remains, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 {
     const uint8_t fault = taxel_hub_recover_bus(hub);
@@ -61,7 +60,7 @@ uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 void taxel_hub_note_result(struct taxel_hub *hub, int8_t result)
 {
     if (result == TAXEL_I2C_OK || result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
-        note_bus_fault(hub, TAXEL_BOARD_FAULT_NONE); /* a line that was let go by itself: no recovery tells */
+        note_bus_fault(hub, TAXEL_BOARD_FAULT_NONE); /* the line was released without a recovery */
     }
 }
 
@@ -80,13 +79,13 @@ bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
     }
     board->attempts = (board->attempts + 1u) & 3u;
     board->retries++;
-    board->retry = true;
-    hub->retry_wanted = true;
+    board->retry_pending = true;
+    hub->has_retry = true;
     board->pointer_is_snapshot = false;
     return true;
 }
 
-/* A poll that brought no snapshot. */
+/* A poll whose transfer failed. */
 static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     switch (result) {
@@ -116,9 +115,9 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
 {
     if (result == TAXEL_I2C_OK) {
         board->state = TAXEL_BOARD_STATE_IDENTIFYING;
-        board->polls--; /* the board is back: its poll follows in this very cycle */
+        board->polls--; /* the board is back: its poll follows in the same cycle */
         if (hub->cycle.position == board - taxel_hub_slot_at(hub, 0) + 1) {
-            hub->cycle.position--; /* otherwise a new cycle has begun meanwhile and comes to this board by itself */
+            hub->cycle.position--; /* otherwise a new cycle has started and will reach this board */
         }
         return;
     }
@@ -159,7 +158,7 @@ static void add_slot(struct taxel_hub *hub, uint8_t address)
 static void finish_address_probe(struct taxel_hub *hub, int8_t result)
 {
     const struct taxel_job *job = &hub->job;
-    if (result == TAXEL_I2C_OK && hub->sweep.for_command) {
+    if (result == TAXEL_I2C_OK && hub->bus_scan.for_command) {
         hub->inbox.payload[job->address >> 3] |= (uint8_t)(1u << (job->address & 7u));
     } else if (result != TAXEL_I2C_OK && result != TAXEL_I2C_NACK_ADDRESS) {
         (void)taxel_hub_free_bus(hub);
@@ -181,11 +180,11 @@ static void finish_address_probe(struct taxel_hub *hub, int8_t result)
 TAXEL_OWN_FRAME static void send_clock(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     uint8_t bytes[TAXEL_TIME_SYNC_SIZE];
-    /* The board latched its clock when it was addressed for reading: four bytes before the end of the transfer. */
+    /* The board latches its clock when it is addressed for reading: four bytes before the end of the transfer. */
     const uint32_t bytes_us = ((uint32_t)sizeof(uint32_t) * 9u * 1000000u) / taxel_hub_config_of(hub)->scl_hz;
     const struct taxel_time_sync sync = {
         .address = board->address,
-        .board_time_us = taxel_get_u32(taxel_hub_bytes(hub, hub->job.at)),
+        .board_time_us = taxel_get_u32(taxel_hub_bytes(hub, hub->job.pool_offset)),
         .hub_time_us = taxel_hub_clock(hub) - bytes_us,
     };
     taxel_time_sync_pack(&sync, bytes);
@@ -201,7 +200,7 @@ static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *boa
     }
 }
 
-/* One that was lost is not repeated: the host says it again. */
+/* A lost acknowledgement is not repeated here: the host sends it again. */
 static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     board->pointer_is_snapshot = result == TAXEL_I2C_OK;
@@ -230,7 +229,7 @@ static void finish_pass_through(struct taxel_hub *hub, int8_t result)
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {
         (void)taxel_hub_free_bus(hub);
     }
-    taxel_hub_reply(hub, reply_status_of(result), taxel_hub_bytes(hub, hub->job.at),
+    taxel_hub_reply(hub, reply_status_of(result), taxel_hub_bytes(hub, hub->job.pool_offset),
                     result == TAXEL_I2C_OK ? hub->job.read_size : 0);
 }
 
@@ -239,7 +238,7 @@ void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result)
     struct taxel_job *job = &hub->job;
     const uint8_t kind = job->kind;
     struct taxel_hub_slot *board = job->slot == TAXEL_NO_SLOT ? NULL : taxel_hub_slot_at(hub, job->slot);
-    job->kind = TAXEL_JOB_NONE; /* what else it says is still needed */
+    job->kind = TAXEL_JOB_NONE; /* the other members are still needed */
     switch (kind) {
     case TAXEL_JOB_POLL:
         finish_failed_poll(hub, board, result);
@@ -251,7 +250,7 @@ void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result)
         taxel_hub_finish_identify(hub, board, result);
         break;
     case TAXEL_JOB_WRITE_SETTINGS:
-        hub->settings_read_slot = job->slot; /* taken over or not: reading back tells */
+        hub->settings_read_slot = job->slot; /* reading back shows whether the board accepted them */
         hub->settings_read_kind = TAXEL_JOB_CHECK_SETTINGS;
         break;
     case TAXEL_JOB_READ_SETTINGS:

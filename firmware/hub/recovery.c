@@ -1,4 +1,4 @@
-/* A slave that lost count of the clocks may hold SDA low for ever. Nine clocks let it finish its byte and see a NACK; a stop
+/* A slave that missed a clock may hold SDA low indefinitely. Nine clocks let it finish its byte and receive a NACK; a stop
  * condition then frees the bus (I2C specification UM10204, section 3.1.16). */
 #include "hub/internal.h"
 
@@ -12,7 +12,7 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
     hal->i2c_drive(hal->context, true, true);
     hal->delay_us(hal->context, HALF_CLOCK_US);
     if (!hal->i2c_scl(hal->context)) {
-        return TAXEL_BOARD_FAULT_SCL_STUCK; /* no clock can be given: only time or power helps */
+        return TAXEL_BOARD_FAULT_SCL_STUCK; /* no clock can be generated: the slave must release SCL itself, or be power-cycled */
     }
     for (unsigned clock = 0; clock < CLOCKS && !hal->i2c_sda(hal->context); clock++) {
         hal->i2c_drive(hal->context, false, true);
@@ -20,7 +20,7 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
         hal->i2c_drive(hal->context, true, true);
         hal->delay_us(hal->context, HALF_CLOCK_US);
     }
-    /* One line at a time: SDA that falls while SCL is still high would be a start. */
+    /* One line at a time: a falling SDA while SCL is high would be a start condition. */
     hal->i2c_drive(hal->context, false, true);
     hal->delay_us(hal->context, HALF_CLOCK_US);
     hal->i2c_drive(hal->context, false, false);

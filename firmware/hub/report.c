@@ -1,9 +1,9 @@
-/* Status frames: once a second while streaming, and when the host asks. One frame a pass, when there is room for it. */
+/* Status frames: once per second while streaming, and for GET_STATUS. At most one frame per pass, when there is space for it. */
 #include "hub/internal.h"
 
 #define REPORT_PERIOD_US 1000000u
 #define STEP_US 100u     /* between two frames of a report */
-#define NO_ROOM_US 2000u /* before a frame that found no room is tried again */
+#define NO_SPACE_US 2000u /* before a frame without space is tried again */
 
 static uint8_t boards_streaming(const struct taxel_hub *hub)
 {
@@ -69,7 +69,7 @@ void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
     hub->report.next = 0;
 }
 
-/* False if there was no room for it. */
+/* False if there was no space for the frame. */
 static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
@@ -88,10 +88,10 @@ static bool send_next(struct taxel_hub *hub)
     return true;
 }
 
-static void tell_overruns(struct taxel_hub *hub)
+static void report_overruns(struct taxel_hub *hub)
 {
-    if (hub->inbox.overruns_told != hub->inbox.overruns) {
-        hub->inbox.overruns_told = hub->inbox.overruns;
+    if (hub->inbox.overruns_reported != hub->inbox.overruns) {
+        hub->inbox.overruns_reported = hub->inbox.overruns;
         taxel_hub_log(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_RECEIVE_OVERRUN, "bytes lost");
     }
 }
@@ -100,15 +100,15 @@ void taxel_hub_report_step(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
     const uint32_t now = taxel_hub_now(hub);
-    tell_overruns(hub);
-    if (!report->active && hub->streaming && taxel_hub_has_come(now, report->next_us)) {
+    report_overruns(hub);
+    if (!report->active && hub->streaming && taxel_hub_is_due(now, report->next_us)) {
         report->next_us = now + REPORT_PERIOD_US;
         taxel_hub_start_report(hub, false);
     }
     const bool sent = report->active && send_next(hub);
     if (report->active) {
-        taxel_hub_wake_in(hub, sent ? STEP_US : NO_ROOM_US);
+        taxel_hub_wake_in(hub, sent ? STEP_US : NO_SPACE_US);
     } else if (hub->streaming) {
-        taxel_hub_wake_in(hub, taxel_hub_has_come(now, report->next_us) ? 0 : report->next_us - now);
+        taxel_hub_wake_in(hub, taxel_hub_is_due(now, report->next_us) ? 0 : report->next_us - now);
     }
 }

@@ -1,28 +1,28 @@
-/* Which transfer comes next. One poll cycle: every known board once, then, unless that was done a moment ago, one board's clock
- * and a few probes for boards that nobody has told us about. When not streaming, the hub sweeps the bus instead. */
+/* Selection of the next transfer. One poll cycle: every known board once, then, at most every 50 ms, one board's clock and a few
+ * probes for unknown boards. When not streaming, the hub scans the bus instead. */
 #include "hub/internal.h"
 
-#define UPKEEP_PERIOD_US 50000u  /* a clock and the probes at most so often: in every cycle of 17 boards at 400 kHz */
-#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 such cycles for 0.1 ms of bus each */
-#define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus a second at 400 kHz */
-#define SWEEP_PERIOD_US 20000u   /* between two sweeps of the idle bus */
-#define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* what all transfers but polls need, and the answer to SCAN_BUS */
-#define HOST_BUS_US 100000u      /* after a transfer for the host: it may wait for a row to be written, and for its adapter twice */
+#define UPKEEP_PERIOD_US 50000u  /* shortest interval of a clock reading and probes: every cycle of 17 boards at 400 kHz */
+#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 such cycles, at 0.1 ms of bus time each */
+#define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus time per second at 400 kHz */
+#define BUS_SCAN_PERIOD_US 20000u   /* between two scans of the idle bus */
+#define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* bytes: all transfers but polls, and the reply to SCAN_BUS */
+#define HOST_BUS_US 100000u      /* after a transfer of the host: the host may wait for a flash row, and twice for its adapter */
 
 #define slot_at taxel_hub_slot_at
 
-/* A host that talks to boards, to those in their bootloaders above all, has the idle bus to itself. */
-static bool bus_is_the_hosts(const struct taxel_hub *hub)
+/* The idle bus is reserved for a host that is accessing boards, for example boards in their bootloaders. */
+static bool host_owns_idle_bus(const struct taxel_hub *hub)
 {
-    return !hub->streaming && !taxel_hub_has_come(taxel_hub_now(hub), hub->host_until_us);
+    return !hub->streaming && !taxel_hub_is_due(taxel_hub_now(hub), hub->host_bus_until_us);
 }
 
-/* What a board needs before it can be polled; false if it needs nothing. */
+/* Start a transfer that the board needs before its poll; false if it needs none. */
 static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
-    const bool is_new = board->state == TAXEL_BOARD_STATE_IDENTIFYING && !bus_is_the_hosts(hub);
-    if (is_new || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_wanted)) {
+    const bool is_new = board->state == TAXEL_BOARD_STATE_IDENTIFYING && !host_owns_idle_bus(hub);
+    if (is_new || (board->state == TAXEL_BOARD_STATE_STREAMING && board->info_requested)) {
         taxel_hub_launch_read(hub, TAXEL_JOB_IDENTIFY, slot, TAXEL_REGISTER_IDENTITY, TAXEL_IDENTITY_SIZE);
         return true;
     }
@@ -43,20 +43,20 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
     return false;
 }
 
-/* LAUNCH_WAIT: there is a poll to make, but not now. */
+/* LAUNCH_WAIT: a poll is due but cannot start yet. */
 enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
 
-/* Back-pressure: while the UART is slower than the bus, the bus waits, so that every board has its turn; but a UART that takes
- * nothing at all must not stop the hub. Then a poll that has no place ends without a transfer. */
+/* Back-pressure: while the UART is slower than the bus, a poll waits for a free buffer, so that every board is polled equally
+ * often. A UART without a reader must not stop the hub: a poll without a buffer then ends as dropped, without a transfer. */
 static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
-    if (taxel_hub_find_place(hub, taxel_hub_poll_size(hub, board))) {
+    if (taxel_hub_find_buffer(hub, taxel_hub_poll_size(hub, board))) {
         taxel_hub_launch_poll(hub, slot);
         return LAUNCH_STARTED;
     }
     if (!taxel_hub_uart_is_stalled(hub)) {
-        taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
+        taxel_hub_wake_in(hub, TAXEL_HUB_SPACE_POLL_US);
         return LAUNCH_WAIT;
     }
     board->dropped++;
@@ -66,31 +66,31 @@ static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
 
 static enum launch launch_retry(struct taxel_hub *hub)
 {
-    for (uint8_t i = 0; hub->retry_wanted && i < hub->slot_count; i++) {
+    for (uint8_t i = 0; hub->has_retry && i < hub->slot_count; i++) {
         struct taxel_hub_slot *board = slot_at(hub, i);
-        if (board->retry) {
+        if (board->retry_pending) {
             const enum launch launched = launch_poll(hub, i);
-            board->retry = launched == LAUNCH_WAIT;
+            board->retry_pending = launched == LAUNCH_WAIT;
             if (launched != LAUNCH_NOTHING) {
                 return launched;
             }
         }
     }
-    hub->retry_wanted = false;
+    hub->has_retry = false;
     return LAUNCH_NOTHING;
 }
 
-/* One clock and a few probes, which are a twentieth of a fast cycle, need not be in every one: but in the first ones, until each
- * board's clock has been told. */
+/* One clock reading and a few probes take a twentieth of a fast cycle and are not needed in every cycle, except in the first
+ * ones, until each board's clock has been reported. */
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;
-    return !cycle->launched || cycle->count < hub->slot_count || taxel_hub_now(hub) - cycle->upkept_us >= UPKEEP_PERIOD_US;
+    return !cycle->has_launched || cycle->count < hub->slot_count || taxel_hub_now(hub) - cycle->last_upkeep_us >= UPKEEP_PERIOD_US;
 }
 
-static bool is_unjudged(const struct taxel_hub *hub)
+static bool is_unchecked(const struct taxel_hub *hub)
 {
-    return hub->unframed.size && !hub->unframed.is_judged;
+    return hub->unframed.size && !hub->unframed.is_checked;
 }
 
 static enum launch launch_from_polls(struct taxel_hub *hub)
@@ -99,15 +99,15 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     while (cycle->position < hub->slot_count) {
         const uint8_t slot = cycle->position;
         struct taxel_hub_slot *board = slot_at(hub, slot);
-        if (is_unjudged(hub) && hub->unframed.slot == slot) {
-            return LAUNCH_WAIT; /* its last snapshot is judged first: it may want a second attempt */
+        if (is_unchecked(hub) && hub->unframed.slot == slot) {
+            return LAUNCH_WAIT; /* its last snapshot is checked first: the check may request a second attempt */
         }
         if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
             taxel_hub_now(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
-            board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have been given other firmware */
+            board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have new firmware */
         }
         if (launch_upkeep(hub, slot)) {
-            return LAUNCH_STARTED; /* and then this board's poll */
+            return LAUNCH_STARTED; /* this board's poll follows */
         }
         if (board->state == TAXEL_BOARD_STATE_STREAMING && taxel_hub_launch_acknowledge(hub, slot)) {
             return LAUNCH_STARTED;
@@ -132,8 +132,8 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
             return LAUNCH_STARTED;
         }
     }
-    /* Nothing else comes between the last board's snapshot and the next cycle, to which its second attempt would belong. */
-    return is_unjudged(hub) && !upkeep_is_due(hub) ? LAUNCH_WAIT : LAUNCH_NOTHING;
+    /* The last board's snapshot is checked before the next cycle starts: a second attempt belongs to this cycle. */
+    return is_unchecked(hub) && !upkeep_is_due(hub) ? LAUNCH_WAIT : LAUNCH_NOTHING;
 }
 
 static bool launch_clock(struct taxel_hub *hub)
@@ -176,7 +176,7 @@ static void begin_cycle(struct taxel_hub *hub)
     struct taxel_cycle *cycle = &hub->cycle;
     cycle->stage = TAXEL_STAGE_POLLS;
     cycle->position = 0;
-    cycle->launched = false;
+    cycle->has_launched = false;
     cycle->started_us = taxel_hub_clock(hub);
 }
 
@@ -189,7 +189,7 @@ static void end_cycle(struct taxel_hub *hub)
     cycle->stage = TAXEL_STAGE_WAIT;
 }
 
-/* Go through the stages of the cycle until one has a transfer to make, or the next cycle is waited for. */
+/* Advance through the stages of the cycle until a transfer starts or the cycle waits for the next one. */
 static void launch_from_cycle(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -206,7 +206,7 @@ static void launch_from_cycle(struct taxel_hub *hub)
                 end_cycle(hub);
                 break;
             }
-            cycle->upkept_us = taxel_hub_now(hub);
+            cycle->last_upkeep_us = taxel_hub_now(hub);
             cycle->stage = TAXEL_STAGE_CLOCK;
             break;
         case TAXEL_STAGE_CLOCK:
@@ -223,12 +223,12 @@ static void launch_from_cycle(struct taxel_hub *hub)
             end_cycle(hub);
             break;
         default: {
-            /* A cycle that found nothing to transfer (no board can be polled and no slot is free) must not begin again at once. */
-            const bool is_idle = !hub->slot_count || (!cycle->launched && cycle->period_us < SWEEP_PERIOD_US);
-            const uint64_t next = cycle->started_us + (is_idle ? SWEEP_PERIOD_US : cycle->period_us);
+            /* A cycle without any transfer (no board to poll and no free slot) must not restart at once. */
+            const bool is_idle = !hub->slot_count || (!cycle->has_launched && cycle->period_us < BUS_SCAN_PERIOD_US);
+            const uint64_t next = cycle->started_us + (is_idle ? BUS_SCAN_PERIOD_US : cycle->period_us);
             if (taxel_hub_clock(hub) < next) {
                 hal->wake_at(hal->context, next);
-                (void)launch_any_upkeep(hub); /* the host's commands do not wait for a slow cycle */
+                (void)launch_any_upkeep(hub); /* the host's commands do not wait for the next cycle */
                 return;
             }
             begin_cycle(hub);
@@ -238,12 +238,12 @@ static void launch_from_cycle(struct taxel_hub *hub)
     }
 }
 
-void taxel_hub_want_compact(struct taxel_hub *hub, bool compact)
+void taxel_hub_set_compact(struct taxel_hub *hub, bool compact)
 {
-    for (uint8_t i = 0; hub->compact != compact && i < hub->slot_count; i++) {
+    for (uint8_t i = 0; hub->use_compact != compact && i < hub->slot_count; i++) {
         slot_at(hub, i)->pointer_is_snapshot = false;
     }
-    hub->compact = compact;
+    hub->use_compact = compact;
 }
 
 void taxel_hub_start_streaming(struct taxel_hub *hub)
@@ -254,49 +254,49 @@ void taxel_hub_start_streaming(struct taxel_hub *hub)
     hub->streaming = true;
     hub->report.next_us = taxel_hub_now(hub);
     if (hub->cycle.stage != TAXEL_STAGE_WAIT && hub->cycle.position) {
-        hub->cycle.number++; /* STOP cut the last one: what comes now is of another time */
+        hub->cycle.number++; /* STOP interrupted the last cycle: the next frames show another time */
     }
     begin_cycle(hub);
 }
 
-void taxel_hub_start_sweep(struct taxel_hub *hub, bool for_command)
+void taxel_hub_start_bus_scan(struct taxel_hub *hub, bool for_command)
 {
-    hub->sweep.active = true;
-    hub->sweep.for_command = hub->sweep.for_command || for_command;
-    hub->sweep.address = (uint8_t)TAXEL_ADDRESS_MIN;
-    if (hub->sweep.for_command) {
-        memset(hub->inbox.payload, 0, TAXEL_HUB_FOUND_SIZE);
+    hub->bus_scan.active = true;
+    hub->bus_scan.for_command = hub->bus_scan.for_command || for_command;
+    hub->bus_scan.address = (uint8_t)TAXEL_ADDRESS_MIN;
+    if (hub->bus_scan.for_command) {
+        memset(hub->inbox.payload, 0, TAXEL_HUB_ADDRESS_BITMAP_SIZE);
     }
 }
 
-static void end_sweep(struct taxel_hub *hub)
+static void end_bus_scan(struct taxel_hub *hub)
 {
-    struct taxel_sweep *sweep = &hub->sweep;
-    uint8_t *found = taxel_hub_bytes(hub, hub->job.at);
+    struct taxel_bus_scan *bus_scan = &hub->bus_scan;
+    uint8_t *addresses = taxel_hub_bytes(hub, hub->job.pool_offset);
     size_t count = 0;
-    sweep->active = false;
-    sweep->next_us = taxel_hub_now(hub) + SWEEP_PERIOD_US;
-    if (!sweep->for_command) {
+    bus_scan->active = false;
+    bus_scan->next_us = taxel_hub_now(hub) + BUS_SCAN_PERIOD_US;
+    if (!bus_scan->for_command) {
         return;
     }
-    sweep->for_command = false;
+    bus_scan->for_command = false;
     for (uint8_t address = (uint8_t)TAXEL_ADDRESS_MIN; address <= TAXEL_ADDRESS_MAX; address++) {
         if (hub->inbox.payload[address >> 3] & (1u << (address & 7u))) {
-            found[count++] = address;
+            addresses[count++] = address;
         }
     }
-    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, found, count);
+    taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, addresses, count);
 }
 
-static bool launch_from_sweep(struct taxel_hub *hub)
+static bool launch_from_bus_scan(struct taxel_hub *hub)
 {
-    struct taxel_sweep *sweep = &hub->sweep;
-    if (sweep->address <= TAXEL_ADDRESS_MAX) {
-        const uint8_t address = sweep->address++;
+    struct taxel_bus_scan *bus_scan = &hub->bus_scan;
+    if (bus_scan->address <= TAXEL_ADDRESS_MAX) {
+        const uint8_t address = bus_scan->address++;
         taxel_hub_launch_probe(hub, TAXEL_JOB_PROBE_ADDRESS, taxel_hub_slot_of(hub, address), address);
         return true;
     }
-    end_sweep(hub);
+    end_bus_scan(hub);
     return false;
 }
 
@@ -306,16 +306,16 @@ static void launch_from_idle(struct taxel_hub *hub)
     if (launch_any_upkeep(hub)) {
         return;
     }
-    const uint32_t next = taxel_hub_has_come(hub->sweep.next_us, hub->host_until_us) ? hub->sweep.next_us : hub->host_until_us;
-    if (!taxel_hub_has_come(now, next)) {
+    const uint32_t next = taxel_hub_is_due(hub->bus_scan.next_us, hub->host_bus_until_us) ? hub->bus_scan.next_us : hub->host_bus_until_us;
+    if (!taxel_hub_is_due(now, next)) {
         taxel_hub_wake_in(hub, next - now);
         return;
     }
-    taxel_hub_start_sweep(hub, false);
-    (void)launch_from_sweep(hub);
+    taxel_hub_start_bus_scan(hub, false);
+    (void)launch_from_bus_scan(hub);
 }
 
-static bool pass_through_is_wanted(const struct taxel_hub *hub)
+static bool pass_through_is_requested(const struct taxel_hub *hub)
 {
     return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
 }
@@ -326,18 +326,18 @@ static void launch_pass_through(struct taxel_hub *hub)
     if (slot != TAXEL_NO_SLOT) {
         slot_at(hub, slot)->pointer_is_snapshot = false;
     }
-    hub->host_until_us = taxel_hub_now(hub) + HOST_BUS_US;
+    hub->host_bus_until_us = taxel_hub_now(hub) + HOST_BUS_US;
     taxel_hub_launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
 }
 
-/* Recovery has left a fault a moment ago. Without one the clock, which takes its time, is not asked. */
+/* Whether a recent recovery left a fault. The clock is read only in that case, because reading takes time. */
 static bool bus_is_down(const struct taxel_hub *hub)
 {
     if (hub->bus_fault == TAXEL_BOARD_FAULT_NONE) {
         return false;
     }
     const uint32_t now = taxel_hub_now(hub);
-    if (taxel_hub_has_come(now, hub->bus_down_until_us)) {
+    if (taxel_hub_is_due(now, hub->bus_down_until_us)) {
         return false;
     }
     taxel_hub_wake_in(hub, hub->bus_down_until_us - now);
@@ -351,24 +351,24 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
         return;
     }
     if (slot != TAXEL_NO_SLOT) {
-        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the place of the transfer before, which has the identity */
+        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the buffer of the previous transfer, which holds the identity */
         taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
         return;
     }
     const size_t largest = taxel_hub_read_max(hub);
     const size_t small = SMALL_READ < largest ? SMALL_READ : largest;
-    if (!taxel_hub_find_place(hub, small) && !(taxel_hub_uart_is_stalled(hub) && taxel_hub_find_place(hub, small))) {
-        taxel_hub_wake_in(hub, TAXEL_HUB_ROOM_POLL_US);
+    if (!taxel_hub_find_buffer(hub, small) && !(taxel_hub_uart_is_stalled(hub) && taxel_hub_find_buffer(hub, small))) {
+        taxel_hub_wake_in(hub, TAXEL_HUB_SPACE_POLL_US);
         return;
     }
     if (launch_retry(hub) != LAUNCH_NOTHING) {
         return;
     }
-    if (pass_through_is_wanted(hub)) {
+    if (pass_through_is_requested(hub)) {
         launch_pass_through(hub);
         return;
     }
-    if (hub->sweep.active && launch_from_sweep(hub)) {
+    if (hub->bus_scan.active && launch_from_bus_scan(hub)) {
         return;
     }
     if (hub->streaming) {

@@ -1,21 +1,21 @@
-/* Is a snapshot whole, and is it news? Then it goes on to the host. */
+/* Checks a snapshot's CRC and sequence, and forwards it to the host if it is valid and new. */
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
-#define CLOCK_SLACK_US 500000u /* age of a snapshot, twice and with room */
-#define CLOCK_SLACK_SHIFT 3    /* and an eighth of the time between: no oscillator is that far off */
+#define CLOCK_SLACK_US 500000u /* twice the age of a snapshot, with margin */
+#define CLOCK_SLACK_SHIFT 3    /* plus an eighth of the elapsed time, more than the error of any oscillator */
 #define HALF_CLOCK_RANGE 0x80000000u
 
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
-    if (size < TAXEL_COMPACT_OVERHEAD_CODED) {
-        return false; /* the shortest of either kind */
+    if (size < TAXEL_COMPACT_OVERHEAD_DELTA) {
+        return false; /* the shortest of both formats */
     }
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, size - 4u);
     return crc == taxel_get_u32(bytes + size - 4u);
 }
 
-/* The board's clock went back, or has not gone on as the hub's has: it began anew. */
+/* The board's clock went back, or did not advance as the hub's did: the board restarted. */
 static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t started_us, uint32_t timestamp_us)
 {
     const uint32_t elapsed = started_us - board->last_read_us;
@@ -33,9 +33,9 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->cycle = hub->job.cycle;
     unframed->started_us = hub->job.started_us;
     unframed->slot = hub->job.slot;
-    unframed->at = hub->job.at;
+    unframed->pool_offset = hub->job.pool_offset;
     unframed->type = type & 0x7Fu;
-    unframed->is_judged = false;
+    unframed->is_checked = false;
 }
 
 void taxel_hub_keep_snapshot(struct taxel_hub *hub)
@@ -45,22 +45,22 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
         taxel_hub_keep(hub, TAXEL_FRAME_TYPE_TAXELS, job->read_size);
         return;
     }
-    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->at)[-1]);
+    const size_t size = taxel_compact_size(taxel_hub_bytes(hub, job->pool_offset)[-1]);
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
 }
 
-/* The board's clock of a snapshot. A coded one has 24 bits of it: the others follow from what the hub's clock says. */
+/* The board's clock in a snapshot. A delta frame holds its low 24 bits; the upper bits follow from the hub's clock. */
 static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed, const uint8_t *bytes,
-                             bool is_coded)
+                             bool is_delta)
 {
     if (unframed->type == TAXEL_FRAME_TYPE_TAXELS) {
         return taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
     }
-    if (!is_coded) {
+    if (!is_delta) {
         return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
     }
     const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
-    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_CODED_OFFSET_TIMESTAMP_LOW) << 8; /* and a byte that is not its */
+    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_DELTA_OFFSET_TIMESTAMP_LOW) << 8; /* without the byte that follows it */
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
@@ -75,8 +75,8 @@ static bool send(struct taxel_hub *hub, const struct taxel_hub_slot *board)
         .hub_time_us = unframed->started_us,
     };
     taxel_taxel_header_pack(&header, head);
-    return taxel_hub_send_place(hub, unframed->type, head, unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head,
-                                unframed->at, unframed->size);
+    return taxel_hub_send_buffer(hub, unframed->type, head, unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head,
+                                unframed->pool_offset, unframed->size);
 }
 
 void taxel_hub_forward(struct taxel_hub *hub)
@@ -93,11 +93,11 @@ void taxel_hub_forward(struct taxel_hub *hub)
     unframed->size = 0;
 }
 
-/* False if it is not to be forwarded. */
-static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board)
+/* False if the snapshot is not to be forwarded. */
+static bool snapshot_is_new(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;
-    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->at);
+    const uint8_t *bytes = taxel_hub_bytes(hub, unframed->pool_offset);
     if (!snapshot_is_whole(board, bytes, unframed->size)) {
         if (!taxel_hub_retry(hub, board)) {
             board->crc_errors++;
@@ -105,18 +105,18 @@ static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board
         }
         return false;
     }
-    const uint16_t sequence = taxel_get_u16(bytes); /* both kinds begin so */
-    const bool is_coded = unframed->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS &&
-                          !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORM] & TAXEL_COMPACT_WIDTH_MASK);
-    const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_coded);
+    const uint16_t sequence = taxel_get_u16(bytes); /* both formats begin with the sequence */
+    const bool is_delta = unframed->type == TAXEL_FRAME_TYPE_COMPACT_TAXELS &&
+                          !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORMAT] & TAXEL_COMPACT_WIDTH_MASK);
+    const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_delta);
     taxel_hub_succeed(hub, board);
-    if (!is_coded && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* one that was has no reference */
+    if (!is_delta && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* after a restart a board sends no delta frame */
         board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
-        board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may answer now */
+        board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may be present now */
         board->has_sequence = false;
         taxel_hub_send_fault(hub, board, TAXEL_BOARD_FAULT_RESTARTED);
     }
-    board->has_clock = board->has_clock || !is_coded;
+    board->has_clock = board->has_clock || !is_delta;
     if (board->has_sequence && sequence == board->last_sequence) {
         board->repeated++;
         return false;
@@ -128,18 +128,18 @@ static bool snapshot_is_news(struct taxel_hub *hub, struct taxel_hub_slot *board
     return true;
 }
 
-void taxel_hub_take_snapshot(struct taxel_hub *hub)
+void taxel_hub_process_snapshot(struct taxel_hub *hub)
 {
     struct taxel_hub_slot *board = taxel_hub_slot_at(hub, hub->unframed.slot);
     if (hub->unframed.size == 0) { /* a compact snapshot of length 0 */
         taxel_hub_succeed(hub, board);
         board->repeated++;
-    } else if (!snapshot_is_news(hub, board)) {
+    } else if (!snapshot_is_new(hub, board)) {
         hub->unframed.size = 0;
     }
-    hub->unframed.is_judged = true;
+    hub->unframed.is_checked = true;
     if (hub->job.kind == TAXEL_JOB_NONE) {
-        taxel_hub_start_next_job(hub); /* one that waited for the judgement does not wait for the frame */
+        taxel_hub_start_next_job(hub); /* a job that waited for this check starts before the framing */
     }
     if (hub->unframed.size) {
         taxel_hub_forward(hub);

@@ -1,13 +1,13 @@
-/* Compact snapshots: which one is a candidate, what happens to it, and the two buffers. A reader gets `shown`; the main loop
- * codes into `work` and exchanges them when no read is under way, so that neither waits for the other. */
+/* Compact snapshots on the board: selection and acknowledgement of key frames, coding, and the two buffers. The main loop codes
+ * into work_buffer and exchanges it with reader_buffer when no read is in progress, so that neither side waits for the other. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
-#define IDLE_US 10000000u     /* nobody has read for so long: nothing is coded */
-#define PERIOD 16u            /* snapshots from candidate to candidate on a quiet skin: an acknowledgement costs 4 bytes of bus */
-#define PATIENCE_FIRST 8u
-#define PATIENCE_MAX 32u
-#define ELAPSED_MAX 0xFFFFFFu /* since the reference: the timestamp's low three bytes say no more */
+#define IDLE_US 10000000u     /* after this time without a read, coding stops */
+#define PERIOD 16u            /* snapshots between key frames without touches: an acknowledgement costs 4 bytes on the bus */
+#define TIMEOUT_READS_FIRST 8u
+#define TIMEOUT_READS_MAX 32u
+#define ELAPSED_MAX 0xFFFFFFu /* us since the key frame: a delta frame has only three bytes of the timestamp */
 #define CRC_SIZE 4u
 
 static uint32_t mask(const struct taxel_sensor *sensor)
@@ -33,9 +33,9 @@ bool taxel_sensor_has_compact(const struct taxel_sensor *sensor)
 void taxel_sensor_compact_init(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
-    compact->shown = sensor->config->compact.buffers[0];
-    compact->work = sensor->config->compact.buffers[1];
-    compact->candidate.patience = PATIENCE_FIRST;
+    compact->reader_buffer = sensor->config->compact.buffers[0];
+    compact->work_buffer = sensor->config->compact.buffers[1];
+    compact->pending.timeout_reads = TIMEOUT_READS_FIRST;
 }
 
 void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
@@ -43,127 +43,128 @@ void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
     static const uint8_t nothing_new;
     struct taxel_compact *compact = &sensor->compact;
     struct taxel_slave *slave = &sensor->slave;
-    compact->asked_us = clock_us(sensor);
-    compact->coding = true;
+    compact->last_read_us = clock_us(sensor);
+    compact->has_reader = true;
     slave->source_position = 0;
-    if (!compact->unread && !(again && compact->has_shown)) {
+    if (!compact->is_unread && !(again && compact->reader_buffer_valid)) {
         slave->source = &nothing_new;
         slave->source_size = 1;
         return;
     }
-    if (compact->unread) {
-        compact->unread = false;
-        compact->reads = (uint8_t)(compact->reads + (compact->reads < UINT8_MAX));
+    if (compact->is_unread) {
+        compact->is_unread = false;
+        compact->reads_since_key_frame =
+            (uint8_t)(compact->reads_since_key_frame + (compact->reads_since_key_frame < UINT8_MAX));
         slave->snapshot_reads++;
     }
-    compact->reading = true;
-    slave->source = compact->shown;
-    slave->source_size = 1u + (size_t)taxel_compact_size(compact->shown[0]);
+    compact->read_in_progress = true;
+    slave->source = compact->reader_buffer;
+    slave->source_size = 1u + (size_t)taxel_compact_size(compact->reader_buffer[0]);
 }
 
 void taxel_sensor_compact_end_read(struct taxel_sensor *sensor)
 {
-    sensor->compact.reading = false;
+    sensor->compact.read_in_progress = false;
 }
 
 bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *bytes, size_t size)
 {
     struct taxel_compact *compact = &sensor->compact;
     if (size == TAXEL_COMPACT_ACKNOWLEDGE_SIZE) {
-        compact->acknowledged_name = taxel_get_u16(bytes);
-        compact->acknowledged = true;
+        compact->acknowledged_id = taxel_get_u16(bytes);
+        compact->acknowledge_received = true;
         return true;
     }
-    compact->forget = compact->forget || (size == 1 && bytes[0] == 0);
+    compact->forget_received = compact->forget_received || (size == 1 && bytes[0] == 0);
     return size == 1 && bytes[0] == 0;
 }
 
-static void take_candidate(struct taxel_sensor *sensor)
+static void accept_key_frame(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
     const struct taxel_compact_memory *memory = &sensor->config->compact;
-    for (size_t i = 0; i < sensor->config->taxel_count && !compact->candidate.begins; i++) {
-        memory->states[i] = taxel_compact_learn(memory->states[i], memory->residuals[i], compact->updates);
+    for (size_t i = 0; i < sensor->config->taxel_count && !compact->pending.is_packed; i++) {
+        memory->states[i] = taxel_compact_update(memory->states[i], memory->residuals[i], compact->updates);
     }
-    if (compact->candidate.begins) {
+    if (compact->pending.is_packed) {
         compact->updates = 1;
         compact->usual_size = UINT16_MAX;
     } else if (compact->updates < TAXEL_COMPACT_UPDATES_MAX) {
         compact->updates++;
     }
-    compact->candidate.waits = false;
-    compact->has_reference = true;
-    compact->reference_name = compact->candidate.name;
-    compact->reference_us = compact->candidate.timestamp_us;
+    compact->pending.is_pending = false;
+    compact->has_key_frame = true;
+    compact->key_frame_id = compact->pending.id;
+    compact->key_frame_us = compact->pending.timestamp_us;
 }
 
-/* What was written since the last call. The states change here only: never under a coder's hands. */
-static void take_answers(struct taxel_sensor *sensor)
+/* Apply what the host wrote since the last call. The states change only here, never while the coder uses them. */
+static void process_answers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
     const uint32_t interrupts = mask(sensor);
-    const bool acknowledged = compact->acknowledged, forget = compact->forget;
-    const uint16_t name = compact->acknowledged_name;
-    compact->acknowledged = compact->forget = false;
-    compact->unread = compact->unread && !forget; /* nobody could decode it */
+    const bool acknowledged = compact->acknowledge_received, forget = compact->forget_received;
+    const uint16_t id = compact->acknowledged_id;
+    compact->acknowledge_received = compact->forget_received = false;
+    compact->is_unread = compact->is_unread && !forget; /* the host could not decode it */
     unmask(sensor, interrupts);
-    if (acknowledged && compact->candidate.waits && compact->candidate.name == name) {
-        take_candidate(sensor);
+    if (acknowledged && compact->pending.is_pending && compact->pending.id == id) {
+        accept_key_frame(sensor);
     }
     if (forget) {
-        compact->has_reference = compact->candidate.waits = compact->ready = false;
-        compact->candidate.patience = PATIENCE_FIRST;
+        compact->has_key_frame = compact->pending.is_pending = compact->work_ready = false;
+        compact->pending.timeout_reads = TIMEOUT_READS_FIRST;
     }
 }
 
-/* The reader of a plain snapshot block by block keeps it: nothing is latched while its pointer stands there. */
+/* A reader of an uncompressed snapshot in blocks keeps its snapshot: nothing is latched while the pointer is at those blocks. */
 static bool may_latch(const struct taxel_sensor *sensor)
 {
     const uint8_t pointer = sensor->slave.pointer;
-    return sensor->compact.coding && sensor->scan.has_newest &&
+    return sensor->compact.has_reader && sensor->scan.has_newest &&
            (pointer < TAXEL_REGISTER_SNAPSHOT || pointer > TAXEL_REGISTER_SNAPSHOT_LAST);
 }
 
-static bool take_newest(struct taxel_sensor *sensor, uint8_t *latches)
+static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
 {
     struct taxel_compact *compact = &sensor->compact;
     const uint32_t interrupts = mask(sensor);
-    if (compact->coding && clock_us(sensor) - compact->asked_us > IDLE_US) {
-        compact->coding = compact->unread = compact->has_shown = false;
+    if (compact->has_reader && clock_us(sensor) - compact->last_read_us > IDLE_US) {
+        compact->has_reader = compact->is_unread = compact->reader_buffer_valid = false;
     }
-    const bool taken = may_latch(sensor);
-    if (taken) {
+    const bool is_latched = may_latch(sensor);
+    if (is_latched) {
         taxel_scan_latch(sensor);
         *latches = sensor->scan.latches;
     }
     unmask(sensor, interrupts);
-    return taken;
+    return is_latched;
 }
 
-static bool wants_candidate(struct taxel_compact *compact)
+static bool needs_key_frame(struct taxel_compact *compact)
 {
-    struct taxel_compact_candidate *candidate = &compact->candidate;
-    if (!candidate->waits) {
-        return !compact->has_reference || compact->updates < TAXEL_COMPACT_UPDATES_MAX || compact->busy ||
-               compact->reads >= PERIOD;
+    struct taxel_compact_pending_key_frame *pending = &compact->pending;
+    if (!pending->is_pending) {
+        return !compact->has_key_frame || compact->updates < TAXEL_COMPACT_UPDATES_MAX || compact->is_size_raised ||
+               compact->reads_since_key_frame >= PERIOD;
     }
-    if (compact->shows_candidate && compact->unread) {
-        return true; /* it is replaced before anybody saw it */
+    if (compact->reader_has_key_frame && compact->is_unread) {
+        return true; /* the pending key frame is replaced before it was read */
     }
-    if (compact->reads <= candidate->patience) {
+    if (compact->reads_since_key_frame <= pending->timeout_reads) {
         return false;
     }
-    if (candidate->patience < PATIENCE_MAX) { /* perhaps the answer takes longer than this board waits */
-        candidate->patience = (uint8_t)(2u * candidate->patience);
+    if (pending->timeout_reads < TIMEOUT_READS_MAX) { /* the acknowledgement may take longer than this timeout */
+        pending->timeout_reads = (uint8_t)(2u * pending->timeout_reads);
     }
     return true;
 }
 
-/* Whether the skin moves: coded counts take clearly more than the least that they took lately. */
-static void note_size(struct taxel_compact *compact, size_t size)
+/* Detect touches: the coded counts take clearly more bytes than the recent minimum. */
+static void update_usual_size(struct taxel_compact *compact, size_t size)
 {
     const uint16_t now = (uint16_t)(16u * size);
-    compact->busy = 8u * now > 9u * (uint32_t)compact->usual_size + 256u;
+    compact->is_size_raised = 8u * now > 9u * (uint32_t)compact->usual_size + 256u;
     if (now < compact->usual_size) {
         compact->usual_size = now;
     } else {
@@ -171,26 +172,26 @@ static void note_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Bytes from `sequence` up to the CRC, or 0: without a reference, or longer than packed. */
-static size_t code(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
+/* Build a delta frame; returns its bytes from `sequence` up to the CRC, or 0 without a key frame or if a packed frame is shorter. */
+static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
                    size_t packed_size, uint8_t *bytes)
 {
     struct taxel_compact *compact = &sensor->compact;
     const uint32_t low = snapshot->timestamp_us;
-    const struct taxel_compact_coded head = {
+    const struct taxel_compact_delta head = {
         .sequence = snapshot->sequence,
-        .reference = compact->reference_name,
+        .key_frame = compact->key_frame_id,
         .timestamp_low = {(uint8_t)low, (uint8_t)(low >> 8), (uint8_t)(low >> 16)},
     };
     size_t size = 0;
-    if (!compact->has_reference || snapshot->timestamp_us - compact->reference_us > ELAPSED_MAX ||
+    if (!compact->has_key_frame || snapshot->timestamp_us - compact->key_frame_us > ELAPSED_MAX ||
         !taxel_compact_encode(sensor->config->compact.states, counts, sensor->config->taxel_count,
-                              bytes + TAXEL_COMPACT_CODED_SIZE, packed_size - TAXEL_COMPACT_CODED_SIZE, &size)) {
+                              bytes + TAXEL_COMPACT_DELTA_SIZE, packed_size - TAXEL_COMPACT_DELTA_SIZE, &size)) {
         return 0;
     }
-    note_size(compact, size);
-    taxel_compact_coded_pack(&head, bytes);
-    return TAXEL_COMPACT_CODED_SIZE + size;
+    update_usual_size(compact, size);
+    taxel_compact_delta_pack(&head, bytes);
+    return TAXEL_COMPACT_DELTA_SIZE + size;
 }
 
 static void pack(const struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
@@ -198,15 +199,15 @@ static void pack(const struct taxel_sensor *sensor, const struct taxel_snapshot_
 {
     const struct taxel_compact_packed head = {
         .sequence = snapshot->sequence,
-        .form = width,
+        .format = width,
         .timestamp_us = snapshot->timestamp_us,
     };
     taxel_compact_packed_pack(&head, bytes);
     taxel_compact_pack(counts, sensor->config->taxel_count, width, bytes + TAXEL_COMPACT_PACKED_SIZE);
 }
 
-/* Length byte, zeros to fill up, CRC; returns the name. */
-static uint16_t seal(const struct taxel_sensor *sensor, uint8_t *buffer, size_t size)
+/* Add length byte, padding and CRC; returns the id of the snapshot. */
+static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *buffer, size_t size)
 {
     size_t length = size + CRC_SIZE;
     while (length >= TAXEL_COMPACT_LENGTH_FINE && length % TAXEL_COMPACT_LENGTH_STEP) {
@@ -220,27 +221,27 @@ static uint16_t seal(const struct taxel_sensor *sensor, uint8_t *buffer, size_t 
     return (uint16_t)crc;
 }
 
-/* What the acknowledgement will need: a byte a taxel, or the states themselves where there is no reference to keep. */
-static void remember(struct taxel_sensor *sensor, const uint8_t *counts, bool coded)
+/* Store what the acknowledgement will need: one byte per taxel, or, for a packed key frame, the new states themselves. */
+static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, bool is_delta)
 {
     const struct taxel_compact_memory *memory = &sensor->config->compact;
     for (size_t i = 0; i < sensor->config->taxel_count; i++) {
         const uint16_t count = taxel_get_u16(counts + 2u * i);
-        if (coded) {
+        if (is_delta) {
             memory->residuals[i] = taxel_compact_residual(memory->states[i], count);
         } else {
-            memory->states[i] = taxel_compact_begin(count, sensor->compact.start);
+            memory->states[i] = taxel_compact_initial_state(count, sensor->compact.start_scale);
         }
     }
 }
 
-/* Coding against it takes more than packing. If it had not learned long, it began from too small a scale. */
-static void forget_reference(struct taxel_compact *compact)
+/* A delta frame would be longer than a packed frame. If the key frame had few updates, its initial scale was too small. */
+static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;
-    const unsigned next = compact->start + (1u << TAXEL_COMPACT_START_SHIFT);
-    compact->start = (uint8_t)(is_young ? next & TAXEL_COMPACT_START_MASK : 0u);
-    compact->has_reference = false;
+    const unsigned next = compact->start_scale + (1u << TAXEL_COMPACT_START_SHIFT);
+    compact->start_scale = (uint8_t)(is_young ? next & TAXEL_COMPACT_START_MASK : 0u);
+    compact->has_key_frame = false;
 }
 
 static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
@@ -251,51 +252,52 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     taxel_snapshot_header_unpack(&snapshot, bytes);
     const uint8_t width = taxel_compact_width(counts, sensor->config->taxel_count);
     const size_t packed_size = TAXEL_COMPACT_PACKED_SIZE + taxel_compact_packed_size(width, sensor->config->taxel_count);
-    bool is_candidate = wants_candidate(compact);
-    size_t size = code(sensor, &snapshot, counts, packed_size, compact->work + 1);
-    const bool coded = size != 0;
-    if (!coded) {
-        pack(sensor, &snapshot, counts, width, compact->work + 1);
+    bool is_key_frame = needs_key_frame(compact);
+    size_t size = code_delta(sensor, &snapshot, counts, packed_size, compact->work_buffer + 1);
+    const bool is_delta = size != 0;
+    if (!is_delta) {
+        pack(sensor, &snapshot, counts, width, compact->work_buffer + 1);
         size = packed_size;
-        if (compact->has_reference) {
-            forget_reference(compact);
-            is_candidate = true;
+        if (compact->has_key_frame) {
+            discard_key_frame(compact);
+            is_key_frame = true;
         }
     }
-    if (is_candidate) {
-        compact->candidate.waits = false; /* an acknowledgement of the one before comes too late from here on */
-        compact->work[1u + TAXEL_COMPACT_HEADER_OFFSET_FORM] |= TAXEL_COMPACT_CANDIDATE | (coded ? 0u : compact->start);
+    if (is_key_frame) {
+        compact->pending.is_pending = false; /* an acknowledgement of the earlier key frame is ignored from here on */
+        compact->work_buffer[1u + TAXEL_COMPACT_HEADER_OFFSET_FORMAT] |=
+            TAXEL_COMPACT_KEY_FRAME | (is_delta ? 0u : compact->start_scale);
     }
-    uint16_t name = seal(sensor, compact->work, size);
-    if (is_candidate && (name == compact->candidate.name || (coded && name == compact->reference_name))) {
-        is_candidate = false; /* a name that already means another snapshot */
-        compact->work[1u + TAXEL_COMPACT_HEADER_OFFSET_FORM] &= TAXEL_COMPACT_WIDTH_MASK;
-        name = seal(sensor, compact->work, size);
+    uint16_t id = add_length_and_crc(sensor, compact->work_buffer, size);
+    if (is_key_frame && (id == compact->pending.id || (is_delta && id == compact->key_frame_id))) {
+        is_key_frame = false; /* the id already identifies another snapshot */
+        compact->work_buffer[1u + TAXEL_COMPACT_HEADER_OFFSET_FORMAT] &= TAXEL_COMPACT_WIDTH_MASK;
+        id = add_length_and_crc(sensor, compact->work_buffer, size);
     }
-    if (is_candidate) {
-        remember(sensor, counts, coded);
-        compact->candidate.waits = true;
-        compact->candidate.begins = !coded;
-        compact->candidate.name = name;
-        compact->candidate.timestamp_us = snapshot.timestamp_us;
+    if (is_key_frame) {
+        store_key_frame(sensor, counts, is_delta);
+        compact->pending.is_pending = true;
+        compact->pending.is_packed = !is_delta;
+        compact->pending.id = id;
+        compact->pending.timestamp_us = snapshot.timestamp_us;
     }
-    compact->ready_is_candidate = is_candidate;
-    compact->ready = true;
+    compact->work_is_key_frame = is_key_frame;
+    compact->work_ready = true;
 }
 
-/* Exchange the buffers, unless a reader is at it. */
-static void show(struct taxel_sensor *sensor)
+/* Exchange the buffers, unless a read is in progress. */
+static void exchange_buffers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
     const uint32_t interrupts = mask(sensor);
-    if (!compact->reading) {
-        uint8_t *const shown = compact->shown;
-        compact->shown = compact->work;
-        compact->work = shown;
-        compact->has_shown = compact->unread = true;
-        compact->shows_candidate = compact->ready_is_candidate;
-        compact->reads = compact->ready_is_candidate ? 0 : compact->reads;
-        compact->ready = false;
+    if (!compact->read_in_progress) {
+        uint8_t *const old_buffer = compact->reader_buffer;
+        compact->reader_buffer = compact->work_buffer;
+        compact->work_buffer = old_buffer;
+        compact->reader_buffer_valid = compact->is_unread = true;
+        compact->reader_has_key_frame = compact->work_is_key_frame;
+        compact->reads_since_key_frame = compact->work_is_key_frame ? 0 : compact->reads_since_key_frame;
+        compact->work_ready = false;
     }
     unmask(sensor, interrupts);
 }
@@ -304,24 +306,25 @@ bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
 {
     const struct taxel_compact *compact = &sensor->compact;
     return taxel_sensor_has_compact(sensor) &&
-           (compact->acknowledged || compact->forget || (compact->ready ? !compact->reading : may_latch(sensor)));
+           (compact->acknowledge_received || compact->forget_received ||
+            (compact->work_ready ? !compact->read_in_progress : may_latch(sensor)));
 }
 
 void taxel_sensor_run(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
     uint8_t latches = 0;
-    if (!taxel_sensor_has_work(sensor)) { /* the usual case, which must not keep interrupts out */
+    if (!taxel_sensor_has_work(sensor)) { /* the usual case, which must not disable interrupts */
         return;
     }
-    take_answers(sensor);
-    if (!compact->ready && take_newest(sensor, &latches)) {
+    process_answers(sensor);
+    if (!compact->work_ready && latch_newest(sensor, &latches)) {
         code_snapshot(sensor, sensor->scan.latched);
-        if (latches != sensor->scan.latches) { /* a reader of plain snapshots took the buffer away meanwhile */
-            compact->ready = compact->candidate.waits = false;
+        if (latches != sensor->scan.latches) { /* a reader of uncompressed snapshots latched another scan meanwhile */
+            compact->work_ready = compact->pending.is_pending = false;
         }
     }
-    if (compact->ready) {
-        show(sensor);
+    if (compact->work_ready) {
+        exchange_buffers(sensor);
     }
 }

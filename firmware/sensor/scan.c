@@ -1,4 +1,4 @@
-/* The scan sequencer: TX line after TX line, RX after RX, over the crossings that are taxels, and again. */
+/* The scan sequencer: over all crossings that are taxels, TX line by TX line and on each of them RX line by RX line, repeatedly. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
@@ -19,7 +19,7 @@ static void convert_next(struct taxel_sensor *sensor)
     struct taxel_scan *scan = &sensor->scan;
     const struct taxel_sensor_hal *hal = sensor->config->hal;
     while (!is_taxel(sensor, scan->crossing)) {
-        scan->crossing++; /* ends: the map has as many bits as the scan has taxels left */
+        scan->crossing++; /* terminates: the map has at least one more bit set, because the scan is not complete */
     }
     const uint8_t tx = (uint8_t)(scan->crossing / sensor->config->columns);
     const uint8_t rx = (uint8_t)(scan->crossing % sensor->config->columns);
@@ -74,7 +74,7 @@ void taxel_scan_start(struct taxel_sensor *sensor)
     }
     sensor->state = TAXEL_SENSOR_SCANNING;
     if (scan->converting) {
-        scan->begin_after_conversion = true; /* the last conversion before a stop is still running */
+        scan->begin_after_conversion = true; /* the last conversion before the stop is still running */
         return;
     }
     begin(sensor);
@@ -92,7 +92,7 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
     scan->converting = false;
     scan->begin_after_conversion = false;
     if (sensor->state != TAXEL_SENSOR_SCANNING) {
-        return; /* stopped in the middle of a scan: the half scan is never shown */
+        return; /* stopped during a scan: the incomplete scan is discarded */
     }
     if (is_stale) {
         begin(sensor);

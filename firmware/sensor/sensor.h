@@ -1,11 +1,37 @@
-/* A sensor board: scans its crossings for ever, keeps coherent snapshots, and answers on I2C as a set of registers.
+/* A sensor board: scans its crossings continuously, keeps coherent snapshots, and is read as a set of I2C registers.
  *
- *   conversion interrupt -> taxel_sensor_on_conversion()        scan.c: next crossing, or a snapshot is complete
+ *   conversion interrupt -> taxel_sensor_on_conversion()        scan.c: next crossing, or the snapshot is complete
  *   I2C interrupt        -> taxel_sensor_on_address() ...       slave.c: register machine
  *   main loop            -> taxel_sensor_run()                  compact.c: the newest snapshot in fewer bytes
  *
- * Three snapshot buffers change roles and are never copied: one is being scanned into, one is the newest complete, one is
- * latched by the reader. A reader therefore never sees half of a scan, and the scan never waits for a reader. */
+ * Three snapshot buffers change roles and are never copied: one receives the current scan, one is the newest complete
+ * snapshot, one is latched by the reader. A reader therefore never sees part of a scan, and the scan never waits for a reader.
+ *
+ * Integration (`hal`: struct taxel_sensor_hal of the port; all memory is the caller's):
+ *
+ *     static struct taxel_sensor sensor;
+ *     static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(4u)];
+ *     static const uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE] = {0x0F};
+ *     static const struct taxel_sensor_config config = {
+ *         .hal = &hal, .address = 0x20, .rows = 2, .columns = 2, .taxel_count = 4, .crossing_map = crossing_map,
+ *         .settings = {.sub_conversions = 100, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 96},
+ *         .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
+ *     };
+ *     if (taxel_sensor_init(&sensor, &config)) {
+ *         return TAXEL_ERROR_INVALID;
+ *     }
+ *     taxel_scan_start(&sensor);
+ *     for (;;) {
+ *         taxel_sensor_run(&sensor);
+ *         wait_for_interrupt();
+ *     }
+ *     // interrupt at the end of a conversion:  taxel_sensor_on_conversion(&sensor, raw_count);
+ *     // I2C slave interrupt:                   acknowledge = taxel_sensor_on_address(&sensor, reading);
+ *     //                                        acknowledge = taxel_sensor_on_write(&sensor, byte);
+ *     //                                        byte = taxel_sensor_on_read(&sensor);
+ *     //                                        taxel_sensor_on_stop(&sensor);
+ *
+ * firmware/tests/test_integration_examples.c compiles and runs this example. */
 #ifndef TAXEL_SENSOR_H
 #define TAXEL_SENSOR_H
 
@@ -29,19 +55,44 @@ enum taxel_error {
 };
 
 struct taxel_sensor_config {
+    /* Functions of the port. Every pointer is set. */
     const struct taxel_sensor_hal *hal;
+
+    /* 7-bit I2C address, TAXEL_ADDRESS_MIN (0x08) to TAXEL_ADDRESS_MAX (0x77). */
     uint8_t address;
+
+    /* Board design, 0 to 255, as numbered in the hand description. Reported in the identity. */
     uint8_t kind;
+
+    /* enum taxel_reset_cause of the last reset. Reported in the status. */
     uint8_t reset_cause;
+
+    /* Major, minor, patch, each 0 to 255. */
     uint8_t firmware_version[3];
+
+    /* Id of the processor, 8 bytes of any value. */
     uint8_t unique_id[8];
-    uint8_t rows;    /* TX lines */
-    uint8_t columns; /* RX lines */
+
+    /* Number of TX lines (rows) and RX lines (columns), 1 to TAXEL_LINES_MAX (16) each. */
+    uint8_t rows;
+    uint8_t columns;
+
+    /* Number of taxels, 1 to TAXEL_TAXELS_MAX (240): the number of bits set in crossing_map. */
     uint16_t taxel_count;
-    const uint8_t *crossing_map; /* TAXEL_CROSSING_MAP_SIZE bytes, taxel_count bits set */
+
+    /* TAXEL_CROSSING_MAP_SIZE (32) bytes. Bit tx * columns + rx, least significant bit first, is 1 for a taxel; bits from
+     * rows * columns on are 0. */
+    const uint8_t *crossing_map;
+
+    /* Initial scan settings. sub_conversions * sense_clock_divider is the largest raw count, 1 to 65535;
+     * modulator_clock_divider (CPU clocks) and idac_code (current code) are 1 to 255; settle_cycles is 0 to 65535 CPU clocks. */
     struct taxel_scan_settings settings;
-    uint8_t *snapshots[3]; /* TAXEL_SNAPSHOT_SIZE(taxel_count) bytes each */
-    struct taxel_compact_memory compact; /* states NULL: no compact snapshots */
+
+    /* Three buffers of TAXEL_SNAPSHOT_SIZE(taxel_count) bytes each. */
+    uint8_t *snapshots[3];
+
+    /* Memory for compact snapshots. states NULL, or more than TAXEL_COMPACT_TAXELS_MAX (238) taxels: the board has none. */
+    struct taxel_compact_memory compact;
 };
 
 struct taxel_scan {
@@ -74,7 +125,7 @@ struct taxel_slave {
     uint8_t written;
     bool pointer_next;
     bool pointer_written; /* in this transaction, and nothing after it */
-    bool refused; /* a byte of this write was not acknowledged: the rest of it is not taken either */
+    bool refused; /* a byte of this write was not acknowledged: later bytes of the write are not accepted either */
     uint8_t write_bytes[TAXEL_SETTINGS_REGISTER_SIZE];
     uint8_t shadow[TAXEL_STATUS_SIZE]; /* status or settings as of the start of a read */
 };
@@ -92,17 +143,18 @@ struct taxel_sensor {
     uint8_t settings_generation;
 };
 
-/* Set up from a configuration that stays in place. Returns 0, or TAXEL_ERROR_INVALID if map, sizes or settings are wrong. */
+/* Initialise the board. `config` must stay valid. Returns 0, or TAXEL_ERROR_INVALID if crossing map, sizes or settings are
+ * invalid. */
 int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_config *config);
 
-/* Scanning (scan.c). */
+/* Scan (scan.c). */
 void taxel_scan_start(struct taxel_sensor *sensor);
 void taxel_scan_stop(struct taxel_sensor *sensor);
 void taxel_scan_latch(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
 
-/* Compact snapshots (compact.c). Call run() after interrupts, from the main loop; has_work(): it would do something now. */
+/* Compact snapshots (compact.c). Call run() from the main loop after interrupts; has_work(): whether run() has work now. */
 void taxel_sensor_run(struct taxel_sensor *sensor);
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor);
 

@@ -1,5 +1,5 @@
-/* The I2C register machine. A write's first byte is the register pointer; what follows takes effect, whole or not at all,
- * at the stop condition. A read begins at the last pointer written, so that a poll needs no write at all. */
+/* The I2C register machine. The first byte of a write is the register pointer; the bytes after it take effect together, or not
+ * at all, at the stop condition. A read begins at the last pointer written, so that a poll needs no write. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
@@ -43,7 +43,7 @@ static void fill_settings(struct taxel_sensor *sensor)
                   settings_crc(sensor, sensor->slave.shadow));
 }
 
-/* Point the reader at `size` bytes, of which the first `skip` have been passed over. */
+/* Let the reader read `size` bytes, from byte `skip` on. */
 static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t size, size_t skip)
 {
     slave->source = bytes;
@@ -59,7 +59,7 @@ static bool begin_snapshot_read(struct taxel_sensor *sensor)
         taxel_scan_latch(sensor);
     }
     if (!sensor->scan.has_latched) {
-        return false; /* no scan has been completed: there is nothing true to say */
+        return false; /* no scan has been completed yet */
     }
     slave->snapshot_reads += block == 0;
     read_from(slave, sensor->scan.latched, TAXEL_SNAPSHOT_SIZE(sensor->config->taxel_count), TAXEL_SMBUS_BLOCK * block);
@@ -152,7 +152,7 @@ bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
     struct taxel_slave *slave = &sensor->slave;
     slave->refused = false;
     taxel_sensor_compact_end_read(sensor);
-    slave->written = 0; /* a repeated start drops what a write had begun: only a stop makes it count */
+    slave->written = 0; /* a repeated start discards an unfinished write: only a stop condition completes it */
     if (reading) {
         slave->pointer_next = false;
         return begin_read(sensor);
@@ -172,7 +172,7 @@ bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
     }
     slave->pointer_written = false;
     if (slave->refused) {
-        return false; /* a master that does not look at the acknowledge */
+        return false; /* the master ignores the missing acknowledge */
     }
     if (slave->written == sizeof slave->write_bytes) {
         slave->written = 0;

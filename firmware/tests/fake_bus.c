@@ -76,7 +76,7 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
                 transfer->read_bytes[n] &= device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
             }
         }
-        size = transfer->counted && n == 0 ? 1u + taxel_i2c_counted_rest(transfer, transfer->read_bytes[0]) : size;
+        size = transfer->length_prefixed && n == 0 ? 1u + taxel_i2c_bytes_after_length(transfer, transfer->read_bytes[0]) : size;
     }
     return TAXEL_I2C_OK;
 }
@@ -87,7 +87,7 @@ static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transf
         struct fake_device *device = &fake->devices[i];
         if (heard[i] && transfer->read_size && device->corrupt) {
             device->corrupt--;
-            transfer->read_bytes[transfer->counted ? 3u : transfer->read_size / 2u] ^= 0x04u;
+            transfer->read_bytes[transfer->length_prefixed ? 3u : transfer->read_size / 2u] ^= 0x04u;
         }
         if (heard[i] && device->sensor) {
             taxel_sensor_on_stop(&device->sensor->sensor);

@@ -7,7 +7,7 @@
 
 #include "generated/taxel_protocol.h"
 
-/* Where a field that a vector names lies in its C struct. */
+/* Position of a vector's field in its C struct. */
 struct field {
     const char *name;
     size_t offset;
@@ -24,7 +24,7 @@ struct layout {
     void (*unpack)(void *value, const uint8_t *bytes);
 };
 
-/* The structs at the front of a type's payload, in order; `prefix` begins their fields' names in a vector. */
+/* The structs at the front of a type's payload, in order; `prefix`: prefix of their fields' names in a vector. */
 struct payload_part {
     uint8_t type;
     const char *layout;
@@ -82,7 +82,7 @@ static void snapshot_header_unpack(void *value, const uint8_t *bytes)
 
 static const struct field compact_header_fields[] = {
     {"sequence", offsetof(struct taxel_compact_header, sequence), 2, 0},
-    {"form", offsetof(struct taxel_compact_header, form), 1, 0},
+    {"format", offsetof(struct taxel_compact_header, format), 1, 0},
 };
 static void compact_header_pack(const void *value, uint8_t *bytes)
 {
@@ -256,7 +256,7 @@ static void command_header_unpack(void *value, const uint8_t *bytes)
 
 static const struct field acknowledgement_fields[] = {
     {"address", offsetof(struct taxel_acknowledgement, address), 1, 0},
-    {"reference", offsetof(struct taxel_acknowledgement, reference), 2, 0},
+    {"key_frame", offsetof(struct taxel_acknowledgement, key_frame), 2, 0},
 };
 static void acknowledgement_pack(const void *value, uint8_t *bytes)
 {
@@ -438,7 +438,7 @@ static void command_register_unpack(void *value, const uint8_t *bytes)
 
 static const struct field compact_packed_fields[] = {
     {"sequence", offsetof(struct taxel_compact_packed, sequence), 2, 0},
-    {"form", offsetof(struct taxel_compact_packed, form), 1, 0},
+    {"format", offsetof(struct taxel_compact_packed, format), 1, 0},
     {"timestamp_us", offsetof(struct taxel_compact_packed, timestamp_us), 4, 0},
 };
 static void compact_packed_pack(const void *value, uint8_t *bytes)
@@ -450,23 +450,23 @@ static void compact_packed_unpack(void *value, const uint8_t *bytes)
     taxel_compact_packed_unpack(value, bytes);
 }
 
-static const struct field compact_coded_fields[] = {
-    {"sequence", offsetof(struct taxel_compact_coded, sequence), 2, 0},
-    {"form", offsetof(struct taxel_compact_coded, form), 1, 0},
-    {"reference", offsetof(struct taxel_compact_coded, reference), 2, 0},
-    {"timestamp_low", offsetof(struct taxel_compact_coded, timestamp_low), 3, 1},
+static const struct field compact_delta_fields[] = {
+    {"sequence", offsetof(struct taxel_compact_delta, sequence), 2, 0},
+    {"format", offsetof(struct taxel_compact_delta, format), 1, 0},
+    {"key_frame", offsetof(struct taxel_compact_delta, key_frame), 2, 0},
+    {"timestamp_low", offsetof(struct taxel_compact_delta, timestamp_low), 3, 1},
 };
-static void compact_coded_pack(const void *value, uint8_t *bytes)
+static void compact_delta_pack(const void *value, uint8_t *bytes)
 {
-    taxel_compact_coded_pack(value, bytes);
+    taxel_compact_delta_pack(value, bytes);
 }
-static void compact_coded_unpack(void *value, const uint8_t *bytes)
+static void compact_delta_unpack(void *value, const uint8_t *bytes)
 {
-    taxel_compact_coded_unpack(value, bytes);
+    taxel_compact_delta_unpack(value, bytes);
 }
 
 static const struct field compact_acknowledge_fields[] = {
-    {"reference", offsetof(struct taxel_compact_acknowledge, reference), 2, 0},
+    {"key_frame", offsetof(struct taxel_compact_acknowledge, key_frame), 2, 0},
 };
 static void compact_acknowledge_pack(const void *value, uint8_t *bytes)
 {
@@ -504,7 +504,7 @@ static const struct layout layouts[] = {
     {"settings_register", settings_register_fields, sizeof settings_register_fields / sizeof settings_register_fields[0], TAXEL_SETTINGS_REGISTER_SIZE, settings_register_pack, settings_register_unpack},
     {"command_register", command_register_fields, sizeof command_register_fields / sizeof command_register_fields[0], TAXEL_COMMAND_REGISTER_SIZE, command_register_pack, command_register_unpack},
     {"compact_packed", compact_packed_fields, sizeof compact_packed_fields / sizeof compact_packed_fields[0], TAXEL_COMPACT_PACKED_SIZE, compact_packed_pack, compact_packed_unpack},
-    {"compact_coded", compact_coded_fields, sizeof compact_coded_fields / sizeof compact_coded_fields[0], TAXEL_COMPACT_CODED_SIZE, compact_coded_pack, compact_coded_unpack},
+    {"compact_delta", compact_delta_fields, sizeof compact_delta_fields / sizeof compact_delta_fields[0], TAXEL_COMPACT_DELTA_SIZE, compact_delta_pack, compact_delta_unpack},
     {"compact_acknowledge", compact_acknowledge_fields, sizeof compact_acknowledge_fields / sizeof compact_acknowledge_fields[0], TAXEL_COMPACT_ACKNOWLEDGE_SIZE, compact_acknowledge_pack, compact_acknowledge_unpack},
 };
 

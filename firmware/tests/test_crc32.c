@@ -2,7 +2,7 @@
 #include "codec/crc32.h"
 
 #include "check.h"
-#include "codec/crc32_ways.h"
+#include "codec/crc32_variants.h"
 #include "codec/crc32_zeros.h"
 #include "emulator/random.h"
 

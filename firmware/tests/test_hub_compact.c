@@ -93,7 +93,7 @@ static void answer(size_t board)
     struct taxel_compact_receiver *receiver = &receivers[board];
     if (receiver->answer && !is_deaf) {
         const bool forget = receiver->answer == TAXEL_COMPACT_ANSWER_FORGET;
-        acknowledge((uint8_t)(FIRST + board) | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u), receiver->candidate.name);
+        acknowledge((uint8_t)(FIRST + board) | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u), receiver->pending.id);
     }
     receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
 }
@@ -106,7 +106,7 @@ static void take(const struct fake_frame *frame)
     const enum taxel_compact_result result = taxel_compact_receive(
         &receivers[board], frame->payload[0], TAXELS, bytes, frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot);
     CHECK(result != TAXEL_COMPACT_DAMAGED);
-    unknown += result == TAXEL_COMPACT_UNKNOWN;
+    unknown += result == TAXEL_COMPACT_NO_KEY_FRAME;
     if (result == TAXEL_COMPACT_OK) {
         decoded++;
         packed += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) != 0;
@@ -301,12 +301,12 @@ static void acknowledgements_are_taken_while_a_command_is_worked_off(void)
     CHECK(fake.hub.command.active);
     acknowledge(FIRST + 1, 0x1234);
     CHECK(fake.hub.command.active);
-    CHECK(fake_hub_slot(&fake, FIRST + 1)->acknowledge);
-    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->reference, 0x1234);
+    CHECK(fake_hub_slot(&fake, FIRST + 1)->acknowledge_pending);
+    CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->key_frame_id, 0x1234);
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, time, sizeof time);
     fake_hub_run(&fake, 100000);
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), 2);
-    CHECK(!fake_hub_slot(&fake, FIRST + 1)->acknowledge);
+    CHECK(!fake_hub_slot(&fake, FIRST + 1)->acknowledge_pending);
     end();
 }
 
@@ -314,7 +314,7 @@ static void acknowledgements_for_boards_that_are_not_polled_so_are_dropped(void)
 {
     begin();
     acknowledge(FIRST, 1); /* nobody is: no START has asked for it */
-    CHECK(!fake_hub_slot(&fake, FIRST)->acknowledge);
+    CHECK(!fake_hub_slot(&fake, FIRST)->acknowledge_pending);
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
     const uint64_t transfers = fake.transfers;
     acknowledge(FIRST + BOARDS - 1u, 1);

@@ -92,13 +92,13 @@ static void a_full_receive_ring_drops_bytes_and_counts_them(void)
 static void a_receive_ring_that_fills_holds_the_host_back_and_lets_it_go_on_when_it_has_emptied(void)
 {
     begin(1);
-    for (unsigned i = 0; i < 255u - TAXEL_HUB_HOLD_ROOM - 1u; i++) {
+    for (unsigned i = 0; i < 255u - TAXEL_HUB_HOLD_SPACE - 1u; i++) {
         taxel_hub_on_uart_byte(&fake.hub, (uint8_t)(i | 1u));
     }
     CHECK(!fake.holds);
     taxel_hub_on_uart_byte(&fake.hub, 1);
     CHECK(fake.holds);
-    for (unsigned i = 0; i < TAXEL_HUB_HOLD_ROOM; i++) { /* what the adapter still sends */
+    for (unsigned i = 0; i < TAXEL_HUB_HOLD_SPACE; i++) { /* what the adapter still sends */
         taxel_hub_on_uart_byte(&fake.hub, 0);
     }
     CHECK_EQUAL(fake.hub.inbox.overruns, 0);
@@ -128,7 +128,7 @@ static void a_host_that_is_held_back_loses_no_command(void)
         size += taxel_encoder_end(&encoder);
     }
     while (sent < size) {
-        for (unsigned after = 0; sent < size && (!fake.holds || after < TAXEL_HUB_HOLD_ROOM); after += fake.holds) {
+        for (unsigned after = 0; sent < size && (!fake.holds || after < TAXEL_HUB_HOLD_SPACE); after += fake.holds) {
             taxel_hub_on_uart_byte(&fake.hub, bytes[sent++]);
         }
         while (fake.holds) {

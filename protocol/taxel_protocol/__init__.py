@@ -1,7 +1,7 @@
 """The bytes between sensor boards, hub and host: definitions, limits and a reference codec.
 
-`registers` is the I2C register map of a sensor board, `frames` are the hub's UART frames, `framing` puts frames on a
-wire. `SPEC.md` beside this package explains every byte.
+`registers` is the I2C register map of a sensor board, `frames` defines the hub's UART frames, `framing` encodes and
+decodes them. `SPEC.md` in the parent folder explains every byte.
 """
 
 from taxel_protocol.framing import ReferenceDecoder, crc32, decode_body, encode_body, encode_frame

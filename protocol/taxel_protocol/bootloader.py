@@ -1,8 +1,9 @@
-"""The bootloader's bytes: packets, image header, flash map, metadata and configuration records. All little-endian.
+"""Byte formats of the bootloader: packets, image header, flash map, metadata and configuration records. All
+little-endian.
 
-A packet is ``01 | command or status | length u16 | data | checksum u16 | 17``, the Cypress bootloader's, and at most 64
-bytes long. Commands 31 to 3C are Cypress's; 50 to 53 are ours, beyond those of the later protocol of the same maker.
-`firmware/bootloader/SPEC.md` explains every byte.
+A packet is ``01 | command or status | length u16 | data | checksum u16 | 17``, as in the Cypress bootloader, and at
+most 64 bytes long. Commands 31 to 3C are those of Cypress; 50 to 53 are extensions of this project, outside the range
+of Cypress's later protocol. `firmware/bootloader/SPEC.md` explains every byte.
 """
 
 from collections.abc import Callable
@@ -18,35 +19,36 @@ BOOT_VERSION = 1
 """Version of the records, the image header and commands 50 to 53."""
 
 BOOT_ROW_SIZE = 128
-"""Bytes of a flash row, the smallest thing that is written."""
+"""Bytes of a flash row, the smallest unit of a write."""
 
 BOOT_ROW_COUNT = 256
 """Rows of the PSoC 4200's one flash array: 32,768 bytes."""
 
 BOOT_BOOTLOADER_ROWS = 32
-"""Rows of the bootloader itself: 4 KiB from address 0."""
+"""Rows of the bootloader: 4 KiB from address 0."""
 
 BOOT_CONFIGURATION_ROW = 252
 BOOT_METADATA_ROW = 254
-"""First of two rows each, written in turn."""
+"""First of the two rows of each record; the rows are written alternately."""
 
 BOOT_SLOT_NONE = 0xFF
-"""In place of a slot, 0 (A) or 1 (B)."""
+"""No slot; a slot is 0 (A) or 1 (B)."""
 
 BOOT_TRIES = 3
-"""Starts that an image gets before it has confirmed itself."""
+"""Number of starts of an image on trial before the bootloader gives up on it, unless it confirms itself."""
 
 BOOT_DEFAULT_ADDRESS = 0x77
 """7-bit I2C address of a board without a configuration."""
 
 BOOT_LISTEN_US = 100_000
-"""How long a bootloader listens before it starts an image, after any reset but a commanded one."""
+"""Time in microseconds for which a bootloader waits for a host before it starts an image; not after a commanded
+reset."""
 
 BOOT_GAP_US = 50_000
-"""Silence that ends a half packet on a UART."""
+"""Silence on a UART, in microseconds, after which an incomplete packet is discarded."""
 
 BOOT_SILICON_ID = 0x04C81193
-"""Of a CY8C4245AXI-483."""
+"""Silicon id of a CY8C4245AXI-483."""
 
 BOOT_PACKET_START = 0x01
 BOOT_PACKET_END = 0x17
@@ -60,7 +62,7 @@ BOOT_CONFIGURATION_MAGIC = int.from_bytes(b"TXLC", "little")
 
 
 class BootCommand(IntEnum):
-    """What a host asks of a bootloader."""
+    """Commands from a host to a bootloader."""
 
     VERIFY_APPLICATION = 0x31
     GET_FLASH_SIZE = 0x32
@@ -81,7 +83,7 @@ class BootCommand(IntEnum):
 
 
 class BootStatus(IntEnum):
-    """How a packet was taken."""
+    """Result of a packet."""
 
     OK = 0x00
     KEY = 0x01
@@ -102,14 +104,16 @@ class BootStatus(IntEnum):
 
 
 class BootDevice(IntEnum):
-    """What an image runs on."""
+    """Device on which an image runs."""
 
     BOARD = 1
     HUB = 2
 
 
 class BootChecksum(IntEnum):
-    """Of a packet; the numbers are those of a .cyacd header. ANY: whichever the host begins with."""
+    """Checksum of packets; the numbers are those of a .cyacd header. ANY: the checksum of the host's first packet is
+    used.
+    """
 
     SUM = 0
     CRC = 1
@@ -117,7 +121,7 @@ class BootChecksum(IntEnum):
 
 
 class BootStay(IntEnum):
-    """Why a bootloader has not started an image."""
+    """Reason why a bootloader has not started an image."""
 
     LISTENING = 0
     REQUESTED = 1
@@ -150,15 +154,15 @@ Record = Struct(
     "crc32" / Int32ul,
     "balance" / Int32ul,
 )
-"""One row of a pair that is written in turn. crc32: of the 120 bytes before it. balance: 1 if the row's 32-bit words
-would add up to zero without it, which the processor's flash needs special care for; otherwise 0."""
+"""One row of a pair that is written alternately. crc32: of the 120 bytes before it. balance: 1 if the row's other
+32-bit words add up to zero, else 0; the processor's flash does not reliably store a row whose words add up to zero."""
 
 Metadata = Struct(
     "confirmed" / Int8ul,
     "pending" / Int8ul,
     "tries" / Bytes(2),
 )
-"""Front of a metadata record's payload. confirmed, pending: a slot or FF. tries: starts that each slot has left."""
+"""Front of a metadata record's payload. confirmed, pending: a slot or FF. tries: remaining starts of each slot."""
 
 Configuration = Struct(
     "version" / Int8ul,
@@ -168,8 +172,8 @@ Configuration = Struct(
     "serial_number" / Bytes(16),
     "idac_codes" / Bytes(16),
 )
-"""Front of a configuration record's payload. serial_number: ASCII, filled up with zeros. idac_codes: calibrated
-current of each RX line, 0 where the scan settings' code holds."""
+"""Front of a configuration record's payload. serial_number: ASCII, padded with zeros. idac_codes: calibrated current
+code of each RX line; 0: the code of the scan settings applies."""
 
 EnterReply = Struct(
     "silicon_id" / Int32ul,
@@ -181,7 +185,7 @@ FlashSizeReply = Struct(
     "first_row" / Int16ul,
     "last_row" / Int16ul,
 )
-"""The rows that this session may write: those of the slot that is not kept."""
+"""Rows that this session may write: those of the slot that is not protected."""
 
 RowAddress = Struct(
     "array" / Int8ul,
@@ -203,7 +207,7 @@ StockMetadata = Struct(
     "custom_id" / Int32ul,
     "reserved_c" / Bytes(28),
 )
-"""Reply to GET_METADATA, in the stock bootloader's form. custom_id: the image's CRC-32; checksum is 0."""
+"""Reply to GET_METADATA, in the format of the stock bootloader. custom_id: the image's CRC-32; checksum is 0."""
 
 Info = Struct(
     "version" / Int8ul,
@@ -217,31 +221,31 @@ Info = Struct(
     "kind" / Int8ul,
     "unique_id" / Bytes(8),
 )
-"""Reply to GET_INFO. target: the slot that a host would write."""
+"""Reply to GET_INFO. stay: reason why no image runs (BootStay). target: the slot that a host may write."""
 
 SearchArguments = Struct(
     "bits" / Int8ul,
     "unique_id" / Bytes(8),
 )
-"""Boards whose unique id begins with these bits, most significant bit of byte 0 first, answer from now on; all others
-keep silent until a search includes them."""
+"""Boards whose unique id begins with these bits (most significant bit of byte 0 first) answer from now on; all other
+boards do not respond until a later search includes them."""
 
 SearchReply = Struct(
     "unique_id" / Bytes(8),
     "complement" / Bytes(8),
 )
-"""Of several boards at once the bus shows the AND: where they differ both bits are 0."""
+"""If several boards answer at once, the bus carries the AND of their replies: where they differ, both bits are 0."""
 
 WriteConfigurationArguments = Struct(
     "unique_id" / Bytes(8),
     "configuration" / Configuration,
 )
-"""unique_id: of the board that is meant."""
+"""unique_id: id of the addressed board."""
 
 
 @dataclass(frozen=True)
 class FlashLayout:
-    """Where the slots lie: first rows of A and B, rows of each."""
+    """Position of the slots in flash: first rows of A and B, and rows of each."""
 
     device: BootDevice
     first_rows: tuple[int, int]
@@ -253,7 +257,7 @@ class FlashLayout:
         return self.slot_rows * BOOT_ROW_SIZE
 
     def slot_address(self, slot: int) -> int:
-        """Where a slot begins in flash."""
+        """Flash address of a slot's first byte."""
         return self.first_rows[slot] * BOOT_ROW_SIZE
 
 
@@ -261,7 +265,7 @@ LAYOUTS = {
     BootDevice.BOARD: FlashLayout(BootDevice.BOARD, (32, 128), 96),
     BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 136), 104),
 }
-"""12 KiB slots on a board, 13 KiB on the hub."""
+"""Flash layout of each device: 12 KiB slots on a board, 13 KiB on the hub."""
 
 
 def checksum_of(kind: BootChecksum, data: bytes) -> int:
@@ -283,15 +287,15 @@ def checksum_of(kind: BootChecksum, data: bytes) -> int:
 def build_packet(command: int, data: bytes = b"", kind: BootChecksum = BootChecksum.SUM) -> bytes:
     """A packet; for a response, `command` is its status. Raises ValueError if it would be longer than 64 bytes."""
     if len(data) > BOOT_PACKET_MAX - BOOT_PACKET_OVERHEAD:
-        raise ValueError(f"a bootloader packet has room for 57 bytes of data, not {len(data)}")
+        raise ValueError(f"a bootloader packet has at most 57 bytes of data, not {len(data)}")
     body = bytes([BOOT_PACKET_START, command]) + len(data).to_bytes(2, "little") + data
     return body + checksum_of(kind, body).to_bytes(2, "little") + bytes([BOOT_PACKET_END])
 
 
 def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[int, bytes]:
-    """(command or status, data) of one packet; bytes after it are not looked at, as a read is often too long.
+    """(command or status, data) of one packet; bytes after the packet are ignored, because a read is often too long.
 
-    Raises ValueError that says what is wrong: too short, no start or end byte, length, checksum.
+    Raises ValueError for a packet that is too short or whose start byte, end byte, length or checksum is wrong.
     """
     if len(packet) < BOOT_PACKET_OVERHEAD:
         raise ValueError(f"a bootloader packet has at least 7 bytes, not {len(packet)}")
@@ -302,19 +306,22 @@ def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[
         raise ValueError(f"a bootloader packet of {len(packet)} bytes claims {length} bytes of data")
     if packet[length + 6] != BOOT_PACKET_END:
         raise ValueError(f"a bootloader packet ends with 17, not {packet[length + 6]:02X}")
-    found, expected = int.from_bytes(packet[length + 4 : length + 6], "little"), checksum_of(kind, packet[: length + 4])
-    if found != expected:
-        raise ValueError(f"the checksum of a bootloader packet should be {expected:04X}, not {found:04X}")
+    stored, expected = (
+        int.from_bytes(packet[length + 4 : length + 6], "little"),
+        checksum_of(kind, packet[: length + 4]),
+    )
+    if stored != expected:
+        raise ValueError(f"the checksum of a bootloader packet should be {expected:04X}, not {stored:04X}")
     return packet[1], packet[4 : 4 + length]
 
 
 def row_sum(row: bytes) -> int:
-    """What VERIFY_ROW answers: two's complement of the sum of the row's bytes, modulo 256."""
+    """Answer of VERIFY_ROW: two's complement of the sum of the row's bytes, modulo 256."""
     return -sum(row) & 0xFF
 
 
 def image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int], content: bytes) -> bytes:
-    """An image with its header: `content` begins with the vector table and is filled up with zeros to a multiple of 4.
+    """An image with its header: `content` begins with the vector table and is padded with zeros to a multiple of 4.
 
     Raises ValueError if it does not fit the slot.
     """
@@ -343,7 +350,7 @@ def image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int
 
 
 def record(magic: int, sequence: int, content: bytes) -> bytes:
-    """The 128 bytes of a row that holds a record. Raises ValueError for more than 112 bytes of content."""
+    """The 128 bytes of a record's row. Raises ValueError for more than 112 bytes of content."""
     if len(content) > 112:
         raise ValueError(f"a record holds 112 bytes, not {len(content)}")
     front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))
@@ -352,35 +359,37 @@ def record(magic: int, sequence: int, content: bytes) -> bytes:
     return row + int(words % 2**32 == 0).to_bytes(4, "little")
 
 
-def search_ids(ask: Callable[[int, bytes], bytes | None]) -> list[bytes]:
-    """Unique ids of all boards that share one address, found by asking for prefixes.
+def search_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[bytes]:
+    """Unique ids of all boards that share one address, by a binary search over id prefixes.
 
-    `ask(bits, prefix)` sends a SEARCH and returns the data of its reply, 16 bytes, or None if nobody acknowledged the
-    read; its checksum is not to be looked at. Where two boards differ the bus shows 0 in id and complement: at the
-    first such bit the set is split. n boards take 2 n - 1 questions, and one more each to be sure. A board that
-    vanishes or a bit that both sides deny ends in ValueError.
+    `send_search(bits, prefix)` sends a SEARCH and returns the 16 data bytes of its reply without checking its checksum,
+    or None if no board acknowledged the read. Where two boards differ, the bus carries 0 in both id and complement: the
+    set of boards is split at the first such bit. n boards take 2 n - 1 searches, and one more each as a confirmation.
+    Raises ValueError if a reply is inconsistent.
     """
-    found: list[bytes] = []
+    unique_ids: list[bytes] = []
     open_prefixes = [(0, bytes(8))]
     while open_prefixes:
         bits, prefix = open_prefixes.pop()
-        reply = ask(bits, prefix)
+        reply = send_search(bits, prefix)
         if reply is None:
             continue
         fields, _ = unpack(SearchReply, reply)
         ones, zeros = (int.from_bytes(fields[name], "big") for name in ("unique_id", "complement"))
         if ones & zeros:
-            raise ValueError(f"the reply to a search denies itself: {reply.hex()}")
+            raise ValueError(f"the reply to a search sets the same bit in id and complement: {reply.hex()}")
         differing = ~(ones | zeros) & (2**64 - 1)
         if not differing:
             if bits < 64:
                 open_prefixes.append((64, fields["unique_id"]))
                 continue
-            found.append(prefix)
+            unique_ids.append(prefix)
             continue
         split = 64 - differing.bit_length()
         if split < bits:
-            raise ValueError(f"the boards differ in bit {split} but agreed on {bits} bits: {reply.hex()}")
-        known = ones & ~(2 ** (64 - split) - 1)
-        open_prefixes += [(split + 1, (known | half).to_bytes(8, "big")) for half in (1 << (63 - split), 0)]
-    return found
+            raise ValueError(
+                f"boards differ in bit {split} although they agree in the first {bits} bits: {reply.hex()}"
+            )
+        common = ones & ~(2 ** (64 - split) - 1)
+        open_prefixes += [(split + 1, (common | half).to_bytes(8, "big")) for half in (1 << (63 - split), 0)]
+    return unique_ids

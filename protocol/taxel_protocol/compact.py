@@ -1,7 +1,8 @@
-"""Compact snapshots, slowly and plainly: the definition of their code, and the oracle for the C implementation.
+"""Compact snapshots: the executable definition of their coding, and the oracle for the C implementation.
 
-`Reference` is what board and host know alike; `encode` and `decode` go between a snapshot and its bytes. SPEC.md, "The
-code of compact snapshots", explains every step.
+A packed frame holds its counts with a fixed number of bits. A delta frame is coded against a key frame, which is a
+state (`KeyFrame`) that board and host have both derived from acknowledged snapshots. SPEC.md, "Coding of compact
+snapshots", explains every step.
 """
 
 from collections.abc import Sequence
@@ -11,16 +12,16 @@ from taxel_protocol import compact_tables as t
 from taxel_protocol.framing import crc32
 from taxel_protocol.layout import pack, unpack
 from taxel_protocol.limits import (
-    COMPACT_CANDIDATE,
+    COMPACT_KEY_FRAME,
     COMPACT_LENGTH_FINE,
     COMPACT_LENGTH_STEP,
-    COMPACT_OVERHEAD_CODED,
-    COMPACT_OVERHEAD_MIN,
+    COMPACT_OVERHEAD_DELTA,
+    COMPACT_OVERHEAD_PACKED,
     COMPACT_START_MASK,
     COMPACT_START_SHIFT,
     COMPACT_WIDTH_MASK,
 )
-from taxel_protocol.registers import CompactCoded, CompactPacked
+from taxel_protocol.registers import CompactDelta, CompactPacked
 
 _TOTAL = 1 << t.COMPACT_TOTAL_BITS
 _MIDDLE = t.COMPACT_ESCAPE + t.COMPACT_CUMULATIVE[-1]
@@ -28,12 +29,12 @@ _COUNT_MAX = 0xFFFF
 
 
 class CompactError(ValueError):
-    """Bytes that are no compact snapshot, or none that this reference decodes."""
+    """Bytes that are no valid compact snapshot, or a delta frame whose key frame is not available."""
 
 
 @dataclass(frozen=True)
 class Taxel:
-    """What is expected of one taxel: `mean` in 64ths of a count, `level` of its scale."""
+    """Prediction for one taxel: `mean` in 64ths of a count, `level` of its scale."""
 
     mean: int
     level: int
@@ -45,52 +46,52 @@ class Taxel:
 
     @property
     def octave(self) -> int:
-        """Of the scale, from 1/16 count upwards."""
+        """Octave of the scale; octave 0 begins at 1/16 count."""
         return self.level >> 6
 
     @property
     def raw_bits(self) -> int:
-        """Low bits of a count that are sent as they are."""
+        """Number of low bits of a count that are sent uncoded."""
         return max(self.octave - t.COMPACT_COARSE_OCTAVE, 0)
 
     def distance(self, difference: int) -> int:
-        """1024ths of the scale in a difference of 64ths of a count, cut towards zero."""
+        """A difference in 64ths of a count, converted to 1024ths of the scale and truncated towards zero."""
         size = abs(difference) * t.COMPACT_MULTIPLIERS[(self.level >> 3) & 7] >> self.octave
         return size if difference >= 0 else -size
 
     def cumulative(self, difference: int) -> int:
-        """Probability, in 2^-16, of an escape or of anything below mean + difference."""
+        """Probability, in 2^-16, of an escape or of a count below mean + difference."""
         distance = self.distance(difference)
         size = min(abs(distance), t.COMPACT_REACH)
-        corner, rest = size >> t.COMPACT_STEP_BITS, size & ((1 << t.COMPACT_STEP_BITS) - 1)
+        corner, fraction = size >> t.COMPACT_STEP_BITS, size & ((1 << t.COMPACT_STEP_BITS) - 1)
         share = t.COMPACT_CUMULATIVE[corner]
-        if rest:
-            share += (t.COMPACT_CUMULATIVE[corner + 1] - share) * rest >> t.COMPACT_STEP_BITS
+        if fraction:
+            share += (t.COMPACT_CUMULATIVE[corner + 1] - share) * fraction >> t.COMPACT_STEP_BITS
         return _MIDDLE + share if distance >= 0 else _MIDDLE - share
 
     def interval(self, symbol: int) -> tuple[int, int]:
-        """(first, size) of the share of probability of all counts with `symbol` above their raw bits."""
+        """(first, size) of the probability interval of all counts whose bits above the raw bits are `symbol`."""
         edge = (symbol << (self.raw_bits + 6)) - 32 - self.mean
         first = self.cumulative(edge)
         return first, self.cumulative(edge + (64 << self.raw_bits)) - first
 
-    def learn(self, count: int, gain: int) -> "Taxel":
-        """What is expected after a candidate's `count`; `gain` in 256ths."""
-        difference = 64 * (self.centre + coarse(count - self.centre)) - self.mean
+    def updated(self, count: int, gain: int) -> "Taxel":
+        """The prediction after the `count` of an acknowledged key frame; `gain` in 256ths."""
+        difference = 64 * (self.centre + quantise(count - self.centre)) - self.mean
         size = abs(self.distance(difference))
         if size >= t.COMPACT_JUMP:
-            moved, level = abs(difference), self.level
+            step, level = abs(difference), self.level
         else:
-            moved = (abs(difference) * gain + 128) >> 8
+            step = (abs(difference) * gain + 128) >> 8
             excess = (min(size, t.COMPACT_CLIP) * t.COMPACT_MEAN_DEVIATION >> 10) - 1024
-            steps = (abs(excess) * gain * t.COMPACT_LEVEL_STEP + (1 << 17)) >> 18
-            level = self.level + steps if excess >= 0 else self.level - steps
-        mean = self.mean + moved if difference >= 0 else self.mean - moved
+            level_step = (abs(excess) * gain * t.COMPACT_LEVEL_STEP + (1 << 17)) >> 18
+            level = self.level + level_step if excess >= 0 else self.level - level_step
+        mean = self.mean + step if difference >= 0 else self.mean - step
         return Taxel(min(max(mean, 0), t.COMPACT_MEAN_MAX), min(max(level, 0), t.COMPACT_LEVEL_MAX))
 
 
-def coarse(residual: int) -> int:
-    """A residual as a board remembers it in one byte: exact below 64, else the middle of a quarter of an octave."""
+def quantise(residual: int) -> int:
+    """A residual as a board stores it in one byte: exact below 64, else the middle of a quarter of an octave."""
     size = abs(residual)
     if size >= 64:
         quarter = size.bit_length() - 3
@@ -99,44 +100,46 @@ def coarse(residual: int) -> int:
 
 
 @dataclass(frozen=True)
-class Reference:
-    """What an acknowledged candidate left on both sides. `name`: low 16 bits of its CRC-32; `updates`: candidates since
-    the beginning.
+class KeyFrame:
+    """State that board and host share after an acknowledgement; delta frames are coded against it.
+
+    `id`: low 16 bits of the CRC-32 of the snapshot that produced this state. `updates`: number of acknowledged key
+    frames since the last packed one.
     """
 
-    name: int
+    id: int
     timestamp_us: int
     updates: int
     taxels: tuple[Taxel, ...]
 
 
-def begin(name: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> Reference:
-    """The reference that a packed candidate makes; `start`: bits 5 and 6 of its form."""
+def key_frame_of_packed(key_frame_id: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> KeyFrame:
+    """The key frame that a marked packed frame produces; `start`: bits 5 and 6 of its `format`."""
     level = t.COMPACT_LEVEL_START + start * t.COMPACT_LEVEL_START_STEP
-    return Reference(name, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
+    return KeyFrame(key_frame_id, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
 
 
-def go_on(reference: Reference, name: int, timestamp_us: int, counts: Sequence[int]) -> Reference:
-    """The reference that a coded candidate makes out of its own."""
-    gain = t.COMPACT_GAINS[reference.updates - 1]
-    taxels = tuple(taxel.learn(count, gain) for taxel, count in zip(reference.taxels, counts, strict=True))
+def key_frame_of_delta(previous: KeyFrame, key_frame_id: int, timestamp_us: int, counts: Sequence[int]) -> KeyFrame:
+    """The key frame that a marked delta frame produces; `previous`: the key frame against which it is coded."""
+    gain = t.COMPACT_GAINS[previous.updates - 1]
+    taxels = tuple(taxel.updated(count, gain) for taxel, count in zip(previous.taxels, counts, strict=True))
     return replace(
-        reference,
-        name=name,
+        previous,
+        id=key_frame_id,
         timestamp_us=timestamp_us,
-        updates=min(reference.updates + 1, len(t.COMPACT_GAINS)),
+        updates=min(previous.updates + 1, len(t.COMPACT_GAINS)),
         taxels=taxels,
     )
 
 
 class RangeEncoder:
-    """A range coder (Martin, 1979) whose low end is one large number, so that no carry needs care."""
+    """Range coder (Martin, 1979). Its low end is one large integer, so that carries need no separate handling."""
 
     def __init__(self) -> None:
         self._low, self._range, self._shifted = 0, 0xFFFFFFFF, 0
 
     def put(self, first: int, size: int, bits: int) -> None:
-        """Narrow to [first, first + size) of 2^bits equal shares."""
+        """Narrow the interval to [first, first + size) of 2^bits equal shares."""
         share = self._range >> bits
         self._low += first * share
         self._range = size * share
@@ -146,28 +149,28 @@ class RangeEncoder:
             self._shifted += 1
 
     def finish(self) -> bytes:
-        """The shortest string of bytes that stands for the interval; zeros at the end are left out."""
+        """The shortest byte string that identifies the interval; trailing zero bytes are omitted."""
         for kept in range(5):
             unit = 1 << (32 - 8 * kept)
             value = -(-self._low // unit) * unit
             if value < self._low + self._range:
                 return (value // unit).to_bytes(self._shifted + kept, "big").rstrip(b"\0")
-        raise AssertionError("an interval holds its own low end")
+        raise AssertionError("an interval contains its own low end")
 
 
 class RangeDecoder:
-    """Inverse of `RangeEncoder`; zeros follow the last byte."""
+    """Inverse of `RangeEncoder`; bytes after the last one count as zero."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._position, self._range, self._code = data, 4, 0xFFFFFFFF, 0
         self._code = int.from_bytes(data[:4].ljust(4, b"\0"), "big")
 
     def peek(self, bits: int) -> int:
-        """Which of 2^bits equal shares comes next."""
+        """Index of the next share out of 2^bits equal shares."""
         return min(self._code // (self._range >> bits), (1 << bits) - 1)
 
     def take(self, first: int, size: int, bits: int) -> None:
-        """Take [first, first + size) of 2^bits shares off."""
+        """Consume the interval [first, first + size) of 2^bits shares."""
         share = self._range >> bits
         self._code = (self._code - first * share) & 0xFFFFFFFF  # wraps for damaged bytes only
         self._range = size * share
@@ -185,7 +188,7 @@ class RangeDecoder:
 
 
 def encode_counts(taxels: Sequence[Taxel], counts: Sequence[int]) -> bytes:
-    """The coded counts."""
+    """The coded counts of a delta frame."""
     coder = RangeEncoder()
     for taxel, count in zip(taxels, counts, strict=True):
         first, size = taxel.interval(count >> taxel.raw_bits)
@@ -202,7 +205,7 @@ def encode_counts(taxels: Sequence[Taxel], counts: Sequence[int]) -> bytes:
 
 
 def decode_counts(taxels: Sequence[Taxel], data: bytes) -> list[int]:
-    """Inverse of `encode_counts`. Raises `CompactError` for what no encoder makes."""
+    """Inverse of `encode_counts`. Raises `CompactError` for bytes that no encoder produces."""
     coder = RangeDecoder(data)
     return [_decode_count(taxel, coder) for taxel in taxels]
 
@@ -215,7 +218,7 @@ def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
         size = (1 << exponent) + coder.bits(exponent)
         count = taxel.centre - size if negative else taxel.centre + size
         if not 0 <= count <= _COUNT_MAX:
-            raise CompactError(f"a count of {count} does not exist")
+            raise CompactError(f"a raw count is 0 to {_COUNT_MAX}, found {count}")
         return count
     low, high = 0, _COUNT_MAX >> taxel.raw_bits
     while low < high:
@@ -223,7 +226,7 @@ def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
         low, high = (middle, high) if taxel.interval(middle)[0] <= target else (low, middle - 1)
     first, size = taxel.interval(low)
     if not first <= target < first + size:
-        raise CompactError("a share of probability that belongs to no count")
+        raise CompactError("the coded counts contain a probability share that belongs to no count")
     coder.take(first, size, t.COMPACT_TOTAL_BITS)
     return low << taxel.raw_bits | coder.bits(taxel.raw_bits)
 
@@ -235,13 +238,13 @@ def pack_counts(counts: Sequence[int], width: int) -> bytes:
 
 
 def length_of(size: int) -> int:
-    """First byte on the bus for a compact snapshot of at least `size` bytes."""
+    """The length byte for a compact snapshot of at least `size` bytes."""
     if size < COMPACT_LENGTH_FINE:
         return size
     return COMPACT_LENGTH_FINE + -(-size // COMPACT_LENGTH_STEP)
 
 
-def _sealed(address: int, body: bytes) -> bytes:
+def _with_crc(address: int, body: bytes) -> bytes:
     size = len(body) + 4
     if size >= COMPACT_LENGTH_FINE:
         body += bytes(-size % COMPACT_LENGTH_STEP)
@@ -249,78 +252,84 @@ def _sealed(address: int, body: bytes) -> bytes:
 
 
 def encode_packed(
-    address: int, sequence: int, timestamp_us: int, counts: Sequence[int], candidate: bool, start: int = 0
+    address: int, sequence: int, timestamp_us: int, counts: Sequence[int], is_key_frame: bool, start: int = 0
 ) -> bytes:
-    """A compact snapshot that needs no reference."""
+    """A packed frame, from `sequence` to `crc32`. `is_key_frame` sets the mark that requests an acknowledgement."""
     width = max(max(counts).bit_length(), 1)
-    form = width | start << COMPACT_START_SHIFT | (COMPACT_CANDIDATE if candidate else 0)
-    head = {"sequence": sequence, "form": form, "timestamp_us": timestamp_us}
-    return _sealed(address, pack(CompactPacked, head, pack_counts(counts, width)))
+    format_byte = width | start << COMPACT_START_SHIFT | (COMPACT_KEY_FRAME if is_key_frame else 0)
+    head = {"sequence": sequence, "format": format_byte, "timestamp_us": timestamp_us}
+    return _with_crc(address, pack(CompactPacked, head, pack_counts(counts, width)))
 
 
 def encode(
-    address: int, sequence: int, timestamp_us: int, counts: Sequence[int], reference: Reference | None, candidate: bool
+    address: int, sequence: int, timestamp_us: int, counts: Sequence[int], previous: KeyFrame | None, is_key_frame: bool
 ) -> bytes:
-    """The shorter of packed and coded, the bytes from `sequence` to `crc32`; `reference` None: packed."""
-    packed = encode_packed(address, sequence, timestamp_us, counts, candidate)
-    if reference is None or (timestamp_us - reference.timestamp_us) % (1 << 32) >= 1 << 24:
+    """The shorter of a packed and a delta frame, from `sequence` to `crc32`; packed if `previous` is None."""
+    packed = encode_packed(address, sequence, timestamp_us, counts, is_key_frame)
+    if previous is None or (timestamp_us - previous.timestamp_us) % (1 << 32) >= 1 << 24:
         return packed
-    coded = encode_counts(reference.taxels, counts)
+    coded = encode_counts(previous.taxels, counts)
     width = max(max(counts).bit_length(), 1)
-    if COMPACT_OVERHEAD_CODED + len(coded) > COMPACT_OVERHEAD_MIN + (width * len(counts) + 7) // 8:
+    if COMPACT_OVERHEAD_DELTA + len(coded) > COMPACT_OVERHEAD_PACKED + (width * len(counts) + 7) // 8:
         return packed
     head = {
         "sequence": sequence,
-        "form": COMPACT_CANDIDATE if candidate else 0,
-        "reference": reference.name,
+        "format": COMPACT_KEY_FRAME if is_key_frame else 0,
+        "key_frame": previous.id,
         "timestamp_low": (timestamp_us & 0xFFFFFF).to_bytes(3, "little"),
     }
-    return _sealed(address, pack(CompactCoded, head, coded))
+    return _with_crc(address, pack(CompactDelta, head, coded))
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """A snapshot, and the reference that it makes if it is a candidate."""
+    """A decoded snapshot; `key_frame`: the key frame that it produces, None if it is not marked as one."""
 
     sequence: int
     timestamp_us: int
     counts: list[int]
-    candidate: Reference | None
+    key_frame: KeyFrame | None
 
 
-def decode(address: int, taxel_count: int, data: bytes, references: Sequence[Reference]) -> Decoded:
-    """The snapshot in `data` (from `sequence` to `crc32`). Raises `CompactError`: damaged, none, or none of
-    `references` is its own.
+def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[KeyFrame]) -> Decoded:
+    """The snapshot in `data` (from `sequence` to `crc32`).
+
+    Raises `CompactError` if the bytes are damaged or invalid, or if the snapshot is a delta frame whose key frame is
+    not in `key_frames`.
     """
     if (
-        len(data) < COMPACT_OVERHEAD_CODED
+        len(data) < COMPACT_OVERHEAD_DELTA
         or crc32(data[:-4], crc32(bytes([address]))).to_bytes(4, "little") != data[-4:]
     ):
-        raise CompactError("the CRC is wrong")
-    name = int.from_bytes(data[-4:-2], "little")
-    form = data[2]
-    width = form & COMPACT_WIDTH_MASK
-    start = (form & COMPACT_START_MASK) >> COMPACT_START_SHIFT
-    if width > 16 or (start and not (width and form & COMPACT_CANDIDATE)):
-        raise CompactError(f"form 0x{form:02X} does not exist")
+        raise CompactError("the CRC-32 of a compact snapshot is wrong")
+    own_id = int.from_bytes(data[-4:-2], "little")
+    format_byte = data[2]
+    width = format_byte & COMPACT_WIDTH_MASK
+    start = (format_byte & COMPACT_START_MASK) >> COMPACT_START_SHIFT
+    is_key_frame = bool(format_byte & COMPACT_KEY_FRAME)
+    if width > 16 or (start and not (width and is_key_frame)):
+        raise CompactError(f"format 0x{format_byte:02X} of a compact snapshot is not defined")
     if width:
-        head, rest = unpack(CompactPacked, data[:-4])
+        head, tail = unpack(CompactPacked, data[:-4])
         size = (width * taxel_count + 7) // 8
-        if len(rest) < size:
-            raise CompactError(f"{taxel_count} counts of {width} bits are {size} bytes, found {len(rest)}")
-        number = int.from_bytes(rest[:size], "little")
+        if len(tail) < size:
+            raise CompactError(f"{taxel_count} counts of {width} bits are {size} bytes, found {len(tail)}")
+        number = int.from_bytes(tail[:size], "little")
         counts = [number >> (width * i) & ((1 << width) - 1) for i in range(taxel_count)]
         time = head["timestamp_us"]
-        return Decoded(
-            head["sequence"], time, counts, begin(name, time, counts, start) if form & COMPACT_CANDIDATE else None
-        )
-    head, rest = unpack(CompactCoded, data[:-4])
-    known = [r for r in references if r.name == head["reference"] and len(r.taxels) == taxel_count]
-    if not known:
-        raise CompactError(f"reference 0x{head['reference']:04X} is not known")
-    counts = decode_counts(known[0].taxels, rest)
+        key_frame = key_frame_of_packed(own_id, time, counts, start) if is_key_frame else None
+        return Decoded(head["sequence"], time, counts, key_frame)
+    head, tail = unpack(CompactDelta, data[:-4])
+    matching = [k for k in key_frames if k.id == head["key_frame"] and len(k.taxels) == taxel_count]
+    if not matching:
+        raise CompactError(f"key frame 0x{head['key_frame']:04X} is not available")
+    previous = matching[0]
+    counts = decode_counts(previous.taxels, tail)
     low = int.from_bytes(head["timestamp_low"], "little")
-    time = (known[0].timestamp_us + (low - known[0].timestamp_us) % (1 << 24)) % (1 << 32)
+    time = (previous.timestamp_us + (low - previous.timestamp_us) % (1 << 24)) % (1 << 32)
     return Decoded(
-        head["sequence"], time, counts, go_on(known[0], name, time, counts) if form & COMPACT_CANDIDATE else None
+        head["sequence"],
+        time,
+        counts,
+        key_frame_of_delta(previous, own_id, time, counts) if is_key_frame else None,
     )

@@ -1,4 +1,4 @@
-"""Numbers of the code of compact snapshots (SPEC.md says what they do). The generator copies them into C.
+"""Constants of the coding of compact snapshots (explained in SPEC.md). The generator copies them into the C header.
 
 A taxel's state is its expected count in 64ths, 22 bits, and the logarithm of its scale, 10 bits: the scale is
 2^(level / 64 - 4) counts.
@@ -11,46 +11,47 @@ COMPACT_MEAN_MAX = (1 << 22) - 1
 COMPACT_LEVEL_BITS = 10
 COMPACT_LEVEL_MAX = (1 << COMPACT_LEVEL_BITS) - 1
 COMPACT_LEVEL_START = 384
-"""Level of a taxel that nothing is known of: 4 counts."""
+"""Initial level of a taxel: a scale of 4 counts."""
 
 COMPACT_LEVEL_START_STEP = 128
-"""Levels between the four scales to begin from: 4, 16, 64, 256 counts."""
+"""Difference in level between the four initial scales: 4, 16, 64 and 256 counts."""
 
 COMPACT_TOTAL_BITS = 16
 """Probabilities are multiples of 2^-16."""
 
 COMPACT_ESCAPE = 128
-"""Of them, those of a count that lies too far off for the distribution."""
+"""Probability, in 2^-16, of an escape: a count too far from the prediction for the distribution."""
 
 COMPACT_UNIT = 1024
 """Distances from the expected count are in 1024ths of the scale."""
 
 COMPACT_REACH = 8 * COMPACT_UNIT
-"""Nothing is expected further off than 8 scales."""
+"""The distribution ends at 8 scales from the mean."""
 
 COMPACT_STEP_BITS = 7
 """The cumulative distribution is a polygon with corners every 128 units, an eighth of the scale."""
 
 COMPACT_JUMP = 6 * COMPACT_UNIT
-"""A candidate this far off moves the expected count at once and leaves the scale as it is."""
+"""A count of a key frame at least this far off replaces the predicted count at once and leaves the scale unchanged."""
 
 COMPACT_CLIP = 4 * COMPACT_UNIT
-"""Nothing further off than this counts more for the scale."""
+"""Larger deviations are clipped to this value in the update of the scale."""
 
 COMPACT_COARSE_OCTAVE = 8
-"""From this octave of the scale on (16 counts), low bits of a count are sent as they are."""
+"""From this octave of the scale on (16 counts), the low bits of a count are sent uncoded."""
 
 COMPACT_MULTIPLIERS = (256, 235, 215, 197, 181, 166, 152, 140)
-"""256 / 2^(j / 8), rounded: eight steps to the octave."""
+"""256 / 2^(j / 8), rounded: eight steps per octave."""
 
 COMPACT_GAINS = (128, 85, 64, 51, 42, 36, 32, 28, 25, 23, 21, 19, 18, 17, 16)
-"""256 / (n + 1) for the n-th candidate since the beginning, n = 1 to 15: a mean at first, a sliding one later."""
+"""256 / (n + 1) for the n-th key frame since the last packed one, n = 1 to 15: first an arithmetic mean, then an
+exponentially weighted one."""
 
 COMPACT_MEAN_DEVIATION = 1283
-"""1024 sqrt(pi / 2): a normal deviate's scale over its mean size."""
+"""1024 sqrt(pi / 2): ratio of the scale of a normal deviate to its mean absolute value."""
 
 COMPACT_LEVEL_STEP = 92
-"""64 / ln 2: levels for a scale e times as large."""
+"""64 / ln 2: difference in level for a scale larger by a factor of e."""
 
 COMPACT_CUMULATIVE = (
     0,
@@ -120,5 +121,5 @@ COMPACT_CUMULATIVE = (
     32704,
 )
 """Probability of a distance from 0 to k eighths of the scale, in 2^-16: 99.5 % a normal distribution and 0.5 % a Cauchy
-distribution three times as wide, both cut off at 8 scales.
+distribution three times as wide, both truncated at 8 scales.
 """

@@ -6,7 +6,7 @@ from construct import Bytes, GreedyBytes, Int8ul, Int16ul, Int32ul, Int64ul, Str
 
 from taxel_protocol.limits import (
     ACKNOWLEDGE_MAX,
-    COMPACT_OVERHEAD_CODED,
+    COMPACT_OVERHEAD_DELTA,
     COMPACT_SIZE_MAX,
     LOG_TEXT_MAX,
     PAYLOAD_MAX,
@@ -22,7 +22,7 @@ HostHandshake = Struct(
     "version_min" / Int8ul,
     "version_max" / Int8ul,
 )
-"""First words of a host. This frame and HubHandshake keep their form in every version of the protocol."""
+"""First frame of a host. The format of this frame and of HubHandshake is the same in every protocol version."""
 
 HubHandshake = Struct(
     "tag" / Int8ul,
@@ -36,7 +36,8 @@ HubHandshake = Struct(
     "unique_id" / Bytes(8),
     "uptime_us" / Int64ul,
 )
-"""Answer to HostHandshake, and sent once after a restart (tag 0, version_chosen 0). version_chosen 0: no common version."""
+"""Answer to HostHandshake; also sent once after a restart (tag 0, version_chosen 0). version_chosen 0: no version in
+common, or no handshake yet."""
 
 TaxelHeader = Struct(
     "address" / Int8ul,
@@ -44,8 +45,8 @@ TaxelHeader = Struct(
     "cycle" / Int16ul,
     "hub_time_us" / Int32ul,
 )
-"""What the hub puts before a board's snapshot. cycle: poll cycle, modulo 65536; the frames of one cycle show the skin
-at one time. hub_time_us: the hub's clock when the read began."""
+"""Header that the hub puts before a board's snapshot. cycle: poll cycle, modulo 65536; the frames of one cycle show the
+skin at the same time. hub_time_us: the hub's clock when the read began."""
 
 Taxels = Struct(
     "header" / TaxelHeader,
@@ -56,9 +57,9 @@ Taxels = Struct(
 CompactTaxels = Struct(
     "header" / TaxelHeader,
     "snapshot" / CompactHeader,
-    "rest" / GreedyBytes,
+    "data" / GreedyBytes,
 )
-"""One board's compact snapshot as the board sent it, without its length byte, its own CRC-32 included."""
+"""One board's compact snapshot as the board sent it, with its own CRC-32 but without its length byte."""
 
 HubStatus = Struct(
     "uptime_us" / Int64ul,
@@ -73,8 +74,8 @@ HubStatus = Struct(
     "boards_streaming" / Int8ul,
     "streaming" / Int8ul,
 )
-"""frames_sent and bytes_sent count what was put into the UART before this frame (bytes with delimiters), modulo 2^32.
-frames_dropped: frames of any type that found no room in the UART's buffer. cycle_time_us: length of the last poll
+"""frames_sent and bytes_sent: frames, and bytes with delimiters, written to the UART's buffer before this frame, modulo
+2^32. frames_dropped: frames of any type that did not fit the UART's buffer. cycle_time_us: duration of the last poll
 cycle."""
 
 BoardStatus = Struct(
@@ -91,11 +92,11 @@ BoardStatus = Struct(
     "dropped" / Int32ul,
     "retries" / Int32ul,
 )
-"""Where every poll of a board went.
+"""Outcome counters of the polls of a board.
 
-polls = forwarded + repeated + nacks + timeouts + crc_errors + bus_errors + dropped, and one more while a poll of this
-board is under way. repeated: the board had no newer scan. dropped: read well, but the UART's buffer was full. retries
-are not polls.
+polls = forwarded + repeated + nacks + timeouts + crc_errors + bus_errors + dropped, plus one while a poll of this
+board is in progress. repeated: the board had no newer scan. dropped: read correctly, but the UART's buffer was full.
+Retries are not counted as polls.
 """
 
 BoardInfo = Struct(
@@ -111,14 +112,14 @@ BoardFaultReport = Struct(
     "hub_time_us" / Int32ul,
     "consecutive" / Int16ul,
 )
-"""Sent when a board's outcome changes (first failure of a row, or RECOVERED), not for each failure."""
+"""Sent for the first of consecutive failures of a board and at their end (RECOVERED), not for each failure."""
 
 TimeSync = Struct(
     "address" / Int8ul,
     "board_time_us" / Int32ul,
     "hub_time_us" / Int64ul,
 )
-"""The board's clock and the hub's clock at one instant: the board latched its clock when the hub addressed it."""
+"""The clocks of board and hub at the same instant: the board latches its clock when the hub addresses it."""
 
 Log = Struct(
     "level" / Int8ul,
@@ -126,7 +127,7 @@ Log = Struct(
     "hub_time_us" / Int32ul,
     "text" / GreedyBytes,
 )
-"""Text for people: ASCII, at most 64 bytes."""
+"""Human-readable message: ASCII, at most 64 bytes."""
 
 Reply = Struct(
     "tag" / Int8ul,
@@ -134,8 +135,8 @@ Reply = Struct(
     "status" / Int8ul,
     "data" / GreedyBytes,
 )
-"""Ends a command. data: SCAN_BUS: one byte for each address that answered. I2C_TRANSFER: the bytes read. GET_TIME:
-GetTimeReply.
+"""Answer that ends a command. data: SCAN_BUS: one byte for each address that acknowledged. I2C_TRANSFER: the bytes
+read. GET_TIME: GetTimeReply.
 """
 
 CommandPayload = Struct(
@@ -147,22 +148,22 @@ CommandPayload = Struct(
 
 Acknowledgement = Struct(
     "address" / Int8ul,
-    "reference" / Int16ul,
+    "key_frame" / Int16ul,
 )
-"""For one board. Bit 7 of address: forget the reference; `reference` then means nothing. Else the low 16 bits of the
-CRC-32 of the candidate that was decoded."""
+"""Acknowledgement for one board. Bit 7 of address clear: `key_frame` holds the low 16 bits of the CRC-32 of the decoded
+key frame. Bit 7 set: the host has no key frame of this board, and `key_frame` is ignored."""
 
 Acknowledge = Struct("acknowledgements" / GreedyBytes)
-"""1 to ACKNOWLEDGE_MAX times Acknowledgement; there is no reply."""
+"""1 to ACKNOWLEDGE_MAX acknowledgements; the hub sends no reply."""
 
 StartArguments = Struct("flags" / Int8ul)
-"""START, from version 2 on; without arguments: flags 0. Bits: StartFlag."""
+"""START, from protocol version 2 on; flags: bits of StartFlag, 0 if the argument is missing."""
 
 SetRateArguments = Struct("period_us" / Int32ul)
 """SET_RATE: shortest time from the start of one poll cycle to the next; 0: as fast as the bus allows."""
 
 EnterBootloaderArguments = Struct("key" / Int32ul)
-"""ENTER_BOOTLOADER: `limits.BOOTLOADER_KEY`, so that no chance command leaves a hub without its firmware."""
+"""ENTER_BOOTLOADER: `limits.BOOTLOADER_KEY`, so that a damaged command cannot stop the hub's application."""
 
 TransferArguments = Struct(
     "address" / Int8ul,
@@ -175,10 +176,10 @@ SetScanSettingsArguments = Struct(
     "address" / Int8ul,
     "settings" / ScanSettings,
 )
-"""SET_SCAN_SETTINGS: address 0 is every board."""
+"""SET_SCAN_SETTINGS: address 0 selects every board."""
 
 GetBoardInfoArguments = Struct("address" / Int8ul)
-"""GET_BOARD_INFO: address 0 is every board; the answer is one BOARD_INFO frame a board, then the reply."""
+"""GET_BOARD_INFO: address 0 selects every board; the hub sends one BOARD_INFO frame per board, then the reply."""
 
 GetTimeReply = Struct("hub_time_us" / Int64ul)
 """GET_TIME: the hub's clock when the command's last byte had arrived."""
@@ -186,7 +187,7 @@ GetTimeReply = Struct("hub_time_us" / Int64ul)
 
 @dataclass(frozen=True)
 class FrameSpec:
-    """Which payloads a frame type allows; a decoder checks it before it believes a CRC.
+    """Payloads that a frame type allows; a decoder checks them before the CRC.
 
     `minimum` and `maximum` are payload lengths in bytes. `has_address`: the payload's first byte is a board's address.
     """
@@ -205,7 +206,7 @@ def _fixed(payload: Struct, has_address: bool = False) -> FrameSpec:
 FRAMES: dict[FrameType, FrameSpec] = {
     FrameType.HUB_HANDSHAKE: _fixed(HubHandshake),
     FrameType.TAXELS: FrameSpec(Taxels, 8 + SNAPSHOT_OVERHEAD + 2, 8 + SNAPSHOT_OVERHEAD + 2 * TAXELS_MAX, True),
-    FrameType.COMPACT_TAXELS: FrameSpec(CompactTaxels, 8 + COMPACT_OVERHEAD_CODED, 8 + COMPACT_SIZE_MAX, True),
+    FrameType.COMPACT_TAXELS: FrameSpec(CompactTaxels, 8 + COMPACT_OVERHEAD_DELTA, 8 + COMPACT_SIZE_MAX, True),
     FrameType.HUB_STATUS: _fixed(HubStatus),
     FrameType.BOARD_STATUS: _fixed(BoardStatus, has_address=True),
     FrameType.BOARD_INFO: _fixed(BoardInfo),
@@ -217,7 +218,7 @@ FRAMES: dict[FrameType, FrameSpec] = {
     FrameType.COMMAND: FrameSpec(CommandPayload, 2, 4 + TRANSFER_MAX),
     FrameType.ACKNOWLEDGE: FrameSpec(Acknowledge, 3, 3 * ACKNOWLEDGE_MAX),
 }
-"""Every frame type of this version. COMPACT_TAXELS and ACKNOWLEDGE came with version 2: a decoder of version 1 refuses
-them."""
+"""Every frame type of this version. COMPACT_TAXELS and ACKNOWLEDGE exist since version 2; a decoder of version 1
+rejects them."""
 
 assert max(spec.maximum for spec in FRAMES.values()) == PAYLOAD_MAX

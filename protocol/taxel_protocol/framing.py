@@ -1,7 +1,7 @@
-"""Frames on a wire: CRC-32, whitening, byte stuffing (COBS), and a reference decoder that never loses a whole frame.
+"""Frames on a wire: CRC-32, whitening, byte stuffing (COBS), and a reference decoder that never loses an intact frame.
 
-This is the readable definition; `firmware/codec` is the fast one. The tests hold them against each other and against
-the construct definition in `wire`.
+This module is the readable definition; `firmware/codec` is the fast implementation. The tests compare both with each
+other and with the construct definition in `wire`.
 """
 
 import zlib
@@ -44,12 +44,12 @@ def whiten(body: bytes) -> bytes:
     """XOR with the whitening sequence; its own inverse. Raises ValueError above BODY_MAX bytes."""
     if len(body) > BODY_MAX:
         raise ValueError(f"a frame has at most {BODY_MAX} bytes, got {len(body)}")
-    sequence = int.from_bytes(_WHITENING[: len(body)], "little")  # whole numbers: byte by byte is ten times slower
+    sequence = int.from_bytes(_WHITENING[: len(body)], "little")  # integer arithmetic: byte by byte is ten times slower
     return (int.from_bytes(body, "little") ^ sequence).to_bytes(len(body), "little")
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """Consistent overhead byte stuffing (Cheshire and Baker, 1999): the same data without zero bytes."""
+    """`data` without zero bytes, by consistent overhead byte stuffing (Cheshire and Baker, 1999)."""
     out = bytearray()
     for is_last, block in _zero_free_runs(data):
         while len(block) > 254 or (len(block) == 254 and not is_last):
@@ -72,9 +72,9 @@ def _zero_free_runs(data: bytes) -> Iterator[tuple[bool, bytes]]:
 
 
 def cobs_decode(data: bytes) -> bytes:
-    """Inverse of `cobs_encode`. Raises ValueError if `data` holds a zero or ends inside a block."""
+    """Inverse of `cobs_encode`. Raises ValueError if `data` contains a zero byte or ends inside a block."""
     if b"\0" in data:
-        raise ValueError("stuffed data holds a zero byte")
+        raise ValueError("stuffed data contains a zero byte")
     out = bytearray()
     position = 0
     while position < len(data):
@@ -90,12 +90,12 @@ def cobs_decode(data: bytes) -> bytes:
 
 
 def encode_body(body: bytes) -> bytes:
-    """Whiten and stuff a frame's body and set its two delimiters."""
+    """A frame's body whitened, stuffed and enclosed in its two delimiters."""
     return b"\0" + cobs_encode(whiten(body)) + b"\0"
 
 
 def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
-    """One frame as it goes onto the wire, delimiters included.
+    """One frame as sent on the wire, delimiters included.
 
     Raises ValueError for a payload that the frame type does not allow.
     """
@@ -107,7 +107,7 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
 
 
 def header_is_plausible(body: bytes) -> bool:
-    """Whether type and length go together (5 bytes given), and address and taxel count too (7 bytes given)."""
+    """Whether type and length agree (5 bytes given), and also address and taxel count (7 bytes given)."""
     try:
         spec = FRAMES[FrameType(body[0])]
     except (ValueError, KeyError):
@@ -123,7 +123,7 @@ def header_is_plausible(body: bytes) -> bool:
 
 
 def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
-    """(type, sequence, payload) of an unstuffed, unwhitened frame, or None if anything about it is wrong."""
+    """(type, sequence, payload) of an unstuffed, unwhitened frame, or None if it is not valid."""
     if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not header_is_plausible(body):
         return None
     length = int.from_bytes(body[3:5], "little")
@@ -135,10 +135,10 @@ def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
 
 
 def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
-    """The frame at the start of `chunk`, which holds no zero, as (bytes used, frame); None if there is none.
+    """(bytes used, frame) for the frame at the start of `chunk`, which contains no zero; None if no frame begins there.
 
-    A frame knows its own length, so its end is found without a delimiter: at the end of the block where the unstuffed
-    length is the one that the header claims.
+    The header states the length of a frame, so its end is found without a delimiter: it is the end of the block where
+    the unstuffed length equals the length stated in the header.
     """
     out = bytearray()
     position = 0
@@ -163,10 +163,10 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
 
 
 class ReferenceDecoder:
-    """Bytes in, frames out, in plain Python: the oracle for the C decoder.
+    """Stream decoder in pure Python: bytes in, frames out. It is the oracle for the C decoder.
 
-    Between two zeros lies a chunk. If the chunk is not one whole frame, every byte of it is tried as the start of a
-    frame, so that frames which a lost delimiter glued together, or glued to rubbish, are all found.
+    A chunk is the bytes between two zeros. If a chunk is not exactly one frame, every byte is tried as the start of a
+    frame, so that frames joined to each other or to invalid bytes by a lost delimiter are all found.
     """
 
     def __init__(self) -> None:
@@ -176,9 +176,9 @@ class ReferenceDecoder:
     def push(self, data: bytes) -> list[tuple[int, int, bytes]]:
         """Frames (type, sequence, payload) completed by `data`, in order."""
         frames: list[tuple[int, int, bytes]] = []
-        first, *rest = data.split(b"\0")
+        first, *later = data.split(b"\0")
         self._chunk += first
-        for piece in rest:
+        for piece in later:
             frames += self._take_chunk(bytes(self._chunk))
             self._chunk = bytearray(piece)
         while len(self._chunk) > 2 * ENCODED_MAX:
@@ -186,7 +186,7 @@ class ReferenceDecoder:
         return frames
 
     def finish(self) -> list[tuple[int, int, bytes]]:
-        """Frames in what is left when the stream ends without a delimiter."""
+        """Frames in the remaining bytes when the stream ends without a delimiter."""
         frames = self._take_chunk(bytes(self._chunk))
         self._chunk.clear()
         return frames
@@ -205,11 +205,11 @@ class ReferenceDecoder:
         frames = []
         start = 0
         while start < until:
-            found = decode_prefix(chunk[start : start + ENCODED_MAX])
-            if found is None:
+            match = decode_prefix(chunk[start : start + ENCODED_MAX])
+            if match is None:
                 start += 1
                 self.discarded_bytes += 1
             else:
-                start += found[0]
-                frames.append(found[1])
+                start += match[0]
+                frames.append(match[1])
         return start, frames

@@ -1,4 +1,4 @@
-"""Fixed layouts read out of the construct definitions: for the C header and for fast packing in Python."""
+"""Fixed layouts derived from the construct definitions: for the C header and for fast packing in Python."""
 
 import struct
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ _FORMATS = {"<B": "B", "<H": "H", "<L": "I", "<Q": "Q"}
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a fixed layout: `code` is its `struct` code, `size` its bytes, `offset` where it begins."""
+    """One field of a fixed layout: `code` is its `struct` code, `size` its length in bytes, `offset` its first byte."""
 
     name: str
     code: str
@@ -31,8 +31,7 @@ class Field:
 def fields_of(definition: Struct) -> tuple[Field, ...]:
     """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
 
-    Stops at the first part without a fixed size (a tail). Raises TypeError for a construct that a layout cannot
-    express.
+    Ends before the first part without a fixed size (a tail).
     """
     fields: list[Field] = []
     offset = 0

@@ -1,16 +1,16 @@
-"""Numbers that both sides agree on. The generator copies every upper-case name of this module into the C header."""
+"""Constants shared by both sides. The generator copies every upper-case name of this module into the C header."""
 
 PROTOCOL_VERSION = 2
-"""Version that this package speaks; a hub answers HANDSHAKE with the highest version both know."""
+"""Protocol version of this package; a hub answers HOST_HANDSHAKE with the highest version that both sides support."""
 
 PROTOCOL_VERSION_MIN = 1
-"""Oldest version that this package still speaks."""
+"""Oldest protocol version that this package still supports."""
 
 REGISTER_MAP_VERSION = 2
-"""Version of the board's I2C register map: 2 has compact snapshots."""
+"""Version of the board's I2C register map; version 2 added compact snapshots."""
 
 REGISTER_MAP_VERSION_MIN = 1
-"""Oldest map that a hub still polls, and that of a board without compact snapshots."""
+"""Oldest register map that a hub still polls; boards without compact snapshots report this version."""
 
 WHO_AM_I = 0x54
 """First register of every sensor board (ASCII 'T')."""
@@ -20,62 +20,64 @@ ADDRESS_MAX = 0x77
 """7-bit I2C addresses outside 0x08..0x77 are reserved by the I2C specification (UM10204, table 4)."""
 
 LINES_MAX = 16
-"""TX or RX lines of one board, so that a crossing map is one SMBus block of 32 bytes."""
+"""Largest number of TX or RX lines of a board: the crossing map then fits one SMBus block of 32 bytes."""
 
 TAXELS_MAX = 240
-"""Taxels of one board: a snapshot then fits the 16 SMBus blocks at 0x80..0x8F."""
+"""Largest number of taxels of a board: a snapshot then fits the 16 SMBus blocks at 0x80..0x8F."""
 
 SMBUS_BLOCK = 32
-"""Bytes that an SMBus host reads in one transaction at most."""
+"""Largest number of bytes that an SMBus host reads in one transaction."""
 
 CROSSING_MAP_SIZE = 32
-"""Bytes of the crossing map: one bit a crossing, bit tx * columns + rx, least significant bit first."""
+"""Bytes of the crossing map: one bit per crossing, bit tx * columns + rx, least significant bit first."""
 
 SNAPSHOT_OVERHEAD = 10
-"""Bytes of a snapshot beside its counts: sequence 2, timestamp 4, CRC-32 4."""
+"""Bytes of a snapshot in addition to its counts: sequence 2, timestamp 4, CRC-32 4."""
 
-COMPACT_OVERHEAD_MIN = 11
-"""Bytes of a compact snapshot beside its packed counts: header 3, timestamp 4, CRC-32 4."""
+COMPACT_OVERHEAD_PACKED = 11
+"""Bytes of a packed frame in addition to its counts: header 3, timestamp 4, CRC-32 4."""
 
-COMPACT_OVERHEAD_CODED = 12
-"""Bytes of a compact snapshot beside its coded counts: header 3, reference 2, timestamp 3, CRC-32 4."""
+COMPACT_OVERHEAD_DELTA = 12
+"""Bytes of a delta frame in addition to its coded counts: header 3, key frame 2, timestamp 3, CRC-32 4."""
 
 COMPACT_TAXELS_MAX = 238
-"""Taxels of a board with compact snapshots: the longest one then takes no more room than the longest plain one."""
+"""Largest number of taxels of a board with compact snapshots: the longest compact snapshot is then no longer than the
+longest uncompressed one."""
 
 COMPACT_SIZE_MAX = 488
 """Longest compact snapshot in bytes: COMPACT_TAXELS_MAX counts of 16 bits."""
 
 COMPACT_LENGTH_FINE = 0x80
-"""Lengths below it are bytes; from it on, the low seven bits count COMPACT_LENGTH_STEP bytes each."""
+"""Length bytes below this value count bytes; from this value on, the low seven bits count steps of COMPACT_LENGTH_STEP
+bytes."""
 
 COMPACT_LENGTH_STEP = 4
 
 COMPACT_WIDTH_MASK = 0x1F
-"""Bits of a compact snapshot's `form` that say how many bits a packed count has; 0: coded against a reference."""
+"""Bits of a compact snapshot's `format` that hold the width of a packed count in bits; 0: delta frame."""
 
 COMPACT_START_MASK = 0x60
-"""Bits of `form` of a packed candidate: from which scale its reference begins."""
+"""Bits of `format` of a packed key frame: the initial scale of its taxels."""
 
 COMPACT_START_SHIFT = 5
 
-COMPACT_CANDIDATE = 0x80
-"""Bit of `form`: acknowledged, this snapshot makes the next reference."""
+COMPACT_KEY_FRAME = 0x80
+"""Bit of `format` that marks a key frame: once acknowledged, this snapshot produces the next key frame."""
 
 ACKNOWLEDGE_FORGET = 0x80
-"""Bit of an acknowledgement's address: the host has no reference of this board."""
+"""Bit of an acknowledgement's address: the host has no key frame of this board."""
 
 ACKNOWLEDGE_MAX = 22
-"""Acknowledgements in one frame."""
+"""Largest number of acknowledgements in one ACKNOWLEDGE frame."""
 
 TRANSFER_MAX = 64
-"""Bytes written, or read, in one I2C pass-through command."""
+"""Largest number of bytes written, or read, by one I2C_TRANSFER command."""
 
 BOOTLOADER_KEY = 0x544F4F42
 """Argument of ENTER_BOOTLOADER: the characters BOOT."""
 
 LOG_TEXT_MAX = 64
-"""Bytes of text in one log frame."""
+"""Largest number of bytes of text in one LOG frame."""
 
 FRAME_HEADER_SIZE = 5
 """Type 1, sequence 2, payload length 2."""

@@ -1,4 +1,4 @@
-"""Codes with names: frame types, commands, states and faults. The generator makes C enums of them."""
+"""Named codes: frame types, commands, states and faults. The generator writes them as C enums."""
 
 from enum import IntEnum
 
@@ -22,7 +22,7 @@ class FrameType(IntEnum):
 
 
 class Command(IntEnum):
-    """What a host asks of the hub."""
+    """Commands from a host to the hub."""
 
     START = 1
     STOP = 2
@@ -44,7 +44,7 @@ class StartFlag(IntEnum):
 
 
 class ReplyStatus(IntEnum):
-    """How a command ended."""
+    """Outcome of a command."""
 
     OK = 0
     UNKNOWN_COMMAND = 1
@@ -59,7 +59,7 @@ class ReplyStatus(IntEnum):
 
 
 class BoardState(IntEnum):
-    """What the hub knows of a board."""
+    """State of a board as the hub tracks it."""
 
     ABSENT = 0
     IDENTIFYING = 1
@@ -68,7 +68,7 @@ class BoardState(IntEnum):
 
 
 class BoardFault(IntEnum):
-    """Why a board's frame is missing, or what happened to the board."""
+    """Reason for a missing frame of a board, or an event of the board."""
 
     NONE = 0
     NACK = 1
@@ -86,7 +86,7 @@ class BoardFault(IntEnum):
 
 
 class ResetCause(IntEnum):
-    """Why a processor last started."""
+    """Cause of a processor's last reset."""
 
     POWER_ON = 0
     BROWN_OUT = 1
@@ -104,7 +104,7 @@ class LogLevel(IntEnum):
 
 
 class LogCode(IntEnum):
-    """What a log frame is about; its text says it in words."""
+    """Subject of a LOG frame; the frame's text describes the event."""
 
     BUS_FREE = 1
     SDA_STUCK = 2
@@ -114,7 +114,7 @@ class LogCode(IntEnum):
 
 
 class BoardCommand(IntEnum):
-    """Written to a board's command register, followed by its bitwise complement."""
+    """Commands that are written to a board's command register, each followed by its bitwise complement."""
 
     START_SCAN = 1
     STOP_SCAN = 2

@@ -1,8 +1,8 @@
 """The I2C register map of a sensor board. All numbers are little-endian.
 
-A register is addressed by one byte, as SMBus does. A read goes on from there byte by byte, but leaves the pointer where
-it was written, so that the next read without a write begins at the same register. A snapshot of N taxels is 10 + 2 N
-bytes from register 0x80; the 32-byte block k of it is also at register 0x80 + k.
+A register has a one-byte address, as in SMBus. A read continues from this register byte by byte but does not move the
+register pointer: the next read without a write begins at the same register. A snapshot of N taxels is 10 + 2 N bytes
+from register 0x80; its 32-byte block k is also readable at register 0x80 + k.
 """
 
 from construct import Array, Bytes, Const, Int8ul, Int16ul, Int32ul, Struct, this
@@ -42,7 +42,7 @@ Status = Struct(
     "reserved" / Int16ul,
     "saturated_conversions" / Int16ul,
 )
-"""Registers 0x40..0x5B, all of one instant: they are latched when a read begins."""
+"""Registers 0x40..0x5B. All of them are latched at the same instant, when a read begins."""
 
 ScanSettings = Struct(
     "sub_conversions" / Int16ul,
@@ -66,8 +66,8 @@ CommandRegister = Struct(
     "command" / Int8ul,
     "complement" / Int8ul,
 )
-"""Registers 0x70..0x71, write only. complement: the command's bits inverted, so that no single damaged byte is a
-command.
+"""Registers 0x70..0x71, write only. complement: the command with all bits inverted, so that a single damaged byte
+never forms a valid command.
 """
 
 SnapshotHeader = Struct(
@@ -79,29 +79,30 @@ SnapshotHeader = Struct(
 
 CompactHeader = Struct(
     "sequence" / Int16ul,
-    "form" / Int8ul,
+    "format" / Int8ul,
 )
-"""How every compact snapshot begins. form: width of a packed count (0: coded), and whether it is a candidate."""
+"""Common head of all compact snapshots. format: width of a packed count (0: delta frame), and the key frame mark."""
 
 CompactPacked = Struct(
     "sequence" / Int16ul,
-    "form" / Int8ul,
+    "format" / Int8ul,
     "timestamp_us" / Int32ul,
 )
-"""Head of a compact snapshot that needs no reference: counts of 1 to 16 bits follow, then crc32."""
+"""Head of a packed frame, which is decoded without a key frame: counts of 1 to 16 bits follow, then crc32."""
 
-CompactCoded = Struct(
+CompactDelta = Struct(
     "sequence" / Int16ul,
-    "form" / Int8ul,
-    "reference" / Int16ul,
+    "format" / Int8ul,
+    "key_frame" / Int16ul,
     "timestamp_low" / Bytes(3),
 )
-"""Head of a compact snapshot coded against a reference, which is named by the low 16 bits of the CRC-32 of the snapshot
-that made it. timestamp_low: bits 0 to 23; the others follow from the reference's timestamp, 0 to 2^24 - 1 us earlier.
+"""Head of a delta frame, which is coded against a key frame. key_frame: low 16 bits of the CRC-32 of the snapshot that
+produced the key frame. timestamp_low: bits 0 to 23; the upper bits follow from the key frame's timestamp, which lies 0
+to 2^24 - 1 us earlier.
 """
 
-CompactAcknowledge = Struct("reference" / Int16ul)
-"""Written to register 0xA0: the candidate with these low 16 bits of CRC-32 was decoded."""
+CompactAcknowledge = Struct("key_frame" / Int16ul)
+"""Written to register 0xA0: acknowledges the key frame whose CRC-32 has these low 16 bits."""
 
 
 def compact_size(length: int) -> int:
@@ -114,8 +115,8 @@ def compact_size(length: int) -> int:
 def snapshot(taxel_count: int | object = this._.taxel_count) -> Struct:
     """Definition of a snapshot of `taxel_count` taxels (a number, or a construct expression that gives it).
 
-    crc32 covers the board's 7-bit address as one byte, then every byte of the snapshot before it, so that a snapshot
-    which another board sent (one flipped address bit) is refused.
+    crc32 covers the board's 7-bit address as one byte, then every byte of the snapshot before it. A snapshot sent by
+    another board, after one flipped address bit, therefore fails the check.
     """
     return Struct(
         "header" / SnapshotHeader,

@@ -25,7 +25,7 @@ Content = Struct(
     "sequence" / Int16ul,
     "payload" / Prefixed(Int16ul, Switch(this.type, {int(t): s.payload for t, s in FRAMES.items()}, GreedyBytes)),
 )
-"""What a frame says. sequence: counts the frames that a sender put onto the wire, modulo 65536."""
+"""Content of a frame. sequence: number of frames that the sender transmitted before this one, modulo 65536."""
 
 Body = Struct(
     "content" / RawCopy(Content),

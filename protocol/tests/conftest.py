@@ -1,4 +1,4 @@
-"""What the protocol tests share: the C codec through ctypes."""
+"""Shared by the protocol tests: the C codec through ctypes."""
 
 import ctypes
 import importlib.resources
@@ -88,15 +88,15 @@ class _Output(ctypes.Structure):
     """`struct taxel_batch_output`."""
 
     _fields_ = [
-        ("taxels", ctypes.POINTER(_Row)),
-        ("others", ctypes.POINTER(_Row)),
+        ("taxel_rows", ctypes.POINTER(_Row)),
+        ("message_rows", ctypes.POINTER(_Row)),
         ("counts", ctypes.POINTER(ctypes.c_uint16)),
         ("payloads", ctypes.POINTER(ctypes.c_uint8)),
         ("row_capacity", ctypes.c_size_t),
         ("count_capacity", ctypes.c_size_t),
         ("payload_capacity", ctypes.c_size_t),
         ("taxel_count", ctypes.c_size_t),
-        ("other_count", ctypes.c_size_t),
+        ("message_count", ctypes.c_size_t),
         ("count_count", ctypes.c_size_t),
         ("payload_count", ctypes.c_size_t),
     ]
@@ -104,7 +104,7 @@ class _Output(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Taxels:
-    """A taxel frame as a batch shows it: everything but the board's CRC itself."""
+    """A taxel frame as decoded by the batch decoder: all fields but the board's CRC itself."""
 
     sequence: int
     payload_without_crc: bytes
@@ -113,10 +113,10 @@ class Taxels:
 
 @dataclass
 class Batch:
-    """What a batch decoder found, taxel frames and others apart, each in order."""
+    """Output of a batch decoder: taxel frames and all other frames (messages), each in order."""
 
     taxels: list[Taxels]
-    others: list[Frame]
+    messages: list[Frame]
 
 
 class Codec:
@@ -127,7 +127,9 @@ class Codec:
         for name in ("struct_size", "row_size", "encode", "decode"):
             getattr(self.native, f"taxel_batch_{name}").restype = ctypes.c_size_t
         row_size = self.native.taxel_batch_row_size()
-        assert row_size == ctypes.sizeof(_Row), f"{path}: batch.h has another row than this test"
+        assert row_size == ctypes.sizeof(_Row), (
+            f"{path}: size of taxel_batch_row: expected {ctypes.sizeof(_Row)}, found {row_size}"
+        )
         self._batch = ctypes.create_string_buffer(self.native.taxel_batch_struct_size())
         self._arrays = (
             (_Row * ROWS)(),
@@ -145,17 +147,17 @@ class Codec:
         return out.raw[:size]
 
     def decode(self, pieces: Iterable[bytes], directions: int = 3) -> list[Frame]:
-        """Frames of the deframer, as the hub and the batch decoder use it."""
+        """Frames decoded by the deframer, as the hub and the batch decoder use it."""
         frames: list[Frame] = []
 
-        def take(_: Any, frame: Any) -> None:
-            found = frame.contents
-            frames.append((found.type, found.sequence, bytes(found.payload[: found.length])))
+        def handle(_: Any, pointer: Any) -> None:
+            frame = pointer.contents
+            frames.append((frame.type, frame.sequence, bytes(frame.payload[: frame.length])))
 
         chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
         body = ctypes.create_string_buffer(BODY_MAX)
         memory = (ctypes.addressof(chunk), len(chunk), ctypes.addressof(body))
-        config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(take), None)
+        config = _DeframerConfig(*memory, PAYLOAD_MAX, directions, _Handler(handle), None)
         deframer = _Deframer()
         self.native.taxel_deframer_init(ctypes.byref(deframer), ctypes.byref(config))
         for piece in pieces:
@@ -165,16 +167,16 @@ class Codec:
         return frames
 
     def decode_batch(self, pieces: Iterable[bytes], directions: int = 3, rows: int = ROWS) -> Batch:
-        """Frames of the batch decoder, which is told that each array of rows has room for `rows`."""
+        """Frames decoded by the batch decoder with a row capacity of `rows`."""
         batch = Batch([], [])
         self.native.taxel_batch_init(self._batch, ctypes.c_uint8(directions))
         for piece in pieces:
             taken = 0
             while taken < len(piece):
-                rest = piece[taken:]
+                remainder = piece[taken:]
                 output = self._output(rows)
                 taken += self.native.taxel_batch_decode(
-                    self._batch, rest, ctypes.c_size_t(len(rest)), ctypes.byref(output)
+                    self._batch, remainder, ctypes.c_size_t(len(remainder)), ctypes.byref(output)
                 )
                 self._collect(output, batch)
         output = self._output(rows)
@@ -183,15 +185,15 @@ class Codec:
         return batch
 
     def _output(self, rows: int) -> _Output:
-        taxels, others, counts, payloads = self._arrays
-        return _Output(taxels, others, counts, payloads, rows, COUNTS, PAYLOAD_BYTES)
+        taxel_rows, message_rows, counts, payloads = self._arrays
+        return _Output(taxel_rows, message_rows, counts, payloads, rows, COUNTS, PAYLOAD_BYTES)
 
     def _collect(self, output: _Output, batch: Batch) -> None:
-        assert max(output.taxel_count, output.other_count) <= output.row_capacity, "rows beyond the caller's array"
-        batch.taxels += [self._taxels(output, output.taxels[i]) for i in range(output.taxel_count)]
-        for i in range(output.other_count):
-            row = output.others[i]
-            batch.others.append((row.type, row.sequence, bytes(output.payloads[row.offset : row.offset + row.size])))
+        assert max(output.taxel_count, output.message_count) <= output.row_capacity, "rows beyond the caller's array"
+        batch.taxels += [self._taxels(output, output.taxel_rows[i]) for i in range(output.taxel_count)]
+        for i in range(output.message_count):
+            row = output.message_rows[i]
+            batch.messages.append((row.type, row.sequence, bytes(output.payloads[row.offset : row.offset + row.size])))
 
     @staticmethod
     def _taxels(output: _Output, row: _Row) -> Taxels:
@@ -203,26 +205,28 @@ class Codec:
 
     @staticmethod
     def as_batch(frames: Iterable[Frame]) -> Batch:
-        """Frames as the batch decoder should show them."""
+        """The expected output of the batch decoder for these frames."""
         batch = Batch([], [])
         for frame_type, sequence, payload in frames:
             if frame_type == FrameType.TAXELS:
                 crc = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
                 is_right = crc == int.from_bytes(payload[-4:], "little")
                 batch.taxels.append(Taxels(sequence, payload[:-4], is_right))
-            elif frame_type == FrameType.COMPACT_TAXELS:  # of arbitrary bytes: its own CRC is wrong, it has no counts
+            elif (
+                frame_type == FrameType.COMPACT_TAXELS
+            ):  # arbitrary bytes: its own CRC is wrong, no counts
                 head = payload[:1] + b"\0" + payload[2:10] + bytes(4)
                 batch.taxels.append(Taxels(sequence, head, False))
             else:
-                batch.others.append((frame_type, sequence, payload))
+                batch.messages.append((frame_type, sequence, payload))
         return batch
 
 
 def library_path() -> Path:
-    """Where the C codec was built. Raises FileNotFoundError with what to do if it was not."""
-    named = os.environ.get(LIBRARY_VARIABLE)
-    if named:
-        return Path(named)
+    """Path of the C codec library. Raises FileNotFoundError with instructions if it was not built."""
+    path_from_environment = os.environ.get(LIBRARY_VARIABLE)
+    if path_from_environment:
+        return Path(path_from_environment)
     try:
         path = Path(str(importlib.resources.files("taxel") / "native" / "libtaxel_codec.so"))
     except ModuleNotFoundError:

@@ -1,4 +1,4 @@
-"""Bootloader: what the definitions make, what they refuse, and that SPEC.md and the C header say the same."""
+"""Bootloader: encoding and rejection by the definitions, and their agreement with SPEC.md and the C header."""
 
 import random
 import re
@@ -16,8 +16,7 @@ from taxel_protocol.framing import crc32
 from taxel_protocol.layout import fields_of, pack, unpack
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-ROOM = REPOSITORY / "firmware" / "bootloader"
-SPEC = (ROOM / "SPEC.md").read_text()
+SPEC = (REPOSITORY / "firmware" / "bootloader" / "SPEC.md").read_text()
 SEED = 23
 STRUCTS = {name: value for name, value in vars(boot).items() if isinstance(value, Struct)}
 ENUMS = {name: value for name, value in vars(boot).items() if isinstance(value, type) and issubclass(value, IntEnum)}
@@ -25,27 +24,27 @@ ENUMS.pop("IntEnum", None)
 
 
 def table_after(mark: str) -> list[list[str]]:
-    _, found, rest = SPEC.partition(f"<!-- {mark} -->")
-    assert found, f"SPEC.md has no table marked {mark}"
-    lines = rest.lstrip().splitlines()
+    _, separator, tail = SPEC.partition(f"<!-- {mark} -->")
+    assert separator, f"SPEC.md has no table marked {mark}"
+    lines = tail.lstrip().splitlines()
     rows = lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]
     return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
 @pytest.mark.parametrize("name", sorted(set(STRUCTS) - {"WriteConfigurationArguments"}))
-def test_layout_tables(name: str) -> None:
+def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     rows = [(int(offset), int(size), field) for offset, size, field, *_ in table_after(f"layout: bootloader.{name}")]
     assert rows == [(field.offset, field.size, field.name) for field in fields_of(STRUCTS[name])]
 
 
 @pytest.mark.parametrize("name", sorted(ENUMS))
-def test_tables_of_names(name: str) -> None:
+def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     rows = table_after(f"names: {name}")
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in ENUMS[name]}
 
 
 @pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB)])
-def test_table_of_the_flash(column: int, device: BootDevice) -> None:
+def test_flash_table_of_the_spec_equals_the_layouts(column: int, device: BootDevice) -> None:
     layout = boot.LAYOUTS[device]
     rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in table_after("layouts")}
     ends = [first + layout.slot_rows - 1 for first in layout.first_rows]
@@ -67,14 +66,14 @@ def test_generated_files_are_not_stale() -> None:
     assert run.returncode == 0, run.stderr
 
 
-def test_known_checksums() -> None:
-    assert boot.checksum_of(BootChecksum.CRC, b"123456789") == 0x6E90  # X-25 says 906E
+def test_checksums_have_their_published_values() -> None:
+    assert boot.checksum_of(BootChecksum.CRC, b"123456789") == 0x6E90  # CRC-16/X-25 is 0x906E; its bytes are swapped
     assert boot.checksum_of(BootChecksum.SUM, b"123456789") == 0x10000 - 0x01DD
     assert build_packet(BootCommand.ENTER) == bytes.fromhex("01 38 00 00 C7 FF 17")
 
 
 @pytest.mark.parametrize("kind", [BootChecksum.SUM, BootChecksum.CRC])
-def test_packets_come_back(kind: BootChecksum) -> None:
+def test_parsing_a_built_packet_returns_its_content(kind: BootChecksum) -> None:
     draw = random.Random(SEED)
     for size in range(58):
         data = draw.randbytes(size)
@@ -84,7 +83,7 @@ def test_packets_come_back(kind: BootChecksum) -> None:
 
 
 @pytest.mark.parametrize("kind", [BootChecksum.SUM, BootChecksum.CRC])
-def test_every_flipped_bit_is_refused(kind: BootChecksum) -> None:
+def test_every_flipped_bit_is_rejected(kind: BootChecksum) -> None:
     packet = build_packet(BootCommand.PROGRAM_ROW, bytes(range(20)), kind)
     for bit in range(8 * len(packet)):
         if bit // 8 in {1, 2, 3} and kind == BootChecksum.SUM:
@@ -106,23 +105,23 @@ def test_every_flipped_bit_is_refused(kind: BootChecksum) -> None:
         (b"\x01\x38\x00\x00\xc8\xff\x17", "should be FFC7, not FFC8"),
     ],
 )
-def test_refusals_say_why(packet: bytes, message: str) -> None:
+def test_an_invalid_packet_is_rejected_with_its_reason(packet: bytes, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         parse_packet(packet)
 
 
-def test_a_packet_has_room_for_57_bytes() -> None:
+def test_a_packet_holds_at_most_57_data_bytes() -> None:
     with pytest.raises(ValueError, match="57 bytes of data, not 58"):
         build_packet(BootCommand.SEND_DATA, bytes(58))
 
 
 @pytest.mark.parametrize("device", list(BootDevice))
 @pytest.mark.parametrize("slot", [0, 1])
-def test_an_image_has_a_header_that_fits(device: BootDevice, slot: int) -> None:
+def test_an_image_has_a_matching_header(device: BootDevice, slot: int) -> None:
     content = random.Random(SEED).randbytes(333)
     data = boot.image(device, slot, 5, (1, 2, 3), content)
-    header, rest = unpack(boot.ImageHeader, data)
-    assert rest == content + bytes(3)
+    header, tail = unpack(boot.ImageHeader, data)
+    assert tail == content + bytes(3)
     assert header["length"] == len(data) == 368
     assert header["vectors"] == boot.LAYOUTS[device].slot_address(slot) + 32
     assert header["crc32"] == crc32(data[:28] + data[32:])
@@ -131,19 +130,19 @@ def test_an_image_has_a_header_that_fits(device: BootDevice, slot: int) -> None:
     assert (parsed.version_major, parsed.version_minor, parsed.version_patch) == (1, 2, 3)
 
 
-def test_an_image_fits_its_slot() -> None:
+def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:
     assert len(boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(12288 - 32))) == 12288
     for size in (0, 4, 12288 - 31):
         with pytest.raises(ValueError, match="an image for this slot has 40 to 12288 bytes"):
             boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(size))
 
 
-def test_a_record_is_a_row_that_never_adds_up_to_zero() -> None:
+def test_a_record_whose_words_add_up_to_zero_is_balanced() -> None:
     content = b"\x02" + bytes(107) + (0xEFAAAE75).to_bytes(4, "little")  # found by search: its words add up to zero
     row = boot.record(boot.BOOT_CONFIGURATION_MAGIC, 0, content)
-    fields, rest = unpack(boot.Record, row)
+    fields, tail = unpack(boot.Record, row)
     assert len(row) == boot.BOOT_ROW_SIZE
-    assert not rest
+    assert not tail
     assert fields["crc32"] == crc32(row[:120])
     assert fields["balance"] == 1
     assert sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4)) % 2**32 == 0
@@ -153,7 +152,7 @@ def test_a_record_is_a_row_that_never_adds_up_to_zero() -> None:
         boot.record(boot.BOOT_METADATA_MAGIC, 0, bytes(113))
 
 
-def test_row_sum_is_the_one_of_a_cyacd_line() -> None:
+def test_row_sum_equals_the_checksum_of_a_cyacd_line() -> None:
     row = random.Random(SEED).randbytes(128)
     array, number = 0, 0x0123
     line = bytes([array]) + number.to_bytes(2, "big") + len(row).to_bytes(2, "big") + row
@@ -162,14 +161,14 @@ def test_row_sum_is_the_one_of_a_cyacd_line() -> None:
 
 
 class Bus:
-    """Boards at one address: reads show the AND of all that acknowledge."""
+    """Boards at one address: a read returns the AND of the replies of all boards that acknowledge."""
 
     def __init__(self, ids: list[int]) -> None:
         self.ids = ids
-        self.questions = 0
+        self.searches = 0
 
-    def ask(self, bits: int, prefix: bytes) -> bytes | None:
-        self.questions += 1
+    def send_search(self, bits: int, prefix: bytes) -> bytes | None:
+        self.searches += 1
         shift = 64 - bits
         answering = [i for i in self.ids if i >> shift == int.from_bytes(prefix, "big") >> shift]
         if not answering:
@@ -188,7 +187,7 @@ def id_sets() -> dict[str, list[int]]:
         "one": [draw.getrandbits(64)],
         "random": [draw.getrandbits(64) for _ in range(17)],
         "of one wafer": [0x0123456700001000 + i for i in range(17)],
-        "each within the next": [(1 << 3 * i) - 1 for i in range(17)],
+        "each a prefix of the next": [(1 << 3 * i) - 1 for i in range(17)],
         "first and last bit": [0, 1, 1 << 63, (1 << 63) + 1],
     }
 
@@ -197,11 +196,11 @@ def id_sets() -> dict[str, list[int]]:
 def test_every_board_at_a_shared_address_is_found(name: str) -> None:
     ids = id_sets()[name]
     bus = Bus(ids)
-    found = boot.search_ids(bus.ask)
-    assert [int.from_bytes(identity, "big") for identity in found] == sorted(ids)
-    assert bus.questions <= max(1, 3 * len(ids) - 1)
+    unique_ids = boot.search_ids(bus.send_search)
+    assert [int.from_bytes(identity, "big") for identity in unique_ids] == sorted(ids)
+    assert bus.searches <= max(1, 3 * len(ids) - 1)
 
 
-def test_a_reply_that_denies_itself_ends_the_search() -> None:
-    with pytest.raises(ValueError, match="denies itself"):
+def test_an_inconsistent_reply_ends_the_search() -> None:
+    with pytest.raises(ValueError, match="same bit in id and complement"):
         boot.search_ids(lambda bits, prefix: b"\xff" * 16)

@@ -1,4 +1,4 @@
-"""The C codec says and hears the same bytes as the vectors."""
+"""The C codec encodes and decodes the vectors."""
 
 import json
 import random
@@ -38,7 +38,7 @@ def test_c_decodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
 
 
 @every_frame
-def test_c_batch_holds_the_vector_and_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
+def test_c_batch_decoder_decodes_the_vector_and_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
     batch = codec.decode_batch([bytes.fromhex(vector["wire"])])
     assert batch == codec.as_batch([sent_frame(vector)])
     assert [taxels.board_crc_ok for taxels in batch.taxels] == [vector.get("board_crc_ok", False)] * len(batch.taxels)
@@ -54,7 +54,7 @@ def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: di
     assert codec.decode_batch(pieces, vector["directions"]) == codec.as_batch(expected)
 
 
-def test_c_and_reference_discard_the_same_bytes(codec: Any) -> None:
+def test_c_and_reference_decoder_discard_the_same_number_of_bytes(codec: Any) -> None:
     seed = 7
     rng = random.Random(seed)
     print(f"seed {seed}")
@@ -66,19 +66,19 @@ def test_c_and_reference_discard_the_same_bytes(codec: Any) -> None:
         assert codec.discarded_bytes == reference.discarded_bytes
 
 
-def test_no_room_for_a_frame_is_no_frame(codec: Any) -> None:
+def test_encoding_into_a_buffer_that_is_too_small_returns_0(codec: Any) -> None:
     assert codec.native.taxel_batch_encode(FrameType.HOST_HANDSHAKE, 0, bytes(3), 3, bytes(8), 8) == 0
 
 
-def test_glued_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:
-    """The arrays are larger than the decoder is told, so that a write past the end is seen and harmless."""
+def test_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
+    """The arrays are larger than the stated capacity, so that a write past the capacity is detected and harmless."""
     frame = (int(FrameType.REPLY), 0x0101, b"\1\2\3")
     stream = codec.encode(*frame)[1:-1] * 115 + b"\0"
-    for rows in range(300, 128, -4):  # 128: the least that lets a step begin
+    for rows in range(300, 128, -4):  # 128: the smallest capacity with which a step begins
         codec.decode_batch([stream], rows=rows)
 
 
-def test_glued_taxel_frames_never_outgrow_the_callers_arrays(codec: Any) -> None:
+def test_taxel_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
     frame = (int(FrameType.TAXELS), 0x0101, b"\x20\1" + b"\1" * 18)
     stream = codec.encode(*frame)[1:-1] * 400 + b"\0"
     for rows in range(300, 128, -4):

@@ -1,4 +1,4 @@
-"""The C code of compact snapshots does what its plain definition says, and believes nothing else."""
+"""The C coding of compact snapshots equals its definition in Python, and rejects everything else."""
 
 import ctypes
 import json
@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel_protocol import compact, compact_tables
-from taxel_protocol.compact import CompactError, Reference, Taxel
+from taxel_protocol.compact import CompactError, KeyFrame, Taxel
 from taxel_protocol.framing import crc32
 from taxel_protocol.limits import COMPACT_TAXELS_MAX
 from taxel_protocol.registers import compact_size
@@ -20,31 +20,31 @@ from taxel_protocol.registers import compact_size
 ROOT = Path(__file__).resolve().parents[2]
 BOARDS = json.loads((ROOT / "protocol" / "vectors" / "compact.json").read_text())["boards"]
 CAPACITY = 600
-OK, DAMAGED, UNKNOWN = 0, 1, 2
+OK, DAMAGED, NO_KEY_FRAME = 0, 1, 2
 ACKNOWLEDGE, FORGET = 1, 2
 
 means = st.integers(0, compact_tables.COMPACT_MEAN_MAX)
 levels = st.integers(0, compact_tables.COMPACT_LEVEL_MAX)
 taxels = st.builds(Taxel, means, levels)
-counts_of_any_kind = st.integers(0, 0xFFFF)
+arbitrary_counts = st.integers(0, 0xFFFF)
 
 
-class _Reference(ctypes.Structure):
-    """`struct taxel_compact_reference`."""
+class _KeyFrame(ctypes.Structure):
+    """`struct taxel_compact_key_frame`."""
 
     _fields_ = [
-        ("known", ctypes.c_bool),
+        ("is_valid", ctypes.c_bool),
         ("taxels", ctypes.c_uint8),
         ("updates", ctypes.c_uint8),
-        ("name", ctypes.c_uint16),
+        ("id", ctypes.c_uint16),
         ("timestamp_us", ctypes.c_uint32),
         ("states", ctypes.c_uint32 * COMPACT_TAXELS_MAX),
     ]
 
-    def equals(self, other: Reference) -> bool:
-        head = (self.name, self.timestamp_us, self.updates, self.taxels)
+    def equals(self, other: KeyFrame) -> bool:
+        head = (self.id, self.timestamp_us, self.updates, self.taxels)
         states = [taxel.mean << 10 | taxel.level for taxel in other.taxels]
-        same = head == (other.name, other.timestamp_us, other.updates, len(states))
+        same = head == (other.id, other.timestamp_us, other.updates, len(states))
         return same and self.states[: len(states)] == states
 
 
@@ -53,9 +53,9 @@ class _Receiver(ctypes.Structure):
 
     _fields_ = [
         ("answer", ctypes.c_uint8),
-        ("wait", ctypes.c_uint8),
-        ("reference", _Reference),
-        ("candidate", _Reference),
+        ("snapshots_until_repeat", ctypes.c_uint8),
+        ("key_frame", _KeyFrame),
+        ("pending", _KeyFrame),
     ]
 
 
@@ -79,14 +79,14 @@ class Host:
 
     def receive(self, address: int, taxel_count: int, data: bytes) -> int:
         size = ctypes.c_size_t(len(data))
-        held = (ctypes.c_char * len(data)).from_buffer_copy(data) if data else None
+        buffer = (ctypes.c_char * len(data)).from_buffer_copy(data) if data else None
         return int(
             self._library.taxel_compact_receive(
-                ctypes.byref(self.state), address, taxel_count, held, size, ctypes.byref(self.snapshot)
+                ctypes.byref(self.state), address, taxel_count, buffer, size, ctypes.byref(self.snapshot)
             )
         )
 
-    def said(self, taxel_count: int) -> tuple[int, int, list[int]]:
+    def decoded(self, taxel_count: int) -> tuple[int, int, list[int]]:
         return self.snapshot.sequence, self.snapshot.timestamp_us, self.snapshot.counts[:taxel_count]
 
 
@@ -95,7 +95,7 @@ def library(codec_library_path: str) -> Any:
     loaded = ctypes.CDLL(codec_library_path)
     for name in ("encode", "decode"):
         getattr(loaded, f"taxel_compact_{name}").restype = ctypes.c_bool
-    loaded.taxel_compact_learn.restype = ctypes.c_uint32
+    loaded.taxel_compact_update.restype = ctypes.c_uint32
     loaded.taxel_compact_residual.restype = ctypes.c_uint8
     return loaded
 
@@ -107,19 +107,19 @@ def packed_states(states: list[Taxel]) -> Any:
 def c_encode(library: Any, states: list[Taxel], counts: list[int]) -> bytes:
     raw = b"".join(count.to_bytes(2, "little") for count in counts)
     out, size = ctypes.create_string_buffer(CAPACITY), ctypes.c_size_t()
-    number, room = ctypes.c_size_t(len(counts)), ctypes.c_size_t(CAPACITY)
-    assert library.taxel_compact_encode(packed_states(states), raw, number, out, room, ctypes.byref(size))
+    number, capacity = ctypes.c_size_t(len(counts)), ctypes.c_size_t(CAPACITY)
+    assert library.taxel_compact_encode(packed_states(states), raw, number, out, capacity, ctypes.byref(size))
     return out.raw[: size.value]
 
 
 def c_decode(library: Any, states: list[Taxel], data: bytes) -> list[int] | None:
     counts = (ctypes.c_uint16 * len(states))()
     sizes = ctypes.c_size_t(len(states)), ctypes.c_size_t(len(data))
-    good = library.taxel_compact_decode(packed_states(states), sizes[0], data, sizes[1], counts)
-    return list(counts) if good else None
+    is_valid = library.taxel_compact_decode(packed_states(states), sizes[0], data, sizes[1], counts)
+    return list(counts) if is_valid else None
 
 
-def test_the_table_is_the_distribution_that_it_claims_to_be() -> None:
+def test_the_cumulative_table_is_the_documented_mixture_of_normal_and_cauchy() -> None:
     half = compact_tables.COMPACT_CUMULATIVE[-1]
     normal = [math.erf(k / 8 / math.sqrt(2)) for k in range(65)]
     wide = [math.atan(k / 24) for k in range(65)]
@@ -136,20 +136,22 @@ def test_the_centre_is_never_an_escape() -> None:
 
 
 @settings(max_examples=300, deadline=None)
-@given(taxels, counts_of_any_kind | st.integers(-300, 300), st.integers(1, 15))
-def test_c_learns_what_the_definition_learns(library: Any, taxel: Taxel, count: int, updates: int) -> None:
+@given(taxels, arbitrary_counts | st.integers(-300, 300), st.integers(1, 15))
+def test_c_updates_a_state_as_the_definition_does(library: Any, taxel: Taxel, count: int, updates: int) -> None:
     count = min(max(taxel.centre + count, 0), 0xFFFF) if count < 301 else count
     state = taxel.mean << 10 | taxel.level
     residual = library.taxel_compact_residual(state, count)
-    expected = taxel.learn(count, compact_tables.COMPACT_GAINS[updates - 1])
-    assert library.taxel_compact_learn(state, residual, updates) == expected.mean << 10 | expected.level
+    expected = taxel.updated(count, compact_tables.COMPACT_GAINS[updates - 1])
+    assert library.taxel_compact_update(state, residual, updates) == expected.mean << 10 | expected.level
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(st.tuples(taxels, counts_of_any_kind, st.integers(-40, 40), st.booleans()), min_size=1, max_size=40))
-def test_counts_come_back_from_both_coders(library: Any, drawn: list[tuple[Taxel, int, int, bool]]) -> None:
-    states = [taxel for taxel, *_ in drawn]
-    counts = [min(max(t.centre + near, 0), 0xFFFF) if is_near else count for t, count, near, is_near in drawn]
+@given(st.lists(st.tuples(taxels, arbitrary_counts, st.integers(-40, 40), st.booleans()), min_size=1, max_size=40))
+def test_both_implementations_encode_and_decode_the_same_bytes(
+    library: Any, samples: list[tuple[Taxel, int, int, bool]]
+) -> None:
+    states = [taxel for taxel, *_ in samples]
+    counts = [min(max(t.centre + near, 0), 0xFFFF) if is_near else count for t, count, near, is_near in samples]
     data = compact.encode_counts(states, counts)
     assert c_encode(library, states, counts) == data
     assert not data.endswith(b"\0")
@@ -159,7 +161,9 @@ def test_counts_come_back_from_both_coders(library: Any, drawn: list[tuple[Taxel
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(taxels, min_size=1, max_size=20), st.binary(max_size=60))
-def test_rubbish_is_the_same_rubbish_to_both(library: Any, states: list[Taxel], data: bytes) -> None:
+def test_both_implementations_decode_or_reject_arbitrary_bytes_alike(
+    library: Any, states: list[Taxel], data: bytes
+) -> None:
     try:
         expected = compact.decode_counts(states, data)
     except CompactError:
@@ -168,28 +172,28 @@ def test_rubbish_is_the_same_rubbish_to_both(library: Any, states: list[Taxel], 
 
 
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board["name"])
-def test_vectors(library: Any, board: dict[str, Any]) -> None:
+def test_c_decodes_the_board_histories_of_the_vectors(library: Any, board: dict[str, Any]) -> None:
     host = Host(library)
-    address, reference, waiting = board["address"], None, None
+    address, key_frame, pending = board["address"], None, None
     for scan, step in enumerate(board["snapshots"]):
         data, counts = bytes.fromhex(step["bytes"]), step["counts"]
         if step["acknowledged"]:
-            reference, waiting = waiting, None
-        decoded = compact.decode(address, len(counts), data, [reference] if reference else [])
+            key_frame, pending = pending, None
+        decoded = compact.decode(address, len(counts), data, [key_frame] if key_frame else [])
         assert (decoded.sequence, decoded.timestamp_us, decoded.counts) == (scan, step["timestamp_us"], counts)
         assert host.receive(address, len(counts), data) == OK
-        assert host.said(len(counts)) == (scan, step["timestamp_us"], counts)
-        if reference and not data[2] & 0x1F:
-            assert host.state.reference.equals(reference)
-        if decoded.candidate:
-            waiting = decoded.candidate
+        assert host.decoded(len(counts)) == (scan, step["timestamp_us"], counts)
+        if key_frame and not data[2] & 0x1F:
+            assert host.state.key_frame.equals(key_frame)
+        if decoded.key_frame:
+            pending = decoded.key_frame
             assert host.state.answer == ACKNOWLEDGE
-            assert host.state.candidate.equals(waiting)
-            reference = None if data[2] & 0x1F else reference
+            assert host.state.pending.equals(pending)
+            key_frame = None if data[2] & 0x1F else key_frame
 
 
 class Board:
-    """A board by the plain definition; it marks candidates as it likes."""
+    """A board by the Python definition, which marks random snapshots as key frames."""
 
     def __init__(self, address: int, taxel_count: int, rng: random.Random) -> None:
         self.address, self.taxel_count, self._rng = address, taxel_count, rng
@@ -200,40 +204,40 @@ class Board:
 
     def restart(self) -> None:
         self.scan = 0
-        self.reference: Reference | None = None
-        self.waiting: Reference | None = None
+        self.key_frame: KeyFrame | None = None
+        self.pending: KeyFrame | None = None
 
     def snapshot(self) -> tuple[bytes, tuple[int, int, list[int]]]:
         rng = self._rng
         self.means = [rng.uniform(0, 0xFFFF) if rng.random() < 0.02 else mean for mean in self.means]
         counts = [min(max(round(rng.gauss(mean, self.sigma)), 0), 0xFFFF) for mean in self.means]
         self.time = (self.time + rng.choice([1000, 20_000, 9_000_000])) % 2**32
-        candidate = rng.random() < 0.5
-        data = compact.encode(self.address, self.scan, self.time, counts, self.reference, candidate)
-        decoded = compact.decode(self.address, self.taxel_count, data, [self.reference] if self.reference else [])
-        self.waiting = decoded.candidate or self.waiting
-        if data[2] & 0x1F and candidate:
-            self.reference = None
-        said = (self.scan, self.time, counts)
+        is_key_frame = rng.random() < 0.5
+        data = compact.encode(self.address, self.scan, self.time, counts, self.key_frame, is_key_frame)
+        decoded = compact.decode(self.address, self.taxel_count, data, [self.key_frame] if self.key_frame else [])
+        self.pending = decoded.key_frame or self.pending
+        if data[2] & 0x1F and is_key_frame:
+            self.key_frame = None
+        content = (self.scan, self.time, counts)
         self.scan = (self.scan + 1) % 65536
-        return data, said
+        return data, content
 
-    def hear(self, answer: int, name: int) -> None:
-        if answer == ACKNOWLEDGE and self.waiting and self.waiting.name == name:
-            self.reference, self.waiting = self.waiting, None
+    def receive(self, answer: int, key_frame_id: int) -> None:
+        if answer == ACKNOWLEDGE and self.pending and self.pending.id == key_frame_id:
+            self.key_frame, self.pending = self.pending, None
         elif answer == FORGET:
-            self.reference = self.waiting = None
+            self.key_frame = self.pending = None
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_whatever_is_lost_counts_are_right_and_states_equal(library: Any, seed: int) -> None:
-    """Snapshots and answers are lost, late or damaged; boards restart; hosts lose their memory. Replay: the seed."""
+def test_decoded_counts_are_right_and_states_equal_under_any_loss(library: Any, seed: int) -> None:
+    """Snapshots and answers are lost, late or damaged; boards and hosts restart. The seed replays a case."""
     rng = random.Random(seed)
     board, host = Board(rng.randint(0x08, 0x77), rng.choice([1, 5, 27]), rng), Host(library)
-    late: list[tuple[int, int]] = []
-    decoded = 0
+    delayed_answers: list[tuple[int, int]] = []
+    decoded_count = 0
     for _ in range(120):
-        data, said = board.snapshot()
+        data, content = board.snapshot()
         if rng.random() < 0.03:
             board.restart()
         if rng.random() < 0.03:
@@ -245,46 +249,47 @@ def test_whatever_is_lost_counts_are_right_and_states_equal(library: Any, seed: 
             damaged[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
             assert host.receive(board.address, board.taxel_count, bytes(damaged)) == DAMAGED
         result = host.receive(board.address, board.taxel_count, data)
-        assert result in {OK, UNKNOWN}
+        assert result in {OK, NO_KEY_FRAME}
         if result == OK:
-            decoded += 1
-            assert host.said(board.taxel_count) == said
+            decoded_count += 1
+            assert host.decoded(board.taxel_count) == content
         if host.state.answer:
-            late.append((host.state.answer, host.state.candidate.name))
+            delayed_answers.append((host.state.answer, host.state.pending.id))
             host.state.answer = 0
-        if late and rng.random() < 0.7:
-            board.hear(*late.pop(0))
+        if delayed_answers and rng.random() < 0.7:
+            board.receive(*delayed_answers.pop(0))
             if rng.random() < 0.2:
-                late.clear()
-        if board.reference and host.state.candidate.known and host.state.candidate.name == board.reference.name:
-            assert host.state.candidate.equals(board.reference)
-    assert decoded > 30
+                delayed_answers.clear()
+        pending = host.state.pending
+        if board.key_frame and pending.is_valid and pending.id == board.key_frame.id:
+            assert pending.equals(board.key_frame)
+    assert decoded_count > 30
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 255), st.integers(0, 255), st.binary(max_size=80), st.booleans(), st.integers(0, 255))
-def test_hostile_snapshots_are_refused_or_decoded_within_bounds(
-    library: Any, address: int, taxel_count: int, body: bytes, sealed: bool, form: int
+def test_arbitrary_snapshots_are_rejected_or_decoded_as_by_the_definition(
+    library: Any, address: int, taxel_count: int, body: bytes, has_valid_crc: bool, format_byte: int
 ) -> None:
     host = Host(library)
-    first = compact.encode_packed(0x20, 1, 2, [1000] * 20, candidate=True)
+    first = compact.encode_packed(0x20, 1, 2, [1000] * 20, is_key_frame=True)
     host.receive(0x20, 20, first)
-    if sealed and len(body) > 8:
-        body = body[:2] + bytes([form]) + first[-4:-2] + body[5:]
+    if has_valid_crc and len(body) > 8:
+        body = body[:2] + bytes([format_byte]) + first[-4:-2] + body[5:]
     crc = crc32(body, crc32(bytes([address])))
-    data = body + crc.to_bytes(4, "little") if sealed else body
-    references = [compact.decode(0x20, 20, first, []).candidate]
+    data = body + crc.to_bytes(4, "little") if has_valid_crc else body
+    key_frames = [compact.decode(0x20, 20, first, []).key_frame]
     try:
-        expected = compact.decode(address, taxel_count, data, [one for one in references if one])
+        expected = compact.decode(address, taxel_count, data, [key_frame for key_frame in key_frames if key_frame])
     except CompactError:
-        assert host.receive(address, taxel_count, data) in {DAMAGED, UNKNOWN}
+        assert host.receive(address, taxel_count, data) in {DAMAGED, NO_KEY_FRAME}
         return
     if 0 < taxel_count <= COMPACT_TAXELS_MAX:
         assert host.receive(address, taxel_count, data) == OK
-        assert host.said(taxel_count) == (expected.sequence, expected.timestamp_us, expected.counts)
+        assert host.decoded(taxel_count) == (expected.sequence, expected.timestamp_us, expected.counts)
 
 
-def test_lengths() -> None:
+def test_a_length_byte_covers_every_size_with_at_most_three_bytes_of_padding() -> None:
     for size in range(489):
         length = compact.length_of(size)
         assert 0 <= compact_size(length) - size < 4

@@ -1,9 +1,9 @@
-"""Whatever one or two damaged bytes do to a stream, every frame they did not touch comes out, and no other.
+"""After damage of one or two bytes of a stream, every frame that was not hit is decoded, and no other frame.
 
-A frame is touched when a byte of its stuffed body is changed or lost, or when a byte is put between two of
-them. Delimiters belong to no frame. A touched frame may still come out: damage can turn a frame into itself.
+A frame is hit when a byte of its stuffed body is changed or lost, or when a byte is inserted between two of its bytes.
+Delimiters belong to no frame. A frame that was hit may still be decoded, because damage can leave it unchanged.
 
-The short form repeats the same examples each time. The long form: TAXEL_DAMAGE_EXAMPLES=20000 pytest and this file.
+By default the test repeats the same examples. For a longer run, set TAXEL_DAMAGE_EXAMPLES=20000.
 """
 
 import os
@@ -27,14 +27,15 @@ some = settings(thorough, max_examples=max(EXAMPLES // 4, 1))
 
 @dataclass(frozen=True)
 class Damage:
-    """One byte: `place` is a share of the stream, so that it shrinks with it."""
+    """Damage of one byte. `offset` is taken modulo the length of the stream, so that it remains valid when examples
+    shrink."""
 
     kind: str
-    place: int
+    offset: int
     value: int
 
     def position(self, length: int) -> int:
-        return self.place % max(length, 1)
+        return self.offset % max(length, 1)
 
 
 damages = st.lists(
@@ -46,7 +47,7 @@ damages = st.lists(
 
 @st.composite
 def payloads(draw: st.DrawFn, frame_type: FrameType, quoted: list[bytes]) -> bytes:
-    """A payload that the type allows: arbitrary bytes, or the wire bytes of other frames, cut to fit."""
+    """A payload that the type allows: arbitrary bytes, or the wire bytes of other frames, truncated to fit."""
     spec = FRAMES[frame_type]
     if frame_type == FrameType.TAXELS:
         count = draw(st.sampled_from([1, 2, 63, 113, 114, 115, 120, TAXELS_MAX]))
@@ -82,36 +83,36 @@ def frame_lists(draw: st.DrawFn) -> list[Frame]:
 
 
 def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]]:
-    """The stream after the damage, and the indices of the frames that it touched."""
+    """The stream after the damage, and the indices of the frames that were hit."""
     stream: list[tuple[int, int]] = []  # (byte, index of the frame that it belongs to, -1 for a delimiter)
     for index, frame in enumerate(frames):
         wire = encode_frame(*frame)
         stream += [(byte, index if 0 < i < len(wire) - 1 else -1) for i, byte in enumerate(wire)]
-    touched = set()
+    hit = set()
     for damage in damages:
         at = damage.position(len(stream) + (damage.kind == "insert"))
         if damage.kind == "insert":
             if 0 < at < len(stream) and stream[at - 1][1] == stream[at][1] >= 0:
-                touched.add(stream[at][1])
+                hit.add(stream[at][1])
             owner = stream[at][1] if 0 < at < len(stream) and stream[at - 1][1] == stream[at][1] else -1
             stream.insert(at, (damage.value, owner))
         elif stream:
-            touched.add(stream[at][1])
+            hit.add(stream[at][1])
             stream[at : at + 1] = (
                 [] if damage.kind == "drop" else [(stream[at][0] ^ (damage.value or 1), stream[at][1])]
             )
-    return bytes(byte for byte, _ in stream), touched - {-1}
+    return bytes(byte for byte, _ in stream), hit - {-1}
 
 
-def allowed_outputs(frames: list[Frame], touched: set[int]) -> list[list[Frame]]:
-    """Every untouched frame in order, with any of the touched ones."""
-    subsets = chain.from_iterable(combinations(sorted(touched), n) for n in range(len(touched) + 1))
-    return [[frame for i, frame in enumerate(frames) if i not in touched or i in kept] for kept in map(set, subsets)]
+def allowed_outputs(frames: list[Frame], hit: set[int]) -> list[list[Frame]]:
+    """Every frame that was not hit, in order, with any subset of the frames that were hit."""
+    subsets = chain.from_iterable(combinations(sorted(hit), n) for n in range(len(hit) + 1))
+    return [[frame for i, frame in enumerate(frames) if i not in hit or i in kept] for kept in map(set, subsets)]
 
 
-def cut(stream: bytes, cuts: list[int]) -> list[bytes]:
-    places = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
-    return [stream[a:b] for a, b in pairwise(places)]
+def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
+    positions = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
+    return [stream[a:b] for a, b in pairwise(positions)]
 
 
 def reference_frames(pieces: list[bytes]) -> list[Frame]:
@@ -121,27 +122,29 @@ def reference_frames(pieces: list[bytes]) -> list[Frame]:
 
 @thorough
 @given(frames=frame_lists(), damage=damages, cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
-def test_untouched_frames_come_out_and_no_other(
+def test_exactly_the_undamaged_frames_are_decoded(
     codec: Any, frames: list[Frame], damage: list[Damage], cuts: list[int]
 ) -> None:
-    stream, touched = damaged(frames, damage)
-    found = reference_frames([stream])
-    assert found in allowed_outputs(frames, touched)
-    assert codec.decode(cut(stream, cuts)) == found
-    assert codec.decode_batch(cut(stream, cuts)) == codec.as_batch(found)
+    stream, hit = damaged(frames, damage)
+    decoded = reference_frames([stream])
+    assert decoded in allowed_outputs(frames, hit)
+    assert codec.decode(split_at(stream, cuts)) == decoded
+    assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
 
 
 @some
 @given(frames=frame_lists(), cuts=st.lists(st.integers(0, 1 << 20), max_size=6), garbage=st.binary(max_size=1500))
-def test_frames_come_out_of_garbage(codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes) -> None:
+def test_frames_between_random_bytes_are_decoded(
+    codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes
+) -> None:
     stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
-    found = reference_frames(cut(stream, cuts))
-    assert found == frames
-    assert codec.decode(cut(stream, cuts)) == found
-    assert codec.decode_batch(cut(stream, cuts)) == codec.as_batch(found)
+    decoded = reference_frames(split_at(stream, cuts))
+    assert decoded == frames
+    assert codec.decode(split_at(stream, cuts)) == decoded
+    assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
 
 
 @some
 @given(stream=st.binary(max_size=3000), cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
-def test_both_decoders_agree_on_anything(codec: Any, stream: bytes, cuts: list[int]) -> None:
-    assert codec.decode(cut(stream, cuts)) == reference_frames([stream])
+def test_both_decoders_agree_on_arbitrary_bytes(codec: Any, stream: bytes, cuts: list[int]) -> None:
+    assert codec.decode(split_at(stream, cuts)) == reference_frames([stream])

@@ -1,4 +1,4 @@
-"""tools/fuzz/run_targets.py reads what a libFuzzer target says of itself, and says what is missing."""
+"""tools/fuzz/run_targets.py parses the output of a libFuzzer target and reports missing programs."""
 
 import importlib
 import shutil

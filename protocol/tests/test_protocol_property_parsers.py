@@ -1,7 +1,7 @@
-"""Every parser of every language against construct: any bytes, any fields, any frames, any damage, any pieces.
+"""The parsers in Python and C against construct: arbitrary bytes, fields, frames, damage and pieces.
 
-The long form: TAXEL_PROPERTY_EXAMPLES=20000 pytest --hypothesis-seed=7 and this file. Without the variable the examples
-are the same in every run.
+For a longer run, set TAXEL_PROPERTY_EXAMPLES=20000 and pass --hypothesis-seed=7. Without the variable the examples are
+the same in every run.
 """
 
 import importlib
@@ -26,12 +26,12 @@ from taxel_protocol.names import FrameType
 from taxel_protocol.wire import WireFrame
 
 FOLDER = Path(__file__).resolve().parents[2] / "tools" / "fuzz"
-WISHED = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
-EXAMPLES = int(WISHED or "60")
+EXAMPLES_SETTING = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
+EXAMPLES = int(EXAMPLES_SETTING or "60")
 bounded = settings(
     max_examples=EXAMPLES,
     deadline=None,
-    derandomize=WISHED is None,
+    derandomize=EXAMPLES_SETTING is None,
     database=None,
     suppress_health_check=list(HealthCheck),
 )
@@ -73,7 +73,7 @@ def oracle() -> Iterator[ModuleType]:
 
 
 def with_constants(definition: Struct, data: bytes) -> bytes:
-    """The bytes with every constant field as it must be: construct refuses others."""
+    """The bytes with every constant field set to its value: construct rejects other values."""
     out = bytearray(data)
     for field in fields_of(definition):
         if field.constant is not None:
@@ -88,17 +88,17 @@ def without_io(value: Any) -> Any:
 @every_layout
 @bounded
 @given(data=st.data())
-def test_any_bytes_mean_the_same_to_construct_and_to_the_layout(definition: Struct, data: st.DataObject) -> None:
+def test_construct_and_layout_unpack_any_bytes_to_the_same_fields(definition: Struct, data: st.DataObject) -> None:
     size = sum(field.size for field in fields_of(definition))
     has_tail = any(part.subcon is GreedyBytes for part in definition.subcons)
     tail = data.draw(st.binary(max_size=40)) if has_tail else b""
     wire = with_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail
     parsed = without_io(definition.parse(wire))
-    fields, rest = unpack(definition, wire)
+    fields, remainder = unpack(definition, wire)
     flat = flatten(parsed)
-    assert rest == tail
+    assert remainder == tail
     assert {name: flat[name] for name in fields} == fields
-    assert definition.build(parsed) == pack(definition, fields, rest) == wire
+    assert definition.build(parsed) == pack(definition, fields, remainder) == wire
 
 
 def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
@@ -116,7 +116,7 @@ def values_of(definition: Struct) -> st.SearchStrategy[dict[str, Any]]:
         elif isinstance(inner, Bytes):
             parts[renamed.name] = st.binary(min_size=inner.sizeof(), max_size=inner.sizeof())
         else:
-            assert inner is GreedyBytes, f"{renamed.name}: a part that this test does not know"
+            assert inner is GreedyBytes, f"{renamed.name}: this test does not support its construct"
             parts[renamed.name] = st.binary(max_size=64)
     return st.fixed_dictionaries(parts)
 
@@ -131,7 +131,7 @@ def taxel_fields(draw: st.DrawFn) -> dict[str, Any]:
 
 @st.composite
 def contents(draw: st.DrawFn) -> dict[str, Any]:
-    """Fields of any frame that may be sent."""
+    """Fields of any frame that the protocol allows."""
     kind = draw(st.sampled_from(list(FRAMES)))
     payload = draw(taxel_fields() if kind == FrameType.TAXELS else values_of(FRAMES[kind].payload))
     tail = next((part.name for part in FRAMES[kind].payload.subcons if part.subcon is GreedyBytes), None)
@@ -144,7 +144,7 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
     return {"type": int(kind), "sequence": draw(st.integers(0, 65535)), "payload": payload}
 
 
-def test_the_fields_of_a_taxel_frame_are_the_ones_drawn_here() -> None:
+def test_taxel_fields_match_the_definition_of_a_taxel_frame() -> None:
     content = FRAMES[FrameType.TAXELS].payload.parse(bytes([0x20, 1]) + bytes(18))
     assert list(without_io(content)) == ["header", "snapshot"]
     assert list(without_io(content.snapshot)) == ["header", "raw_counts", "crc32"]
@@ -153,7 +153,9 @@ def test_the_fields_of_a_taxel_frame_are_the_ones_drawn_here() -> None:
 
 @bounded
 @given(content=contents())
-def test_what_construct_builds_every_decoder_reads(codec: Any, oracle: ModuleType, content: dict[str, Any]) -> None:
+def test_every_decoder_decodes_a_frame_built_by_construct(
+    codec: Any, oracle: ModuleType, content: dict[str, Any]
+) -> None:
     wire = WireFrame.build(content)
     payload = FRAMES[FrameType(content["type"])].payload.build(content["payload"])
     frame = (content["type"], content["sequence"], payload)
@@ -164,7 +166,7 @@ def test_what_construct_builds_every_decoder_reads(codec: Any, oracle: ModuleTyp
 
 @st.composite
 def wires(draw: st.DrawFn) -> bytes:
-    """Frames one after the other, glued or not."""
+    """Consecutive frames, with or without delimiters between them."""
     parts = [WireFrame.build(content) for content in draw(st.lists(contents(), max_size=5))]
     return b"".join(part[draw(st.integers(0, 1)) : len(part) - draw(st.integers(0, 1))] for part in parts)
 
@@ -191,56 +193,56 @@ def damaged_streams(draw: st.DrawFn) -> bytes:
     return stream
 
 
-def cut(stream: bytes, cuts: list[int]) -> list[bytes]:
-    places = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
-    return [stream[a:b] for a, b in pairwise(places)]
+def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
+    positions = sorted({0, len(stream), *(c % (len(stream) + 1) for c in cuts)})
+    return [stream[a:b] for a, b in pairwise(positions)]
 
 
-def is_refused_by_construct_alone(frame: tuple[int, int, bytes]) -> bool:
+def is_rejected_by_construct_only(frame: tuple[int, int, bytes]) -> bool:
     return frame[0] == FrameType.BOARD_INFO and frame[2][0] != WHO_AM_I
 
 
-def agree(
+def check_agreement(
     codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], directions: int
 ) -> list[tuple[int, int, bytes]]:
-    pieces = cut(stream, cuts)
-    found: list[tuple[int, int, bytes]] = codec.decode(pieces, directions)
+    pieces = split_at(stream, cuts)
+    frames: list[tuple[int, int, bytes]] = codec.decode(pieces, directions)
     discarded = codec.discarded_bytes
     reference = ReferenceDecoder()
-    plain = [frame for piece in pieces for frame in reference.push(piece)] + reference.finish()
+    expected = [frame for piece in pieces for frame in reference.push(piece)] + reference.finish()
     if directions == 3:
         assert discarded == reference.discarded_bytes
-        assert found == plain
-    assert codec.decode([stream], directions) == found
+        assert frames == expected
+    assert codec.decode([stream], directions) == frames
     assert codec.discarded_bytes == discarded
-    assert codec.decode_batch(pieces, directions) == codec.as_batch(found)
-    assert oracle.parse_stream(stream, directions) == [f for f in found if not is_refused_by_construct_alone(f)]
-    return found
+    assert codec.decode_batch(pieces, directions) == codec.as_batch(frames)
+    assert oracle.parse_stream(stream, directions) == [f for f in frames if not is_rejected_by_construct_only(f)]
+    return frames
 
 
-places = st.lists(st.integers(0, 1 << 20), max_size=6)
+cut_positions = st.lists(st.integers(0, 1 << 20), max_size=6)
 
 
 @bounded
-@given(stream=damaged_streams(), cuts=places, directions=st.sampled_from([1, 2, 3, 3]))
+@given(stream=damaged_streams(), cuts=cut_positions, directions=st.sampled_from([1, 2, 3, 3]))
 def test_all_decoders_agree_on_a_damaged_stream(
     codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], directions: int
 ) -> None:
-    agree(codec, oracle, stream, cuts, directions)
+    check_agreement(codec, oracle, stream, cuts, directions)
 
 
 @bounded
-@given(stream=st.binary(max_size=700), cuts=places)
+@given(stream=st.binary(max_size=700), cuts=cut_positions)
 def test_all_decoders_agree_on_any_bytes(codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int]) -> None:
-    agree(codec, oracle, stream, cuts, 3)
+    check_agreement(codec, oracle, stream, cuts, 3)
 
 
 @settings(bounded, max_examples=max(EXAMPLES // 5, 1))
-@given(stream=wires(), cuts=places, length=st.integers(1000, 2600), filling=st.binary(min_size=1, max_size=9))
-def test_all_decoders_agree_where_no_delimiter_is_in_sight(
+@given(stream=wires(), cuts=cut_positions, length=st.integers(1000, 2600), filling=st.binary(min_size=1, max_size=9))
+def test_all_decoders_agree_on_a_long_stream_without_delimiters(
     codec: Any, oracle: ModuleType, stream: bytes, cuts: list[int], length: int, filling: bytes
 ) -> None:
-    """More bytes without a zero than a receiver's buffer holds, frames in the middle of them."""
-    rubbish = bytes(byte or 0xFF for byte in filling) * (length // len(filling) + 1)
+    """The stream has more bytes without a zero than a receiver's buffer, with frames in the middle."""
+    random_bytes = bytes(byte or 0xFF for byte in filling) * (length // len(filling) + 1)
     wire = bytes(byte for byte in stream if byte)
-    agree(codec, oracle, rubbish[: length // 2] + wire + rubbish[: length // 2], cuts, 3)
+    check_agreement(codec, oracle, random_bytes[: length // 2] + wire + random_bytes[: length // 2], cuts, 3)

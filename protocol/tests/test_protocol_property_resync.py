@@ -1,4 +1,4 @@
-"""One damaged byte loses the frame that it hits and no other: every place, every kind, nothing left to chance."""
+"""One damaged byte loses only the frame that it hits: exhaustive over positions and kinds of damage."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +12,7 @@ from taxel_protocol.names import FrameType
 Frame = tuple[int, int, bytes]
 
 REFERENCE_EVERY = 97
-"""Streams of which one is also put to the slow Python decoder."""
+"""One of this many streams is also decoded by the slow Python decoder."""
 
 
 def taxels(sequence: int, count: int, fill: int) -> Frame:
@@ -27,7 +27,7 @@ SHORT: list[Frame] = [
     (int(FrameType.TIME_SYNC), 2, bytes([0x31]) + bytes(range(12))),
     (int(FrameType.REPLY), 3, b"\5\1\0"),
 ]
-"""Blocks of a few bytes: much of the wire is code bytes."""
+"""Frames with short blocks: a large share of the wire bytes are code bytes."""
 
 LONG: list[Frame] = [
     (int(FrameType.LOG), 0xFFFE, b"\1\0\0\0\0\0\0text"),
@@ -36,29 +36,29 @@ LONG: list[Frame] = [
     (int(FrameType.BOARD_FAULT), 1, bytes([0x21]) + bytes(9)),
     taxels(2, 1, 0xFF),
 ]
-"""A full block of 254 bytes among them."""
+"""Frames of which one has a full block of 254 bytes."""
 
 STREAMS = {"short frames": SHORT, "long frames": LONG}
 every_stream = pytest.mark.parametrize("sent", [pytest.param(frames, id=name) for name, frames in STREAMS.items()])
 
 
 def wire_of(sent: list[Frame], delimiters: str) -> tuple[bytes, list[range]]:
-    """The stream, and where each frame's own bytes lie. Delimiters `both`, or `none`: frames glued together."""
-    stream, places = b"", []
+    """The stream, and the range of each frame's own bytes. Delimiters: `both`, or `none`, between the frames."""
+    stream, ranges = b"", []
     for frame in sent:
         body = encode_frame(*frame)[1:-1]
         stream += b"" if delimiters == "none" else b"\0"
-        places.append(range(len(stream), len(stream) + len(body)))
+        ranges.append(range(len(stream), len(stream) + len(body)))
         stream += body + (b"" if delimiters == "none" else b"\0")
-    return stream, places
+    return stream, ranges
 
 
-def check(codec: Any, stream: bytes, expected: list[Frame], number: int, what: str) -> None:
-    assert codec.decode([stream]) == expected, what
-    assert codec.decode_batch([stream]) == codec.as_batch(expected), what
+def check(codec: Any, stream: bytes, expected: list[Frame], number: int, description: str) -> None:
+    assert codec.decode([stream]) == expected, description
+    assert codec.decode_batch([stream]) == codec.as_batch(expected), description
     if number % REFERENCE_EVERY == 0:
         reference = ReferenceDecoder()
-        assert reference.push(stream) + reference.finish() == expected, what
+        assert reference.push(stream) + reference.finish() == expected, description
 
 
 def changes(byte: int, is_short: bool) -> Iterator[int]:
@@ -71,10 +71,10 @@ def changes(byte: int, is_short: bool) -> Iterator[int]:
 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
-def test_a_changed_byte_loses_the_frame_that_it_is_part_of(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, places = wire_of(sent, delimiters)
+def test_a_changed_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, ranges = wire_of(sent, delimiters)
     for at, byte in enumerate(stream):
-        expected = [frame for frame, place in zip(sent, places, strict=True) if at not in place]
+        expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
         assert len(expected) >= len(sent) - 1
         for number, value in enumerate(changes(byte, sent is SHORT and delimiters == "both"), start=at):
             damaged = stream[:at] + bytes([value]) + stream[at + 1 :]
@@ -83,30 +83,30 @@ def test_a_changed_byte_loses_the_frame_that_it_is_part_of(codec: Any, sent: lis
 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
-def test_a_lost_byte_loses_the_frame_that_it_was_part_of(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, places = wire_of(sent, delimiters)
+def test_a_lost_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, ranges = wire_of(sent, delimiters)
     for at in range(len(stream)):
-        expected = [frame for frame, place in zip(sent, places, strict=True) if at not in place]
+        expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
         check(codec, stream[:at] + stream[at + 1 :], expected, at, f"byte {at} lost")
 
 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
-def test_an_added_byte_loses_the_frame_that_it_cuts_in_two(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, places = wire_of(sent, delimiters)
+def test_an_added_byte_loses_only_the_frame_that_it_splits(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    stream, ranges = wire_of(sent, delimiters)
     for at in range(len(stream) + 1):
         neighbours = {*stream[max(at - 1, 0) : at + 1]}
         for value in {0, 1, 2, 0x7F, 0xFE, 0xFF} | neighbours:
             damaged = stream[:at] + bytes([value]) + stream[at:]
-            cut = [i for i, place in enumerate(places) if place.start < at < place.stop]
-            # A byte like its neighbour may as well have been added beside the frame: then all of it still stands.
-            lost = {i for i in cut if stream[places[i].start : places[i].stop] not in damaged}
-            assert len(cut) <= 1
+            split = [i for i, own in enumerate(ranges) if own.start < at < own.stop]
+            # A byte equal to its neighbour is equivalent to one added next to the frame, which then stays intact.
+            lost = {i for i in split if stream[ranges[i].start : ranges[i].stop] not in damaged}
+            assert len(split) <= 1
             expected = [frame for i, frame in enumerate(sent) if i not in lost]
             check(codec, damaged, expected, at, f"{value:#04x} added before byte {at}")
 
 
-def test_the_longest_frame_is_found_behind_any_number_of_bytes_without_a_delimiter(codec: Any) -> None:
+def test_the_longest_frame_is_decoded_after_any_number_of_bytes_without_a_delimiter(codec: Any) -> None:
     longest = taxels(7, TAXELS_MAX, 0x33)
     body = encode_frame(*longest)[1:-1]
     for number in range(3 * len(body)):

@@ -1,4 +1,4 @@
-"""The tables of SPEC.md say what the definitions say."""
+"""The tables of SPEC.md equal the definitions."""
 
 import re
 from pathlib import Path
@@ -12,27 +12,27 @@ from taxel_protocol.layout import fields_of
 
 SPEC = (Path(__file__).resolve().parents[1] / "SPEC.md").read_text()
 MODULES = {"frames": frames, "registers": registers}
-TAXELS_AS_TEXT = {"Taxels"}  # a header and a snapshot, which have tables of their own
+TAXELS_AS_TEXT = {"Taxels"}  # a header and a snapshot, which have separate tables
 NAMED_IN_TEXT = {"FrameType", "LogLevel"}
 
 
 def table_after(mark: str) -> list[list[str]]:
     """Cells of the rows of the table that follows `<!-- mark -->`."""
-    _, found, rest = SPEC.partition(f"<!-- {mark} -->")
-    assert found, f"SPEC.md has no table marked {mark}"
-    lines = rest.lstrip().splitlines()
+    _, separator, tail = SPEC.partition(f"<!-- {mark} -->")
+    assert separator, f"SPEC.md has no table marked {mark}"
+    lines = tail.lstrip().splitlines()
     rows = lines[: next(i for i, line in enumerate(lines) if not line.startswith("|"))]
     return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
 def structs() -> dict[str, Struct]:
-    found = {}
+    definitions = {}
     for module_name, module in MODULES.items():
         for name, value in vars(module).items():
             is_own = f"\n{name} = Struct(" in Path(str(module.__file__)).read_text()
             if isinstance(value, Struct) and is_own and name not in TAXELS_AS_TEXT:
-                found[f"{module_name}.{name}"] = value
-    return found
+                definitions[f"{module_name}.{name}"] = value
+    return definitions
 
 
 def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, str]]:
@@ -50,7 +50,7 @@ def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, 
 
 
 @pytest.mark.parametrize("name", structs())
-def test_layout_tables(name: str) -> None:
+def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     definition = structs()[name]
     expected = [(field.offset, field.size, field.name) for field in fields_of(definition)]
     assert expanded(definition, table_after(f"layout: {name}")) == expected
@@ -60,14 +60,14 @@ def test_layout_tables(name: str) -> None:
     "name",
     [name for name, value in vars(names).items() if isinstance(value, type) and value.__module__ == names.__name__],
 )
-def test_tables_of_names(name: str) -> None:
+def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     if name in NAMED_IN_TEXT:
         return
     rows = table_after(f"names: {name}")
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in getattr(names, name)}
 
 
-def test_table_of_frames() -> None:
+def test_the_frame_table_of_the_spec_equals_the_definitions() -> None:
     rows = {int(row[0], 16): (row[1], row[2]) for row in table_after("frames")}
     for frame_type, spec in frames.FRAMES.items():
         sizes = f"{spec.minimum}" if spec.minimum == spec.maximum else f"{spec.minimum} to {spec.maximum}"
@@ -75,7 +75,7 @@ def test_table_of_frames() -> None:
     assert not rows
 
 
-def test_example_frame_is_a_vector() -> None:
+def test_the_example_frame_of_the_spec_is_encoded_correctly() -> None:
     lines = {
         word: bytes.fromhex(text)
         for word, text in re.findall(r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC, re.M)
@@ -84,5 +84,5 @@ def test_example_frame_is_a_vector() -> None:
     assert whiten(lines["body"]) == lines["whitened"]
 
 
-def test_check_value_of_the_crc() -> None:
+def test_the_spec_states_the_check_value_of_the_crc() -> None:
     assert f"0x{crc32(b'123456789'):08X}" in SPEC

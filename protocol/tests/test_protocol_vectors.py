@@ -1,4 +1,4 @@
-"""The vectors, the construct definitions and the readable reference say the same bytes."""
+"""The vectors, the construct definitions and the reference codec agree on every byte."""
 
 import json
 import subprocess
@@ -35,7 +35,7 @@ REGISTERS = {
     "settings_register": registers.SettingsRegister,
     "command_register": registers.CommandRegister,
     "compact_packed": registers.CompactPacked,
-    "compact_coded": registers.CompactCoded,
+    "compact_delta": registers.CompactDelta,
     "compact_acknowledge": registers.CompactAcknowledge,
 }
 
@@ -54,7 +54,7 @@ def values_of(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {name: bytes.fromhex(value) if isinstance(value, str) else value for name, value in fields.items()}
 
 
-def shown(values: Mapping[str, Any]) -> dict[str, Any]:
+def json_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}
 
 
@@ -81,8 +81,8 @@ def flat_of(vector: Mapping[str, Any]) -> dict[str, Any]:
     return flat | {"snapshot_raw_counts": vector.get("counts")}
 
 
-def packed(vector: Mapping[str, Any]) -> bytes:
-    """The payload by `layout`, without construct's own building."""
+def packed_payload(vector: Mapping[str, Any]) -> bytes:
+    """The payload packed by `layout` instead of construct."""
     definition = FRAMES[FrameType(vector["type"])].payload
     flat = flat_of(vector)
     if vector["type"] == FrameType.TAXELS:
@@ -99,26 +99,26 @@ def test_construct_builds_the_vector(vector: dict[str, Any]) -> None:
 
 
 @every_frame
-def test_reference_builds_the_vector(vector: dict[str, Any]) -> None:
-    payload = packed(vector)
+def test_the_reference_codec_encodes_the_vector(vector: dict[str, Any]) -> None:
+    payload = packed_payload(vector)
     assert payload.hex() == vector["payload"]
     assert encode_frame(vector["type"], vector["sequence"], payload).hex() == vector["wire"]
 
 
 @every_frame
-def test_construct_reads_the_fields_back(vector: dict[str, Any]) -> None:
+def test_construct_parses_the_fields_of_the_vector(vector: dict[str, Any]) -> None:
     content = WireFrame.parse(bytes.fromhex(vector["wire"]))
     definition = FRAMES[FrameType(vector["type"])].payload
     assert (content.type, content.sequence) == (vector["type"], vector["sequence"])
     payload = {k: v for k, v in content.payload.items() if k != "_io"}
     expected = nested(definition, flat_of(vector))
     assert definition.build(payload) == definition.build(expected)
-    known = {name: value for name, value in flatten(expected).items() if name in vector["fields"]}
-    assert shown(known) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
+    common = {name: value for name, value in flatten(expected).items() if name in vector["fields"]}
+    assert json_values(common) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
 
 
 @every_frame
-def test_reference_reads_the_fields_back(vector: dict[str, Any]) -> None:
+def test_the_reference_codec_decodes_the_fields_of_the_vector(vector: dict[str, Any]) -> None:
     body = bytes.fromhex(vector["body"])
     decoder = ReferenceDecoder()
     assert whiten(cobs_decode(bytes.fromhex(vector["wire"])[1:-1])) == body
@@ -131,11 +131,11 @@ def test_reference_reads_the_fields_back(vector: dict[str, Any]) -> None:
         assert tail[:-4] == counts_bytes(vector["counts"])
     else:
         assert tail.hex() == vector["tail"]
-    assert shown(fields) == vector["fields"]
+    assert json_values(fields) == vector["fields"]
 
 
 @every_frame
-def test_structs_inside_a_tail_give_its_bytes(vector: dict[str, Any]) -> None:
+def test_a_struct_in_a_tail_packs_to_the_tails_bytes(vector: dict[str, Any]) -> None:
     if "inner" not in vector:
         return
     inner = vector["inner"]
@@ -149,7 +149,7 @@ def test_structs_inside_a_tail_give_its_bytes(vector: dict[str, Any]) -> None:
 
 
 @every_register
-def test_register_bytes(vector: dict[str, Any]) -> None:
+def test_a_register_vector_packs_and_unpacks(vector: dict[str, Any]) -> None:
     data = bytes.fromhex(vector["bytes"])
     prefix = bytes([vector["address"]]) if "address" in vector else b""
     if vector["struct"] == "snapshot_header":
@@ -162,12 +162,12 @@ def test_register_bytes(vector: dict[str, Any]) -> None:
     fields, tail = unpack(definition, data)
     assert definition.build(nested(definition, values_of(vector["fields"]))) == data
     assert pack(definition, values_of(vector["fields"])) == data
-    assert (shown(fields), tail) == (vector["fields"], b"")
+    assert (json_values(fields), tail) == (vector["fields"], b"")
     if "crc32" in fields:
         assert crc32(prefix + data[:-4]) == fields["crc32"]
 
 
-def test_vectors_hold_every_frame_type_from_shortest_to_longest() -> None:
+def test_the_vectors_contain_every_frame_type_in_its_shortest_and_longest_length() -> None:
     for frame_type, spec in FRAMES.items():
         sizes = [
             len(p.values[0]["payload"]) // 2 for p in vectors("frames", "frames") if p.values[0]["type"] == frame_type
@@ -176,17 +176,17 @@ def test_vectors_hold_every_frame_type_from_shortest_to_longest() -> None:
 
 
 @every_stream
-def test_reference_decoder_gives_what_a_damaged_stream_still_holds(vector: dict[str, Any]) -> None:
+def test_the_reference_decoder_decodes_the_intact_frames_of_a_damaged_stream(vector: dict[str, Any]) -> None:
     decoder = ReferenceDecoder()
-    found = decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish()
-    believed = [frame for frame in found if vector["directions"] & (2 if frame[0] & 0x80 else 1)]
+    frames = decoder.push(bytes.fromhex(vector["stream"])) + decoder.finish()
+    accepted = [frame for frame in frames if vector["directions"] & (2 if frame[0] & 0x80 else 1)]
     sent = [(f["type"], f["sequence"], bytes.fromhex(f["payload"])) for f in vector["sent"]]
-    assert believed == [sent[i] for i in vector["expected"]]
+    assert accepted == [sent[i] for i in vector["expected"]]
 
 
 @pytest.mark.parametrize("length", [0, 1, 253, 254, 255, 256, 507, 508, 509, 762, 763])
 @pytest.mark.parametrize("zero_at", [None, 0, 1, 253, 254, 255, -1])
-def test_stuffing_is_undone(length: int, zero_at: int | None) -> None:
+def test_decoding_reverses_stuffing(length: int, zero_at: int | None) -> None:
     data = bytearray(b"\x2a" * length)
     if zero_at is not None and -length <= zero_at < length:
         data[zero_at] = 0

@@ -37,7 +37,7 @@ ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, 
 
 
 def header() -> str:
-    """Constants, names, the table of flash layouts, packed structs."""
+    """Text of the C header: constants, names, the table of flash layouts, packed structs."""
     lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
     lines += ['#include "generated/taxel_protocol.h"', ""]
     for name, value in vars(boot).items():
@@ -60,7 +60,9 @@ def _array(name: str, data: bytes) -> list[str]:
 
 
 def vectors() -> str:
-    """Packets of both checksums, an image, a metadata and a configuration row, as Python makes them."""
+    """Packets with both checksums, an image, a metadata row and a configuration row, built by the Python
+    definitions.
+    """
     draw = random.Random(SEED)
     lines = [f"/* {MARK} Seed {SEED}. */", "#ifndef TEST_BOOTLOADER_VECTORS_H", "#define TEST_BOOTLOADER_VECTORS_H", ""]
     lines += ["#include <stdint.h>", ""]

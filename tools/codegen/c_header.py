@@ -24,7 +24,7 @@ STRUCTS: dict[str, Struct] = {
     "snapshot_header": registers.SnapshotHeader,
     "compact_header": registers.CompactHeader,
     "compact_packed": registers.CompactPacked,
-    "compact_coded": registers.CompactCoded,
+    "compact_delta": registers.CompactDelta,
     "compact_acknowledge": registers.CompactAcknowledge,
     "host_handshake": frames.HostHandshake,
     "hub_handshake": frames.HubHandshake,
@@ -68,7 +68,7 @@ def snake(name: str) -> str:
 
 
 def constants() -> list[str]:
-    """The limits and the compact code's tables as #defines."""
+    """The limits and the tables of the compact coding as #defines."""
     lines = []
     for name, value in (vars(limits) | vars(compact_tables)).items():
         if name.isupper() and isinstance(value, tuple):
@@ -109,7 +109,7 @@ def _unpack_line(field: Field) -> str:
 
 
 def structure(name: str, definition: Struct) -> list[str]:
-    """One C struct with its size, its offsets, and functions that pack and unpack it."""
+    """One C struct with its size, its offsets, and its pack and unpack functions."""
     fields = fields_of(definition)
     size = sum(field.size for field in fields)
     upper = name.upper()
@@ -133,9 +133,7 @@ def structure(name: str, definition: Struct) -> list[str]:
 
 
 def frame_rules() -> list[str]:
-    """The table that a decoder checks before it believes a CRC: rows of type, address flag, shortest, longest
-    payload.
-    """
+    """Rules that a decoder checks before a CRC: type, address flag, shortest and longest payload of each frame type."""
     rows = []
     for frame_type, spec in frames.FRAMES.items():
         rows.append(

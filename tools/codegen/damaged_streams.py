@@ -3,7 +3,7 @@
 python tools/codegen/damaged_streams.py            write it
 python tools/codegen/damaged_streams.py --check    exit status 1 if the file on disk is stale
 
-A stream ends where its bytes end: a decoder is told so, and then gives out what it still holds.
+A stream ends with its last byte: the decoder's finish function is called, which delivers the remaining frames.
 """
 
 import json
@@ -22,7 +22,7 @@ VECTORS = Path(__file__).resolve().parents[2] / "protocol" / "vectors"
 SEED = 20
 
 TO_HOST, TO_HUB, BOTH_WAYS = 1, 2, 3
-"""Which directions a decoder believes, as the C decoder's `directions`."""
+"""Directions that a decoder accepts, as `directions` of the C decoder."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ class Sent:
 
     @property
     def content(self) -> dict[str, Any]:
-        """What a decoder has to give out."""
+        """Output that a decoder has to produce for this frame."""
         return {key: self.vector[key] for key in ("type", "sequence", "payload")}
 
 
 def raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
-    """Wire bytes of a frame that need not be allowed, its CRC right; `length` is what its header claims."""
+    """Wire bytes of a frame with a valid CRC that the protocol need not allow; `length` is the length in its header."""
     body = bytes([frame_type, 1, 0]) + (len(payload) if length is None else length).to_bytes(2, "little") + payload
     return encode_body(body + crc32(body).to_bytes(4, "little"))
 
@@ -58,13 +58,13 @@ def _flip(data: bytes, position: int, mask: int = 0x01) -> bytes:
 
 
 class Streams:
-    """Collects damaged streams. A, B and C are three frames that most streams are made of."""
+    """Collects damaged streams. Most streams consist of the three frames A, B and C."""
 
-    def __init__(self, known: Mapping[str, Sent]) -> None:
-        self.known = known
+    def __init__(self, frames: Mapping[str, Sent]) -> None:
+        self.frames = frames
         self.rng = random.Random(SEED)
         self.vectors: list[dict[str, Any]] = []
-        self.a, self.b, self.c = (known[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary"))
+        self.a, self.b, self.c = (frames[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary"))
 
     def add(self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST) -> None:
         """`expected` are indices into `sent`, in the order in which the frames must come out."""
@@ -76,7 +76,7 @@ class Streams:
         return bytes(self.rng.randrange(1, 256) for _ in range(size))
 
     def delimiters(self) -> None:
-        """Delimiters lost, and bytes between frames."""
+        """Lost delimiters, and bytes between frames."""
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
         every = [0, 1, 2]
@@ -100,15 +100,15 @@ class Streams:
         self.add("long_garbage_glued_before", abc, self.garbage(5000) + a.stuffed + b.wire + c.wire, every)
         self.add("long_garbage_then_delimiter", abc, self.garbage(3000) + a.wire + b.wire + c.wire, every)
         for name in ("run_254_at_end", "run_253_at_end", "body_507_without_zero"):
-            edge = self.known[name]
+            edge = self.frames[name]
             self.add(f"{name}_glued", [edge, b, edge], edge.stuffed + b.stuffed + edge.stuffed, every)
-        shortest = self.known["reply_zeros"]
+        shortest = self.frames["reply_zeros"]
         self.add("300_shortest_frames_glued", [shortest] * 300, shortest.stuffed * 300, list(range(300)))
-        longest = self.known["taxels_longest_arbitrary"]
+        longest = self.frames["taxels_longest_arbitrary"]
         self.add("8_longest_frames_glued", [longest] * 8, longest.stuffed * 8, list(range(8)))
 
     def damage(self) -> None:
-        """Bytes of a frame changed, lost or added: its neighbours come out, it does not."""
+        """Bytes of a frame changed, lost or added: its neighbours are decoded, the damaged frame is not."""
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
         middle = len(a.wire) // 2
@@ -134,10 +134,10 @@ class Streams:
         self.add("code_byte_reaches_over_the_next_frame", abc, reaching, [1, 2])
 
     def quotations(self) -> None:
-        """A frame quoted in another frame's payload is not a frame, not even when its host is damaged."""
+        """A frame quoted in another frame's payload is never decoded, even if the outer frame is damaged."""
         quoted = self.b
-        for name in [name for name in self.known if "_quotes_" in name]:
-            host = self.known[name]
+        for name in [name for name in self.frames if "_quotes_" in name]:
+            host = self.frames[name]
             quotation = len(host.wire) - len(bytes.fromhex(host.vector["tail"])) - 5
             cases = {
                 "crc_flipped": _flip(host.wire, len(host.wire) - 2),
@@ -149,11 +149,11 @@ class Streams:
             for case, damaged in cases.items():
                 self.add(f"{name}_{case}", [host, quoted], damaged + quoted.wire, [1])
 
-    def refusals(self) -> None:
-        """Frames with a right CRC that this version does not allow."""
+    def rejections(self) -> None:
+        """Frames with a valid CRC that this protocol version does not allow."""
         b, c = self.b, self.c
         time_sync = bytes.fromhex(b.content["payload"])
-        small = bytes.fromhex(self.known["taxels_shortest"].content["payload"])
+        small = bytes.fromhex(self.frames["taxels_shortest"].content["payload"])
         cases = {
             "type_0x00": raw_frame(0x00, time_sync),
             "type_0xFF": raw_frame(0xFF, time_sync),
@@ -171,12 +171,12 @@ class Streams:
         }
         for reserved in range(FrameType.COMPACT_TAXELS + 1, FrameType.HUB_STATUS):
             cases[f"reserved_type_0x{reserved:02X}"] = raw_frame(reserved, time_sync)
-        for name, refused in cases.items():
-            self.add(name, [b, c], b.wire + refused + c.wire, [0, 1], BOTH_WAYS)
+        for name, rejected in cases.items():
+            self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS)
 
-    def ways(self) -> None:
-        """A decoder believes only what travels its way."""
-        b, handshake = self.b, self.known["host_handshake_arbitrary"]
+    def directions(self) -> None:
+        """A decoder accepts only frames of its own direction."""
+        b, handshake = self.b, self.frames["host_handshake_arbitrary"]
         stream = b.wire + handshake.wire + b.wire
         self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST)
         self.add("hub_hears_itself", [b, handshake], stream, [1], TO_HUB)
@@ -190,9 +190,9 @@ def text() -> str:
     streams.delimiters()
     streams.damage()
     streams.quotations()
-    streams.refusals()
-    streams.ways()
-    about = "damaged streams and the frames that come out"
+    streams.rejections()
+    streams.directions()
+    about = "damaged streams and the frames that they yield"
     head = json.dumps({"about": about, "protocol_version": PROTOCOL_VERSION, "made_by": Path(__file__).name})
     lines = ",\n".join(json.dumps(vector) for vector in streams.vectors)
     return f'{head[:-1]}, "streams": [\n{lines}\n]}}\n'

@@ -1,4 +1,4 @@
-"""Write firmware/tests/generated_fields.h: where the C test finds the fields that a vector names.
+"""Write firmware/tests/generated_fields.h: the positions of a vector's fields in the C structs, for the C test.
 
 python tools/codegen/field_tables.py            write it
 python tools/codegen/field_tables.py --check    exit status 1 if the file on disk is stale
@@ -25,7 +25,7 @@ INNER: dict[str, Struct] = {
     "get_board_info_arguments": frames.GetBoardInfoArguments,
     "get_time_reply": frames.GetTimeReply,
 }
-"""Structs that stand in the tail of a command or a reply, by their name in C."""
+"""Structs in the tail of a command or a reply, by their C name."""
 
 REGISTERS: dict[str, Struct] = {
     "identity": registers.Identity,
@@ -34,7 +34,7 @@ REGISTERS: dict[str, Struct] = {
     "command_register": registers.CommandRegister,
     "snapshot_header": registers.SnapshotHeader,
     "compact_packed": registers.CompactPacked,
-    "compact_coded": registers.CompactCoded,
+    "compact_delta": registers.CompactDelta,
     "compact_acknowledge": registers.CompactAcknowledge,
 }
 
@@ -59,7 +59,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
     FrameType.COMMAND: (("command_header", "", frames.CommandPayload),),
     FrameType.ACKNOWLEDGE: (),
 }
-"""Structs at the front of each payload: name in C, prefix of their fields' flat names, definition."""
+"""Structs at the front of each payload: C name, prefix of their fields' flat names, definition."""
 
 
 def _layout_lines(name: str, definition: Struct) -> list[str]:
@@ -93,7 +93,7 @@ FIELDS_HEAD = """\
 
 #include "generated/taxel_protocol.h"
 
-/* Where a field that a vector names lies in its C struct. */
+/* Position of a vector's field in its C struct. */
 struct field {
     const char *name;
     size_t offset;
@@ -110,7 +110,7 @@ struct layout {
     void (*unpack)(void *value, const uint8_t *bytes);
 };
 
-/* The structs at the front of a type's payload, in order; `prefix` begins their fields' names in a vector. */
+/* The structs at the front of a type's payload, in order; `prefix`: prefix of their fields' names in a vector. */
 struct payload_part {
     uint8_t type;
     const char *layout;

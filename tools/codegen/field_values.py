@@ -1,4 +1,4 @@
-"""Field values between the three forms that vectors need: flat names, construct's nested values, JSON."""
+"""Conversions of field values between flat names, construct's nested values and JSON."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,13 +30,13 @@ def tail_name(definition: Struct) -> str | None:
     return str(last.name) if last.subcon is GreedyBytes else None
 
 
-def plain(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Field values as JSON has them: numbers, and byte strings in hexadecimal."""
-    shown: dict[str, Any] = {}
+def json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Field values for a JSON file: numbers, and byte strings in hexadecimal."""
+    converted: dict[str, Any] = {}
     for field in fields:
         value: Any = field.constant if field.constant is not None else values[field.name]
-        shown[field.name] = value.hex() if field.is_bytes else value
-    return shown
+        converted[field.name] = value.hex() if field.is_bytes else value
+    return converted
 
 
 def board_crc(address: int, data: bytes) -> int:
@@ -45,7 +45,7 @@ def board_crc(address: int, data: bytes) -> int:
 
 
 def filled(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
-    """A value for every field, by `value`; an address is kept within the allowed range."""
+    """A value for every field, computed by `value`; an address is limited to the valid range."""
     values: dict[str, Any] = {}
     for field in fields:
         number = value(field)

@@ -1,11 +1,11 @@
-"""What registers.json holds: register blocks of a board, fields and bytes."""
+"""Content of registers.json: register blocks of a board, fields and bytes."""
 
 import random
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, board_crc, filled, nest, plain
+from field_values import SEED, board_crc, filled, json_values, nest
 
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
@@ -19,16 +19,16 @@ REGISTERS: dict[str, Struct] = {
     "command_register": registers.CommandRegister,
     "snapshot_header": registers.SnapshotHeader,
     "compact_packed": registers.CompactPacked,
-    "compact_coded": registers.CompactCoded,
+    "compact_delta": registers.CompactDelta,
     "compact_acknowledge": registers.CompactAcknowledge,
 }
 
 
 def register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
-    """A register block without a CRC over the address."""
+    """Vector of a register block without a CRC over the address."""
     definition = REGISTERS[struct]
     data = definition.build(nest(definition, values))
-    shown = plain(fields_of(definition), values)
+    shown = json_values(fields_of(definition), values)
     return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
 
 
@@ -66,7 +66,7 @@ def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence
 def _compact() -> list[dict[str, Any]]:
     rng = random.Random(SEED + 1)  # its own generator: vectors of version 1 do not change
     vectors = []
-    for name in ("compact_packed", "compact_coded", "compact_acknowledge"):
+    for name in ("compact_packed", "compact_delta", "compact_acknowledge"):
         fields = fields_of(REGISTERS[name])
         drawn = {
             field.name: rng.randbytes(3) if field.is_bytes else rng.getrandbits(8 * field.size) for field in fields

@@ -3,9 +3,9 @@
 python tools/codegen/vectors.py            write them
 python tools/codegen/vectors.py --check    exit status 1 if a file on disk is stale
 
-This module makes frames.json and registers.json, and then runs `damaged_streams.py`, `field_tables.py` and
-`compact_vectors.py`.
-Everything is made of fixed numbers and a seeded generator: the same definitions give the same files.
+This module writes frames.json and registers.json, and then runs `damaged_streams.py`, `field_tables.py` and
+`compact_vectors.py`. All values are constants or come from a seeded generator: the same definitions give the same
+files.
 """
 
 import json
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, board_crc, filled, nest, plain, tail_name
+from field_values import SEED, board_crc, filled, json_values, nest, tail_name
 from register_vectors import all_registers
 
 from taxel_protocol import frames, limits, registers
@@ -42,12 +42,12 @@ INNER: dict[str, Struct] = {
     "get_board_info_arguments": frames.GetBoardInfoArguments,
     "get_time_reply": frames.GetTimeReply,
 }
-"""Structs that stand in the tail of a command or a reply, by their name in C."""
+"""Structs in the tail of a command or a reply, by their C name."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One frame as fields and as bytes; `vector` is what the file holds."""
+    """One frame as fields and as bytes; `vector` is its entry in the file."""
 
     vector: dict[str, Any]
 
@@ -76,7 +76,7 @@ def sample(
         "type_name": frame_type.name,
         "sequence": sequence,
     }
-    vector["fields"] = plain(fields_of(definition), flat)
+    vector["fields"] = json_values(fields_of(definition), flat)
     vector["tail"] = tail.hex()
     if inner:
         vector["inner"] = inner
@@ -114,7 +114,7 @@ def taxels(
     without_crc = definition.build(nest(definition, flat, "snapshot_"))[:-4]
     flat["snapshot_crc32"] = board_crc(address, without_crc) ^ crc_error
     payload = FRAMES[FrameType.TAXELS].payload
-    fields = plain(fields_of(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
+    fields = json_values(fields_of(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
     vector = {
         "name": name,
         "type": int(FrameType.TAXELS),
@@ -128,7 +128,7 @@ def taxels(
 
 VERSION_1 = tuple(kind for kind in FRAMES if kind not in (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE))
 VERSION_2 = (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE)
-"""Drawn from generators of their own: vectors of a version that is out do not change."""
+"""Each version has its own random generator, so that the vectors of a released version do not change."""
 
 
 def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
@@ -162,7 +162,7 @@ def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[byt
     if tail_name(definition):
         flat[str(tail_name(definition))] = tail
     data = definition.build(nest(definition, flat))
-    return data, {"struct": name, "fields": plain(fields_of(definition), flat), "tail": tail.hex()}
+    return data, {"struct": name, "fields": json_values(fields_of(definition), flat), "tail": tail.hex()}
 
 
 def every_command() -> list[Sample]:
@@ -184,7 +184,7 @@ def every_command() -> list[Sample]:
     tail, inner = _inner("start_arguments", {"flags": int(StartFlag.COMPACT)})
     started = {"tag": 10, "command": int(Command.START)}
     samples.append(sample("command_start_compact", FrameType.COMMAND, 78, started, tail, inner))
-    tail, inner = _inner("acknowledgement", {"address": 0x20, "reference": 0xBEEF})
+    tail, inner = _inner("acknowledgement", {"address": 0x20, "key_frame": 0xBEEF})
     samples.append(sample("acknowledge_one", FrameType.ACKNOWLEDGE, 79, {}, tail, inner))
     tail, inner = _inner("get_time_reply", {"hub_time_us": 4_295_000_000})
     return [*samples, sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
@@ -196,7 +196,7 @@ def _zeros_of(frame: Sample) -> list[int]:
 
 
 def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
-    """A taxel frame whose whitened body has zeros at exactly these places: runs of known length."""
+    """A taxel frame whose whitened body has zeros at exactly these positions, so that its runs have a given length."""
     key = whiten(bytes(limits.BODY_MAX))
     sequence = sum((key[i] if i in zeros else 0x77) << (8 * (i - 1)) for i in (1, 2))
     start = limits.FRAME_HEADER_SIZE + frames.TaxelHeader.sizeof() + registers.SnapshotHeader.sizeof()
@@ -207,11 +207,11 @@ def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
         frame = taxels(name, sequence, counts, 0x31, 0x4142, times, board_sequence=0x3132)
         if _zeros_of(frame) == zeros:
             return frame
-    raise AssertionError(f"{name}: no such frame was found")
+    raise AssertionError(f"{name}: no frame has zeros at these positions")
 
 
 def stuffing_edges() -> list[Sample]:
-    """Frames at the corners of byte stuffing: runs without zeros of 253 to 255 bytes, and of many."""
+    """Frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
     key = whiten(bytes(limits.BODY_MAX))
     samples = [
         _with_zeros_at("run_253_then_zero", 120, [2, 256]),
@@ -261,14 +261,14 @@ def quotations(quoted: Sample) -> list[Sample]:
     log = {"level": 2, "code": 0x102, "hub_time_us": 123_456}
     reply = {"tag": 7, "command": int(Command.I2C_TRANSFER), "status": 0}
     samples = []
-    for form, data in (("wire", once), ("two_wires", twice), ("stuffed", stuffed)):
-        samples.append(sample(f"log_quotes_{form}", FrameType.LOG, 9, log, data))
-        samples.append(sample(f"reply_quotes_{form}", FrameType.REPLY, 10, reply, data))
+    for variant, data in (("wire", once), ("two_wires", twice), ("stuffed", stuffed)):
+        samples.append(sample(f"log_quotes_{variant}", FrameType.LOG, 9, log, data))
+        samples.append(sample(f"reply_quotes_{variant}", FrameType.REPLY, 10, reply, data))
     return samples
 
 
 def all_frames() -> list[Sample]:
-    """What frames.json holds."""
+    """Content of frames.json."""
     rng = random.Random(SEED)
     samples = [*every_type(rng, VERSION_1), *every_command(), *taxel_frames(rng), *stuffing_edges()]
     samples += quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
@@ -276,7 +276,7 @@ def all_frames() -> list[Sample]:
 
 
 def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
-    """One vector a line, so that a difference shows which one changed."""
+    """Text of a vector file, with one vector per line so that a diff shows which vector changed."""
     head = json.dumps(
         {"about": about, "protocol_version": limits.PROTOCOL_VERSION, "made_by": "tools/codegen/vectors.py"}
     )
@@ -285,7 +285,7 @@ def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str
 
 
 def main() -> int:
-    """Write or check the files, then those of the other generators."""
+    """Write or check the files, then run the other generators."""
     texts = {
         "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
         "registers.json": json_text("registers", "I2C registers: fields and bytes", all_registers()),
@@ -298,8 +298,8 @@ def main() -> int:
         elif not path.exists() or path.read_text() != text:
             print(f"{name} is stale: run `make generate`", file=sys.stderr)
             return 1
-    others = (HERE / "damaged_streams.py", HERE / "field_tables.py", HERE / "compact_vectors.py")
-    return max(subprocess.run([sys.executable, str(other), *sys.argv[1:]]).returncode for other in others)
+    scripts = (HERE / "damaged_streams.py", HERE / "field_tables.py", HERE / "compact_vectors.py")
+    return max(subprocess.run([sys.executable, str(script), *sys.argv[1:]]).returncode for script in scripts)
 
 
 if __name__ == "__main__":

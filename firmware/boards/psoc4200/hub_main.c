@@ -13,7 +13,7 @@
 #include "hub/internal.h"
 
 #define SLOTS 17u /* boards of the hand */
-#define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_MIN + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
+#define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
 #define TRANSMIT_RING 288u /* a frame of status, or of 30 taxels, and the reserve for answers */
 #define NEVER UINT64_MAX
 
@@ -153,11 +153,11 @@ static bool try_confirm(void)
         return false;
     }
     uart_hold(true);
-    ticks_delay_us(TAXEL_HUB_HOLD_ROOM * 10u); /* what the adapter still sends, at 1 Mbaud */
+    ticks_delay_us(TAXEL_HUB_HOLD_SPACE * 10u); /* what the adapter still sends, at 1 Mbaud */
     const uint32_t interrupts = interrupts_mask();
     self_confirm();
     interrupts_unmask(interrupts);
-    uart_hold(hub.inbox.holds);
+    uart_hold(hub.inbox.is_holding);
     return true;
 }
 

@@ -79,7 +79,7 @@ void i2c_master_drive(bool scl_high, bool sda_high)
  * that fills the FIFO waits for its acknowledge; the maker's own driver relies on it. */
 static bool collects(void)
 {
-    return !master.transfer.counted && master.transfer.read_size >= SCB_FIFO_SIZE;
+    return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
 }
 
 static void collect_if_long(void)
@@ -192,9 +192,9 @@ static void take_byte(void)
     if (master.state != READING) {
         return;
     }
-    if (transfer->counted) {
-        transfer->counted = false;
-        transfer->read_size = 1u + taxel_i2c_counted_rest(transfer, byte);
+    if (transfer->length_prefixed) {
+        transfer->length_prefixed = false;
+        transfer->read_size = 1u + taxel_i2c_bytes_after_length(transfer, byte);
     }
     transfer->read_size--;
     if (transfer->read_size) {
