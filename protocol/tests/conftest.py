@@ -212,9 +212,7 @@ class Codec:
                 crc = crc32(payload[TaxelHeader.sizeof() : -4], crc32(payload[:1]))
                 is_right = crc == int.from_bytes(payload[-4:], "little")
                 batch.taxels.append(Taxels(sequence, payload[:-4], is_right))
-            elif (
-                frame_type == FrameType.COMPACT_TAXELS
-            ):  # arbitrary bytes: its own CRC is wrong, no counts
+            elif frame_type == FrameType.COMPACT_TAXELS:  # arbitrary bytes: its own CRC is wrong, no counts
                 head = payload[:1] + b"\0" + payload[2:10] + bytes(4)
                 batch.taxels.append(Taxels(sequence, head, False))
             else:

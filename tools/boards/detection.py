@@ -1,7 +1,9 @@
-"""How many faults `taxel bench` catches and names: `python tools/boards/detection.py`.
+"""Detection campaign of `taxel bench`: number of faults that are caught and named.
 
-Single faults of severity 1.5 to 10, healthy boards, and below 1.5 the curve of how often a fault is caught. Prints a
-table; with --page it writes docs/bench-faults.md and its picture.
+    python tools/boards/detection.py
+
+Tests single faults of severity 1.5 to 10, healthy boards, and, below 1.5, the share of faults that are caught. Prints a
+table; with --page, writes docs/bench-faults.md and its picture.
 """
 
 from __future__ import annotations
@@ -17,25 +19,31 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-from board_faults import BOARDS, FAMILIES, HAND, Case, SlowLink, draw_case, render_text
+from board_faults import BOARDS, FAMILIES, HAND, Case, SlowLink, build_world, sample_case
 
 from taxel.link.virtual import VirtualWorld
+from taxel_tools.bench.board_under_test import open_board
 from taxel_tools.bench.probe.emulated import EmulatedProbe
-from taxel_tools.bench.running import Who, default_plan, only, test_board
-from taxel_tools.bench.station import open_station
+from taxel_tools.bench.running import RecordLabels, load_default_plan, run_board_test, select_phases
 from taxel_tools.testing.record import Outcome
 from taxel_tools.wires import HubWire
 
 REPOSITORY: Final = Path(__file__).resolve().parent.parent.parent
 PHASES: Final = ("identify", "electrical", "rest", "noise", "drift", "frames", "presses", "faults")
-"""Without the two slow curves, which look for none of these faults."""
+"""Without the two slow phases, which detect none of these faults."""
 BOOT_S: Final = 0.5
-CURVE: Final = (0.25, 0.5, 0.75, 1.0, 1.25)
+CURVE_SEVERITIES: Final = (0.25, 0.5, 0.75, 1.0, 1.25)
+SEVERITY_MIN: Final = 1.5
+SEVERITY_MAX: Final = 10.0
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a case. `named`: the fault is found at its place; `others`: findings that are not it."""
+    """Result of a case.
+
+    `caught`: the board was refused. `named`: the fault was reported at its place. `first`: equal to `named`, kept for
+    the format of the JSON file. `others`: other findings.
+    """
 
     case: Case
     caught: bool
@@ -46,55 +54,58 @@ class Result:
     seconds: float
 
 
-def test(case: Case) -> Result:
-    """Put a board on the bench."""
-    plan = only(default_plan(), PHASES)
+def run_case(case: Case) -> Result:
+    """Test one board."""
+    plan = select_phases(load_default_plan(), PHASES)
     address = BOARDS[case.kind]
     kind = HAND.get_board(address).kind
-    with VirtualWorld(render_text(case.kind, case.seed, list(case.effects))) as world:
+    with VirtualWorld(build_world(case.kind, case.seed, list(case.effects))) as world:
         world.run(BOOT_S)
-        station = open_station(HubWire(SlowLink(world)), address, HAND)
-        station.draws = False
-        station.probe = EmulatedProbe(world, kind, 0, HAND.pitch_m)
-        record = test_board(plan, station, Who("T", "", ""), lambda phase, fraction: None)
+        board = open_board(HubWire(SlowLink(world)), address, HAND)
+        board.draws_pictures = False
+        board.probe = EmulatedProbe(world, kind, 0, HAND.pitch_m)
+        record = run_board_test(plan, board, RecordLabels("T", "", ""), lambda phase, fraction: None)
     if record.outcome is Outcome.ERROR:
         problems = "; ".join(phase.problem for phase in record.phases if phase.problem)
         raise RuntimeError(f"{case}: {problems}")
-    findings = [(one.fault, one.place) for one in record.findings()]
-    hits = [fault in case.names and place == case.place for fault, place in findings]
-    others = tuple(f"{fault} at {place}" for (fault, place), hit in zip(findings, hits, strict=True) if not hit)
-    first = next((hit for (fault, _), hit in zip(findings, hits, strict=True) if hit), False)
-    automatic = sum(phase.seconds for phase in record.phases if phase.automatic)
-    return Result(case, record.outcome is not Outcome.PASS, any(hits), first, others, automatic, record.seconds)
+    findings = [(finding.fault, finding.place) for finding in record.findings()]
+    is_named = [fault in case.names and place == case.place for fault, place in findings]
+    other_findings = tuple(
+        f"{fault} at {place}" for (fault, place), named in zip(findings, is_named, strict=True) if not named
+    )
+    automatic_s = sum(phase.seconds for phase in record.phases if phase.automatic)
+    is_caught = record.outcome is not Outcome.PASS
+    return Result(case, is_caught, any(is_named), any(is_named), other_findings, automatic_s, record.seconds)
 
 
-def cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]:
-    """What is tested: faults in turn through the families, severities drawn evenly on a logarithmic scale from 1.5 to
-    10.
-    """
-    plan = default_plan()
+def sample_cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]:
+    """Cases of the campaign: faults of all families in turn, with severities uniform on a logarithmic scale."""
+    plan = load_default_plan()
     rng = random.Random(f"severities {seed}")
-    drawn = [draw_case(None, number, seed, 0.0, plan) for number in range(healthy)]
+    cases = [sample_case(None, number, seed, 0.0, plan) for number in range(healthy)]
     for number in range(faults):
         family = FAMILIES[number % len(FAMILIES)]
-        drawn.append(draw_case(family, number, seed, 1.5 * (10.0 / 1.5) ** rng.random(), plan))
+        severity = SEVERITY_MIN * (SEVERITY_MAX / SEVERITY_MIN) ** rng.random()
+        cases.append(sample_case(family, number, seed, severity, plan))
     for family in FAMILIES:
-        if family.graded:
-            drawn += [draw_case(family, number, seed, step, plan) for step in CURVE for number in range(curve)]
-    return drawn
+        if family.is_graded:
+            cases += [
+                sample_case(family, number, seed, step, plan) for step in CURVE_SEVERITIES for number in range(curve)
+            ]
+    return cases
 
 
-def run(wanted: Sequence[Case], jobs: int) -> Iterable[Result]:
-    """Test them all, in order."""
+def run_cases(cases: Sequence[Case], jobs: int) -> Iterable[Result]:
+    """Test all boards, in order."""
     if jobs == 1:
-        yield from map(test, wanted)
+        yield from map(run_case, cases)
         return
     with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(test, wanted, chunksize=4)
+        yield from pool.map(run_case, cases, chunksize=4)
 
 
 def main() -> int:
-    """The command."""
+    """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=320, help="single faults of severity 1.5 to 10")
     parser.add_argument("--healthy", type=int, default=1000, help="healthy boards")
@@ -104,25 +115,23 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="write every result to this JSON file")
     parser.add_argument("--page", action="store_true", help="write docs/bench-faults.md and its picture")
     arguments = parser.parse_args()
-    began = time.monotonic()
-    wanted = cases(arguments.faults, arguments.healthy, arguments.curve, arguments.seed)
+    start_s = time.monotonic()
+    cases = sample_cases(arguments.faults, arguments.healthy, arguments.curve, arguments.seed)
     results = []
-    for number, result in enumerate(run(wanted, arguments.jobs), start=1):
+    for number, result in enumerate(run_cases(cases, arguments.jobs), start=1):
         results.append(result)
         if number % 50 == 0 and sys.stderr.isatty():
-            print(f"{number} of {len(wanted)} boards", file=sys.stderr)
-    from detection_page import summary, write_page  # matplotlib only here
+            print(f"{number} of {len(cases)} boards", file=sys.stderr)
+    from detection_page import format_summary, write_page  # Imports matplotlib, which is slow.
 
-    print(summary(results, arguments.seed, time.monotonic() - began))
+    print(format_summary(results, arguments.seed, time.monotonic() - start_s))
     if arguments.out:
         arguments.out.write_text(json.dumps([asdict(result) for result in results], default=sorted, indent=1) + "\n")
     if arguments.page:
         write_page(REPOSITORY / "docs", results, arguments.seed)
-    serious = [one for one in results if one.case.severity >= 1.5]
-    is_well = all(one.named for one in serious) and not any(
-        one.caught for one in results if one.case.family == "healthy"
-    )
-    return 0 if is_well else 1
+    all_named = all(result.named for result in results if result.case.severity >= SEVERITY_MIN)
+    no_alarm = not any(result.caught for result in results if result.case.family == "healthy")
+    return 0 if all_named and no_alarm else 1
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the detection campaign found, in words, as a page and as a picture."""
+"""Results of the detection campaign as text, page and picture."""
 
 from __future__ import annotations
 
@@ -12,96 +12,98 @@ from matplotlib.figure import Figure
 if TYPE_CHECKING:
     from detection import Result
 
-SERIOUS: Final = 1.5
+SEVERITY_MIN: Final = 1.5
 INK: Final = "#1b1d22"
 COLOURS: Final = ("#1f5fa8", "#b3313e", "#3d8f5f", "#c9a227", "#7a4fa3", "#d9772b")
 
 
 def _counts(results: Sequence[Result]) -> tuple[int, int, int]:
-    return len(results), sum(one.caught for one in results), sum(one.named for one in results)
+    return len(results), sum(result.caught for result in results), sum(result.named for result in results)
 
 
-def _serious(results: Sequence[Result]) -> list[Result]:
-    return [one for one in results if one.case.family != "healthy" and one.case.severity >= SERIOUS]
+def _select_faults(results: Sequence[Result]) -> list[Result]:
+    return [result for result in results if result.case.family != "healthy" and result.case.severity >= SEVERITY_MIN]
 
 
-def _rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
+def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
     rows = []
     for family in FAMILIES:
-        own = [one for one in _serious(results) if one.case.family == family.name]
-        count, caught, named = _counts(own)
-        rows.append((family.name, count, caught, named, sum(not one.others for one in own)))
+        family_results = [result for result in _select_faults(results) if result.case.family == family.name]
+        without_others = sum(not result.others for result in family_results)
+        rows.append((family.name, *_counts(family_results), without_others))
     return rows
 
 
-def _totals(results: Sequence[Result]) -> list[str]:
-    serious = _serious(results)
-    count, caught, named = _counts(serious)
-    healthy = [one for one in results if one.case.family == "healthy"]
-    alarms = [one for one in healthy if one.caught]
+def _format_totals(results: Sequence[Result]) -> list[str]:
+    faults = _select_faults(results)
+    count, caught, named = _counts(faults)
+    healthy = [result for result in results if result.case.family == "healthy"]
+    alarms = [result for result in healthy if result.caught]
+    without_others = sum(not result.others for result in faults)
     lines = [
         f"single faults, severity 1.5 to 10: {count}, caught {caught}, named at their place {named}, "
-        f"named first {sum(one.first for one in serious)}, nothing else named {sum(not one.others for one in serious)}",
+        f"no other fault named {without_others}",
         f"healthy boards: {len(healthy)}, refused {len(alarms)}",
     ]
     if results:
-        automatic = sorted(one.automatic_s for one in results)
-        lines.append(
-            f"automatic phases: {automatic[len(automatic) // 2]:.1f} s of bench time, at most {automatic[-1]:.1f} s"
-        )
+        durations = sorted(result.automatic_s for result in results)
+        median_s = durations[len(durations) // 2]
+        lines.append(f"automatic phases: {median_s:.1f} s of bench time, at most {durations[-1]:.1f} s")
     return lines
 
 
-def summary(results: Sequence[Result], seed: int, seconds: float) -> str:
-    """For the terminal."""
-    lines = [f"seed {seed}, {len(results)} boards in {seconds:.0f} s", *_totals(results), ""]
-    lines.append(f"{'fault':<28} {'boards':>6} {'caught':>6} {'named':>6} {'alone':>6}")
+def format_summary(results: Sequence[Result], seed: int, seconds: float) -> str:
+    """Results as text."""
+    lines = [f"seed {seed}, {len(results)} boards in {seconds:.0f} s", *_format_totals(results), ""]
+    lines.append(f"{'fault':<28} {'boards':>6} {'caught':>6} {'named':>6} {'only':>6}")
     lines += [
-        f"{name:<28} {count:>6} {caught:>6} {named:>6} {alone:>6}"
-        for name, count, caught, named, alone in _rows(results)
+        f"{name:<28} {count:>6} {caught:>6} {named:>6} {only:>6}"
+        for name, count, caught, named, only in _format_rows(results)
     ]
-    for one in results:
-        is_wrong = one.caught if one.case.family == "healthy" else one.case.severity >= SERIOUS and not one.named
+    for result in results:
+        case = result.case
+        is_wrong = result.caught if case.family == "healthy" else case.severity >= SEVERITY_MIN and not result.named
         if is_wrong:
-            case = one.case
+            outcome = "; ".join(result.others) or "a limit is violated" if result.caught else "passed"
             lines.append(
                 f"WRONG {case.family} at {case.place or '-'}, {case.kind}, severity {case.severity:.2f}, world seed "
-                f"{case.seed}: {'; '.join(one.others) or 'a limit is broken' if one.caught else 'passed'}"
+                f"{case.seed}: {outcome}"
             )
     return "\n".join(lines)
 
 
 def write_page(docs: Path, results: Sequence[Result], seed: int) -> None:
-    """docs/bench-faults.md and docs/images/bench-faults.png."""
-    _picture(results).savefig(docs / "images" / "bench-faults.png", dpi=110, facecolor="white")
+    """Write docs/bench-faults.md and docs/images/bench-faults.png."""
+    _draw_curves(results).savefig(docs / "images" / "bench-faults.png", dpi=110, facecolor="white")
     table = "\n".join(
-        f"| {name} | {count} | {caught} | {named} | {alone} |" for name, count, caught, named, alone in _rows(results)
+        f"| {name} | {count} | {caught} | {named} | {only} |"
+        for name, count, caught, named, only in _format_rows(results)
     )
-    totals = "\n".join(f"- {line}" for line in _totals(results))
+    totals = "\n".join(f"- {line}" for line in _format_totals(results))
     template = Path(__file__).with_name("bench-faults.template.md").read_text()
     (docs / "bench-faults.md").write_text(
         template.replace("{table}", table).replace("{totals}", totals).replace("{seed}", str(seed))
     )
 
 
-def _picture(results: Sequence[Result]) -> Figure:
-    """Share of boards refused, over severity, for each graded family."""
+def _draw_curves(results: Sequence[Result]) -> Figure:
+    """Share of refused boards over severity, for each graded family."""
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     axes = figure.add_subplot()
-    graded = [family for family in FAMILIES if family.graded]
-    for place, family in enumerate(graded):
-        own = [one for one in results if one.case.family == family.name]
-        steps = sorted({one.case.severity for one in own if one.case.severity < SERIOUS})
-        shares = [_share([one for one in own if one.case.severity == step]) for step in steps]
-        serious = [one for one in own if one.case.severity >= SERIOUS]
-        if serious:
-            steps, shares = [*steps, 2.0], [*shares, _share(serious)]
-        style = ("-", "--", ":")[place // len(COLOURS)]
-        axes.plot(
-            steps, shares, style, marker="o", markersize=3, color=COLOURS[place % len(COLOURS)], label=family.name
-        )
+    graded = [family for family in FAMILIES if family.is_graded]
+    for i, family in enumerate(graded):
+        family_results = [result for result in results if result.case.family == family.name]
+        steps = sorted({result.case.severity for result in family_results if result.case.severity < SEVERITY_MIN})
+        shares = [
+            _caught_share([result for result in family_results if result.case.severity == step]) for step in steps
+        ]
+        faults = [result for result in family_results if result.case.severity >= SEVERITY_MIN]
+        if faults:
+            steps, shares = [*steps, 2.0], [*shares, _caught_share(faults)]
+        style = ("-", "--", ":")[i // len(COLOURS)]
+        axes.plot(steps, shares, style, marker="o", markersize=3, color=COLOURS[i % len(COLOURS)], label=family.name)
     axes.axvline(1.0, color=INK, linewidth=0.8)
-    axes.set_xlabel("severity: times beyond the limit (last point: all from 1.5 to 10)")
+    axes.set_xlabel("severity: factor beyond the limit (last point: all from 1.5 to 10)")
     axes.set_ylabel("share of boards refused")
     axes.set_ylim(-0.03, 1.03)
     axes.grid(True, color="#e6e8ec", linewidth=0.7)
@@ -111,5 +113,5 @@ def _picture(results: Sequence[Result]) -> Figure:
     return figure
 
 
-def _share(results: Sequence[Result]) -> float:
-    return sum(one.caught for one in results) / max(len(results), 1)
+def _caught_share(results: Sequence[Result]) -> float:
+    return sum(result.caught for result in results) / max(len(results), 1)

@@ -1,6 +1,7 @@
-"""The libraries that were compared, each behind the same questions: align to points or a surface, measure to a mesh.
+"""Libraries for alignment and for distances to a mesh, behind one interface.
 
-A question that a library does not answer is None. Convergence is asked for as tightly as each allows, one thread each.
+An operation that a library does not offer is None. Every library converges as far as its parameters allow, on one
+thread.
 """
 
 from __future__ import annotations
@@ -14,36 +15,41 @@ import numpy as np
 from taxel.types import FloatArray, IntArray
 
 Align = Callable[[FloatArray, FloatArray], FloatArray]
-"""Points f64[N, 3] and target points f64[K, 3] to the transform f64[4, 4] that lays the first on the second."""
+"""Function of points f64[N, 3] and target points f64[K, 3] that returns the transform f64[4, 4] of the points."""
+AlignToSurface = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
+"""Function of points, vertices and faces that returns the transform f64[4, 4] of the points."""
 Measure = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
-"""Points f64[N, 3], vertices and faces to unsigned distances f64[N]; or to the transform f64[4, 4] onto the surface."""
+"""Function of points f64[N, 3], vertices and faces that returns unsigned distances f64[N]."""
 
-REFERENCE = "own: SciPy and NumPy"
-"""Its distances are of every point to every triangle: what the others are judged by."""
+REFERENCE = "reference: SciPy and NumPy"
+"""Candidate that computes the distance of every point to every triangle; the others are compared with it."""
 
-ITERATIONS = 1000
-STILL = 1e-9
+MAX_ITERATIONS = 1000
+TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Answers:
-    """What a library can do."""
+class Operations:
+    """Operations that a library offers."""
 
     align: Align | None = None
     measure: Measure | None = None
-    align_to_surface: Measure | None = None
+    align_to_surface: AlignToSurface | None = None
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """load: imports the library, and gives what it can do. package: its distribution; "" for what taxel has anyway."""
+    """load: function that imports the library and returns its operations.
+
+    package: distribution; "" if taxel needs it.
+    """
 
     name: str
     package: str
-    load: Callable[[], Answers]
+    load: Callable[[], Operations]
 
 
-def _taxel() -> Answers:
+def _load_taxel() -> Operations:
     from taxel.cloud.mesh import TriangleMesh
     from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 
@@ -51,110 +57,112 @@ def _taxel() -> Answers:
         return align_to_points(points, PointTarget(target)).transform
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        return TriangleMesh("mesh", vertices, faces).closest(points).distance
+        return TriangleMesh("mesh", vertices, faces).find_closest(points).distance
 
     def align_to_surface(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return align_to_mesh(points, TriangleMesh("mesh", vertices, faces)).transform
 
-    return Answers(align, measure, align_to_surface)
+    return Operations(align, measure, align_to_surface)
 
 
-def _own() -> Answers:
-    return Answers(_own_align, exact_distances)
+def _load_reference() -> Operations:
+    return Operations(_align_by_kd_tree, compute_exact_distances)
 
 
-def _own_align(points: FloatArray, target: FloatArray) -> FloatArray:
-    """Besl and McKay's loop: a KD-tree's nearest points, and Kabsch's fit to them."""
+def _align_by_kd_tree(points: FloatArray, target: FloatArray) -> FloatArray:
+    """Algorithm of Besl and McKay: nearest points by a k-d tree, and the best rotation by Kabsch's method."""
     from scipy.spatial import cKDTree
 
     tree, centre = cKDTree(target), points.mean(axis=0)
     transform: FloatArray = np.eye(4)
-    last = np.inf
-    for _ in range(ITERATIONS):
+    previous_cost = np.inf
+    for _ in range(MAX_ITERATIONS):
         moved = points @ transform[:3, :3].T + transform[:3, 3]
-        found, nearest = tree.query(moved)
-        distance = np.asarray(found)
+        distances, nearest = tree.query(moved)
+        distance = np.asarray(distances)
         cost = float(distance @ distance)
-        if last - cost < STILL * cost:
+        if previous_cost - cost < TOLERANCE * cost:
             break
-        last = cost
+        previous_cost = cost
         partner = target[nearest]
-        middle = partner.mean(axis=0)
-        u, _, v = np.linalg.svd((points - centre).T @ (partner - middle))
-        turn: FloatArray = (u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v).T
-        transform[:3, :3], transform[:3, 3] = turn, middle - turn @ centre
+        partner_centre = partner.mean(axis=0)
+        u, _, v = np.linalg.svd((points - centre).T @ (partner - partner_centre))
+        rotation: FloatArray = (u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ v)))]) @ v).T
+        transform[:3, :3], transform[:3, 3] = rotation, partner_centre - rotation @ centre
     return transform
 
 
-def exact_distances(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Every point against every triangle, vectorised: the nearest of the plane's foot and the three edges."""
+def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Distance of every point to the nearest triangle: the smallest of the distances to its plane and edges."""
     best = np.full(len(points), np.inf)
     for face in faces:
         a, b, c = vertices[face]
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal)
         height = (points - a) @ normal
-        inside = np.ones(len(points), bool)
-        edges = np.full(len(points), np.inf)
+        is_inside = np.ones(len(points), bool)
+        to_edges = np.full(len(points), np.inf)
         for start, end in ((a, b), (b, c), (c, a)):
             along, arm = end - start, points - start
-            inside &= arm @ np.cross(normal, along) >= 0.0
-            part = np.clip(arm @ along / (along @ along), 0.0, 1.0)
-            edges = np.minimum(edges, np.linalg.norm(arm - part[:, None] * along, axis=1))
-        best = np.minimum(best, np.where(inside, np.abs(height), edges))
+            is_inside &= arm @ np.cross(normal, along) >= 0.0
+            share = np.clip(arm @ along / (along @ along), 0.0, 1.0)
+            to_edges = np.minimum(to_edges, np.linalg.norm(arm - share[:, None] * along, axis=1))
+        best = np.minimum(best, np.where(is_inside, np.abs(height), to_edges))
     return best
 
 
-def _small_gicp() -> Answers:
+def _load_small_gicp() -> Operations:
     import small_gicp
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
         cloud = small_gicp.PointCloud(target)
-        found = small_gicp.align(
+        result = small_gicp.align(
             cloud,
             small_gicp.PointCloud(points),
             small_gicp.KdTree(cloud),
             registration_type="ICP",
             max_correspondence_distance=1e3,
             num_threads=1,
-            max_iterations=ITERATIONS,
+            max_iterations=MAX_ITERATIONS,
             rotation_epsilon=1e-6,
             translation_epsilon=1e-7,
         )
-        return np.array(found.T_target_source)
+        return np.array(result.T_target_source)
 
-    return Answers(align)
+    return Operations(align)
 
 
-def _open3d() -> Answers:
+def _load_open3d() -> Operations:
     import open3d  # type: ignore[import-not-found,unused-ignore]
 
     registration = open3d.pipelines.registration
 
-    def cloud_of(points: FloatArray) -> Any:
+    def build_cloud(points: FloatArray) -> Any:
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
-        criteria = registration.ICPConvergenceCriteria(STILL, STILL, ITERATIONS)
-        plain = registration.TransformationEstimationPointToPoint()
-        found = registration.registration_icp(cloud_of(points), cloud_of(target), 1e3, np.eye(4), plain, criteria)
-        return np.array(found.transformation)
+        criteria = registration.ICPConvergenceCriteria(TOLERANCE, TOLERANCE, MAX_ITERATIONS)
+        method = registration.TransformationEstimationPointToPoint()
+        result = registration.registration_icp(
+            build_cloud(points), build_cloud(target), 1e3, np.eye(4), method, criteria
+        )
+        return np.array(result.transformation)
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
         return np.asarray(scene.compute_distance(points.astype(np.float32), nthreads=1).numpy(), dtype=np.float64)
 
-    return Answers(align, measure)
+    return Operations(align, measure)
 
 
-def _trimesh() -> Answers:
+def _load_trimesh() -> Operations:
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
         return np.asarray(
             trimesh.registration.icp(
-                points, target, threshold=STILL, max_iterations=ITERATIONS, reflection=False, scale=False
+                points, target, threshold=TOLERANCE, max_iterations=MAX_ITERATIONS, reflection=False, scale=False
             )[0]
         )
 
@@ -162,33 +170,33 @@ def _trimesh() -> Answers:
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         return np.asarray(trimesh.proximity.closest_point(mesh, points)[1])
 
-    return Answers(align, measure)
+    return Operations(align, measure)
 
 
-def _igl() -> Answers:
+def _load_igl() -> Operations:
     import igl
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return np.asarray(np.sqrt(igl.point_mesh_squared_distance(points, vertices, faces)[0]))
 
-    return Answers(measure=measure)
+    return Operations(measure=measure)
 
 
-def _point_cloud_utils() -> Answers:
+def _load_point_cloud_utils() -> Operations:
     import point_cloud_utils  # type: ignore[import-not-found,unused-ignore]
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
         return np.asarray(point_cloud_utils.closest_points_on_mesh(points, vertices, faces)[0], dtype=np.float64)
 
-    return Answers(measure=measure)
+    return Operations(measure=measure)
 
 
 CANDIDATES = (
-    Candidate("taxel.cloud", "", _taxel),
-    Candidate(REFERENCE, "", _own),
-    Candidate("small_gicp", "small_gicp", _small_gicp),
-    Candidate("open3d", "open3d", _open3d),
-    Candidate("trimesh", "trimesh", _trimesh),
-    Candidate("libigl", "libigl", _igl),
-    Candidate("point-cloud-utils", "point-cloud-utils", _point_cloud_utils),
+    Candidate("taxel.cloud", "", _load_taxel),
+    Candidate(REFERENCE, "", _load_reference),
+    Candidate("small_gicp", "small_gicp", _load_small_gicp),
+    Candidate("open3d", "open3d", _load_open3d),
+    Candidate("trimesh", "trimesh", _load_trimesh),
+    Candidate("libigl", "libigl", _load_igl),
+    Candidate("point-cloud-utils", "point-cloud-utils", _load_point_cloud_utils),
 )

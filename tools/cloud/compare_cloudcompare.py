@@ -1,12 +1,13 @@
-"""taxel.cloud against CloudCompare 2.11: the same distances, the same points kept, as good alignments, how much faster.
+"""Comparison of taxel.cloud with CloudCompare 2.11: distances, outlier filter, alignment, speed.
 
 taxel grasp --source both --out out/campaign
 python tools/cloud/compare_cloudcompare.py out/campaign/real.h5 out/campaign/sim.h5
 
-CloudCompare is the Debian package `cloudcompare`; nothing is installed here. For each object the clouds are: the hand's
-as they are, above 190 counts, without outliers too, and fused; the simulator's as they are, with contact propagation,
-and fused. Each is aligned to its own mesh and to the other side's cloud by both programs, and measured by both in the
-place that ours found. Then the sweep of Tables I-1 to I-6 for one object by both. Exit status 1: a bound is broken.
+CloudCompare is the Debian package `cloudcompare`; this program does not install it. The clouds of each object are: real
+unfiltered, real above 190 counts, real without outliers, real fused, simulated, simulated with contact propagation,
+simulated fused. Both programs align each cloud to the mesh of its object and to the cloud of the other dataset. Both
+measure distances in the pose that taxel.cloud computed. Then both compute the sweep of Tables I-1 to I-6 for one
+object. Exit status 1: a bound is exceeded.
 """
 
 from __future__ import annotations
@@ -21,38 +22,51 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from cloudcompare import PACKAGE, CloudCompare, program
+from cloudcompare import PACKAGE, CloudCompare, find_program
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance import DistanceStats, distances_to_cloud, distances_to_mesh
+from taxel.cloud.distance import DistanceStats, compute_distances_to_cloud, compute_distances_to_mesh
 from taxel.cloud.files import read_cloud, write_cloud, write_mesh
-from taxel.cloud.filters import force_filter, sor_mask, without_outliers
-from taxel.cloud.fusion import fused
+from taxel.cloud.filters import filter_by_force, find_inliers, remove_outliers
+from taxel.cloud.fusion import fuse_repeats
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.propagation import Propagation
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
-from taxel.cloud.sweep import THRESHOLDS, ForceRow, SorRow, force_sweep, neighbours, sor_rules, sor_sweep
-from taxel.cloud.treatment import FORCE_FILTER_COUNTS, sor_of
+from taxel.cloud.sweep import (
+    FORCE_THRESHOLDS,
+    ForceRow,
+    SorRow,
+    count_neighbours,
+    get_sor_rules,
+    sweep_force_filter,
+    sweep_outlier_filter,
+)
+from taxel.cloud.treatment import FORCE_FILTER_COUNTS, get_outlier_filter
 from taxel.errors import TaxelError
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
 
-SAME_PERCENT = 1.0
-KEPT_PERCENT = 99.0
-FASTER = 10.0
+MAX_DIFFERENCE_PERCENT = 1.0
+MIN_AGREEMENT_PERCENT = 99.0
+MIN_SPEED_RATIO = 10.0
+"""Bounds of the comparison."""
+
 SMALL_CLOUDS, SMALL_K = 5, 4
-HERE_M = 1e-6
-"""A point of CloudCompare's lies this near to the one that it was: single precision."""
+SAME_POINT_M = 1e-6
+"""Largest distance between a point and its copy in a file of CloudCompare, which uses single precision."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A cloud. Differences of ours from CloudCompare's, percent; RMS after alignment: positive is worse. kept: points
-    on which both outlier filters agree, percent, the worse of N = 20 and N = a quarter of the cloud.
+    """Comparison of one cloud: differences of taxel.cloud from CloudCompare, percent.
+
+    mesh_mean to cloud_rms: distances. agreement: points for which both outlier filters decide equally, percent, the
+    smaller value of N = 20 and N = a quarter of the cloud. icp_mesh, icp_cloud: RMS after alignment; a positive value
+    means that taxel.cloud has the larger RMS.
     """
 
     cloud: str
@@ -61,155 +75,168 @@ class Row:
     mesh_rms: float
     cloud_mean: float
     cloud_rms: float
-    kept: float
+    agreement: float
     icp_mesh: float
     icp_cloud: float
 
 
 @dataclass(frozen=True)
 class Speed:
-    """Seconds for the sweep of one object. ours: from the cloud's file to the rows. rows: of the sweep. differences: of
-    the rows' mean distances, percent, the median and the largest.
+    """Times for the sweep of one object.
+
+    rows: number of rows. taxel_s: from the file of the cloud to the rows. median_difference, largest_difference: of the
+    mean distances of the rows, percent.
     """
 
     object: str
     rows: int
-    ours_s: float
+    taxel_s: float
     cloudcompare_s: float
     median_difference: float
     largest_difference: float
 
     @property
-    def faster(self) -> float:
-        """How many times."""
-        return self.cloudcompare_s / self.ours_s
+    def ratio(self) -> float:
+        """Time of CloudCompare divided by the time of taxel.cloud."""
+        return self.cloudcompare_s / self.taxel_s
 
 
-def variants(real: GraspDataset, sim: GraspDataset, name: str) -> Iterator[tuple[str, ContactCloud, ContactCloud]]:
-    """Clouds of an object: label, the cloud, the other side's."""
-    hand, model = accumulate(real, name), accumulate(sim, name)
-    strong = force_filter(hand, FORCE_FILTER_COUNTS)
-    rule = sor_of(name)
-    yield "real", hand, model
-    yield "real, force filter", strong, model
-    yield "real, SOR too", without_outliers(strong, rule.count(len(strong)), rule.deviations), model
-    yield "real, fused", fused(hand), model
-    yield "sim", model, hand
-    yield "sim, propagated", accumulate(sim, name, propagation=Propagation()), hand
-    yield "sim, fused", fused(model), hand
+def build_variants(
+    real: GraspDataset, sim: GraspDataset, name: str
+) -> Iterator[tuple[str, ContactCloud, ContactCloud]]:
+    """Clouds of an object: label, cloud, cloud of the other dataset."""
+    real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
+    filtered = filter_by_force(real_cloud, FORCE_FILTER_COUNTS)
+    settings = get_outlier_filter(name)
+    clean = remove_outliers(filtered, settings.count_neighbours(len(filtered)), settings.deviations)
+    yield "real", real_cloud, sim_cloud
+    yield "real, force filter", filtered, sim_cloud
+    yield "real, force filter and SOR", clean, sim_cloud
+    yield "real, fused", fuse_repeats(real_cloud), sim_cloud
+    yield "sim", sim_cloud, real_cloud
+    yield "sim, propagated", accumulate(sim, name, propagation=Propagation()), real_cloud
+    yield "sim, fused", fuse_repeats(sim_cloud), real_cloud
 
 
-def compared(tool: CloudCompare, label: str, cloud: ContactCloud, other: ContactCloud, mesh: TriangleMesh) -> Row:
-    """One cloud by both programs."""
-    solid = "mesh.ply"
-    write_mesh(mesh, tool.folder / solid, overwrite=True)
-    raw, target = tool.save("raw", cloud.points), tool.save("target", other.points)
+def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: ContactCloud, mesh: TriangleMesh) -> Row:
+    """Comparison of both programs on one cloud."""
+    mesh_file = "mesh.ply"
+    write_mesh(mesh, tool.folder / mesh_file, overwrite=True)
+    cloud_file, target_file = tool.save("raw", cloud.points), tool.save("target", other.points)
     at_mesh = align_to_mesh(cloud.points, mesh)
     on_mesh = apply(at_mesh.transform, cloud.points)
     at_cloud = align_to_points(cloud.points, PointTarget(other.points))
     on_cloud = apply(at_cloud.transform, cloud.points)
-    mesh_own = DistanceStats.of(distances_to_mesh(on_mesh, mesh))
-    mesh_its = DistanceStats.of(tool.to_mesh(tool.save("placed", on_mesh), solid))
-    cloud_own = DistanceStats.of(distances_to_cloud(on_cloud, other.points))
-    cloud_its = DistanceStats.of(tool.to_cloud(tool.save("placed", on_cloud), target))
-    # Both alignments are judged by the same exact distances.
-    its_mesh = DistanceStats.of(distances_to_mesh(tool.aligned(raw, solid)[0], mesh))
-    its_cloud = DistanceStats.of(distances_to_cloud(tool.aligned(raw, target)[0], other.points))
+    mesh_stats = DistanceStats.from_distances(compute_distances_to_mesh(on_mesh, mesh))
+    mesh_stats_cc = DistanceStats.from_distances(tool.measure_to_mesh(tool.save("aligned", on_mesh), mesh_file))
+    cloud_stats = DistanceStats.from_distances(compute_distances_to_cloud(on_cloud, other.points))
+    cloud_stats_cc = DistanceStats.from_distances(tool.measure_to_cloud(tool.save("aligned", on_cloud), target_file))
+    # The alignments of both programs are compared by the same exact distances.
+    on_mesh_cc = tool.align(cloud_file, mesh_file)[0]
+    on_cloud_cc = tool.align(cloud_file, target_file)[0]
+    aligned_mesh_cc = DistanceStats.from_distances(compute_distances_to_mesh(on_mesh_cc, mesh))
+    aligned_cloud_cc = DistanceStats.from_distances(compute_distances_to_cloud(on_cloud_cc, other.points))
     return Row(
         label,
         len(cloud),
-        percent(mesh_own.mean_m, mesh_its.mean_m),
-        percent(mesh_own.rms_m, mesh_its.rms_m),
-        percent(cloud_own.mean_m, cloud_its.mean_m),
-        percent(cloud_own.rms_m, cloud_its.rms_m),
-        min(agreement(tool, raw, cloud.points, k, sigma) for k, sigma in ((20, 1.0), (len(cloud) // 4, 2.0))),
-        percent(at_mesh.rms_m, its_mesh.rms_m),
-        percent(at_cloud.rms_m, its_cloud.rms_m),
+        compute_excess_percent(mesh_stats.mean_m, mesh_stats_cc.mean_m),
+        compute_excess_percent(mesh_stats.rms_m, mesh_stats_cc.rms_m),
+        compute_excess_percent(cloud_stats.mean_m, cloud_stats_cc.mean_m),
+        compute_excess_percent(cloud_stats.rms_m, cloud_stats_cc.rms_m),
+        min(
+            measure_agreement(tool, cloud_file, cloud.points, k, sigma)
+            for k, sigma in ((20, 1.0), (len(cloud) // 4, 2.0))
+        ),
+        compute_excess_percent(at_mesh.rms_m, aligned_mesh_cc.rms_m),
+        compute_excess_percent(at_cloud.rms_m, aligned_cloud_cc.rms_m),
     )
 
 
-def agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
-    """Points of which both outlier filters say the same, percent."""
-    own = sor_mask(points, k, n_sigma)
-    its = cKDTree(tool.outliers_removed(file, k, n_sigma)).query(points)[0] < HERE_M
-    return 100.0 * float((own == its).mean())
+def measure_agreement(tool: CloudCompare, file: str, points: FloatArray, k: int, n_sigma: float) -> float:
+    """Share of the points for which both outlier filters decide equally, percent."""
+    is_inlier = find_inliers(points, k, n_sigma)
+    is_inlier_cc = cKDTree(tool.remove_outliers(file, k, n_sigma)).query(points)[0] < SAME_POINT_M
+    return 100.0 * float((is_inlier == is_inlier_cc).mean())
 
 
-def definitions(tool: CloudCompare) -> dict[str, int]:
-    """Which outlier filter CloudCompare's is: on how many of `SMALL_CLOUDS` it keeps the points of each definition.
+def compare_filter_definitions(tool: CloudCompare) -> dict[str, int]:
+    """Number of small clouds on which the filter of CloudCompare keeps the points of each of four definitions.
 
-    The clouds have so few points that all four definitions keep different ones.
+    Each cloud has 12 points, for which the four definitions keep different points.
     """
-    agrees = dict.fromkeys(("itself, population", "itself, sample", "others, population", "others, sample"), 0)
+    agreements = dict.fromkeys(("itself, population", "itself, sample", "others, population", "others, sample"), 0)
     seed = clouds = 0
     while clouds < SMALL_CLOUDS:
         points = np.random.default_rng(seed).normal(0.0, 0.01, (12, 3)).round(6)
         seed += 1
-        apart = np.sort(cdist(points, points), axis=1)
+        distances = np.sort(cdist(points, points), axis=1)
         keeps = []
         for last in (SMALL_K, SMALL_K + 1):
-            mean = apart[:, 1:last].mean(axis=1)
+            mean = distances[:, 1:last].mean(axis=1)
             keeps += [mean <= mean.mean() + mean.std(ddof=ddof) for ddof in (0, 1)]
         if len({tuple(keep.tolist()) for keep in keeps}) < len(keeps):
             continue
         clouds += 1
-        its = cKDTree(tool.outliers_removed(tool.save("small", points), SMALL_K, 1.0)).query(points)[0] < HERE_M
-        for name, keep in zip(agrees, keeps, strict=True):
-            agrees[name] += int((keep == its).all())
-    return agrees
+        kept = tool.remove_outliers(tool.save("small", points), SMALL_K, 1.0)
+        keep_cc = cKDTree(kept).query(points)[0] < SAME_POINT_M
+        for name, keep in zip(agreements, keeps, strict=True):
+            agreements[name] += int((keep == keep_cc).all())
+    return agreements
 
 
-def percent(own: float, its: float) -> float:
-    """How much more ours is."""
-    return 100.0 * (own / its - 1.0) if its > 0.0 else 0.0
+def compute_excess_percent(value: float, reference: float) -> float:
+    """Relative excess of a value over a reference, percent; 0 for a reference of 0."""
+    return 100.0 * (value / reference - 1.0) if reference > 0.0 else 0.0
 
 
-def timed_sweep(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
-    """Tables I-1 to I-6 of one object, from files, by both."""
+def time_sweep(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
+    """Times of both programs for Tables I-1 to I-6 of one object, starting from files."""
     write_mesh(mesh, tool.folder / "mesh.ply", overwrite=True)
     path = tool.folder / "sweep.ply"
     write_cloud(cloud, path, overwrite=True)
-    begun = time.perf_counter()
+    started = time.perf_counter()
     read = read_cloud(path)
-    rows: list[ForceRow | SorRow] = [*force_sweep(read, mesh, name), *sor_sweep(read, mesh, name)]
-    own = time.perf_counter() - begun
+    rows: list[ForceRow | SorRow] = [*sweep_force_filter(read, mesh, name), *sweep_outlier_filter(read, mesh, name)]
+    taxel_s = time.perf_counter() - started
     file = tool.save("sweep", cloud.points, cloud.counts)
-    left = len(force_filter(cloud, FORCE_FILTER_COUNTS))
-    settings: list[tuple[float, tuple[int, float] | None]] = [(threshold, None) for threshold in THRESHOLDS]
-    settings += [(FORCE_FILTER_COUNTS, (neighbours(share, left), sigma)) for share, sigma in sor_rules(name)]
-    begun = time.perf_counter()
-    means = [float(tool.whole_row(file, "mesh.ply", *setting)[1].mean()) for setting in settings]
-    its = time.perf_counter() - begun
-    apart = [abs(percent(row.mean_m, mean)) for row, mean in zip(rows, means, strict=True)]
-    return Speed(name, len(rows), own, its, float(np.median(apart)), max(apart))
+    filtered = len(filter_by_force(cloud, FORCE_FILTER_COUNTS))
+    settings: list[tuple[float, tuple[int, float] | None]] = [(threshold, None) for threshold in FORCE_THRESHOLDS]
+    settings += [
+        (FORCE_FILTER_COUNTS, (count_neighbours(share, filtered), sigma)) for share, sigma in get_sor_rules(name)
+    ]
+    started = time.perf_counter()
+    means = [float(tool.compute_sweep_row(file, "mesh.ply", *setting)[1].mean()) for setting in settings]
+    cloudcompare_s = time.perf_counter() - started
+    differences = [abs(compute_excess_percent(row.mean_m, mean)) for row, mean in zip(rows, means, strict=True)]
+    return Speed(name, len(rows), taxel_s, cloudcompare_s, float(np.median(differences)), max(differences))
 
 
-def broken(rows: list[Row], speed: Speed) -> list[str]:
-    """What is worse than it must be, one line each."""
-    found = []
+def list_violations(rows: list[Row], speed: Speed) -> list[str]:
+    """One line for each bound that is exceeded."""
+    violations = []
     for row in rows:
         for name in ("mesh_mean", "mesh_rms", "cloud_mean", "cloud_rms"):
-            if abs(getattr(row, name)) > SAME_PERCENT:
-                found.append(f"{row.cloud}: {name} differs by {getattr(row, name):.3f} %")
-        if row.kept < KEPT_PERCENT:
-            found.append(f"{row.cloud}: the outlier filters agree on {row.kept:.2f} % of the points")
+            if abs(getattr(row, name)) > MAX_DIFFERENCE_PERCENT:
+                violations.append(f"{row.cloud}: {name} differs by {getattr(row, name):.3f} %")
+        if row.agreement < MIN_AGREEMENT_PERCENT:
+            violations.append(f"{row.cloud}: the outlier filters agree on {row.agreement:.2f} % of the points")
         for name in ("icp_mesh", "icp_cloud"):
-            if getattr(row, name) > SAME_PERCENT:
-                found.append(f"{row.cloud}: {name} is worse by {getattr(row, name):.3f} %")
-    if speed.faster < FASTER:
-        found.append(f"sweep: {speed.faster:.1f} times as fast, not {FASTER:g}")
-    return found
+            if getattr(row, name) > MAX_DIFFERENCE_PERCENT:
+                violations.append(f"{row.cloud}: {name} is larger by {getattr(row, name):.3f} %")
+    if speed.ratio < MIN_SPEED_RATIO:
+        violations.append(f"sweep: {speed.ratio:.1f} times as fast, expected {MIN_SPEED_RATIO:g}")
+    return violations
 
 
 def main() -> int:
-    """Compare, print, and say whether all bounds hold."""
+    """Compare both programs and print the result; exit status 0 if all bounds hold."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("real", help="grasp dataset of the hand")
     parser.add_argument("sim", help="grasp dataset of the simulator")
     parser.add_argument("--json", action="store_true", help="print as JSON")
     options = parser.parse_args()
-    found = program()
-    if found is None:
+    program = find_program()
+    if program is None:
         print(f"compare_cloudcompare: CloudCompare is missing: apt-get install {PACKAGE}", file=sys.stderr)
         return 2
     rows = []
@@ -219,31 +246,31 @@ def main() -> int:
             GraspDataset(options.real) as real,
             GraspDataset(options.sim) as sim,
         ):
-            tool = CloudCompare(found, Path(folder))
+            tool = CloudCompare(program, Path(folder))
             for name, item in real.objects.items():
                 mesh = TriangleMesh(name, item.vertices, item.faces)
-                for label, cloud, other in variants(real, sim, name):
-                    rows.append(compared(tool, f"{name}, {label}", cloud, other, mesh))
+                for label, cloud, other in build_variants(real, sim, name):
+                    rows.append(compare_cloud(tool, f"{name}, {label}", cloud, other, mesh))
                     print(".", end="", file=sys.stderr, flush=True)
-            kinds = definitions(tool)
+            definitions = compare_filter_definitions(tool)
             first = next(iter(real.objects))
             item = real.objects[first]
-            speed = timed_sweep(tool, accumulate(real, first), TriangleMesh(first, item.vertices, item.faces), first)
+            speed = time_sweep(tool, accumulate(real, first), TriangleMesh(first, item.vertices, item.faces), first)
             print(file=sys.stderr)
     except (TaxelError, RuntimeError, OSError) as error:
         print(f"compare_cloudcompare: {error}", file=sys.stderr)
         return 2
-    bad = broken(rows, speed)
+    violations = list_violations(rows, speed)
     if options.json:
-        told = {"clouds": [asdict(row) for row in rows], "sweep": {**asdict(speed), "faster": speed.faster}}
-        print(json.dumps({**told, "outlier_filter": kinds, "broken": bad}))
+        result = {"clouds": [asdict(row) for row in rows], "sweep": {**asdict(speed), "faster": speed.ratio}}
+        print(json.dumps({**result, "outlier_filter": definitions, "broken": violations}))
     else:
-        show(rows, kinds, speed, bad)
-    return 1 if bad else 0
+        print_tables(rows, definitions, speed, violations)
+    return 1 if violations else 0
 
 
-def show(rows: list[Row], kinds: dict[str, int], speed: Speed, bad: list[str]) -> None:
-    """The comparison as a Markdown table."""
+def print_tables(rows: list[Row], definitions: dict[str, int], speed: Speed, violations: list[str]) -> None:
+    """Print the comparison as a Markdown table."""
     print("| cloud | points | C2M mean | C2M RMS | C2C mean | C2C RMS | SOR agrees | ICP to mesh | ICP to cloud |")
     print("|---|---|---|---|---|---|---|---|---|")
     for row in rows:
@@ -251,18 +278,16 @@ def show(rows: list[Row], kinds: dict[str, int], speed: Speed, bad: list[str]) -
             f"{value:+.4f} %" for value in (row.mesh_mean, row.mesh_rms, row.cloud_mean, row.cloud_rms)
         )
         icp = f"{row.icp_mesh:+.3f} % | {row.icp_cloud:+.3f} %"
-        print(f"| {row.cloud} | {row.points} | {distances} | {row.kept:.2f} % | {icp} |")
+        print(f"| {row.cloud} | {row.points} | {distances} | {row.agreement:.2f} % | {icp} |")
     print()
-    told = ", ".join(f"{name}: {count}" for name, count in kinds.items())
+    agreements = ", ".join(f"{name}: {count}" for name, count in definitions.items())
+    print(f"Definitions of the outlier filter, agreements on {SMALL_CLOUDS} small clouds: {agreements}.")
     print(
-        f"Outlier filter, N counts the point itself or others only, sigma of: of {SMALL_CLOUDS} small clouds, {told}."
-    )
-    print(
-        f"Sweep of {speed.rows} rows, {speed.object}: {speed.ours_s:.2f} s, CloudCompare {speed.cloudcompare_s:.1f} s: "
-        f"{speed.faster:.1f} times as fast. Mean distances differ by {speed.median_difference:.3f} % (median), "
+        f"Sweep of {speed.rows} rows, {speed.object}: {speed.taxel_s:.2f} s, CloudCompare {speed.cloudcompare_s:.1f} s, "
+        f"{speed.ratio:.1f} times as fast. Mean distances differ by {speed.median_difference:.3f} % (median), "
         f"{speed.largest_difference:.2f} % at most."
     )
-    print("\n".join(bad) if bad else f"All bounds hold on {len(rows)} clouds.")
+    print("\n".join(violations) if violations else f"All bounds hold on {len(rows)} clouds.")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""What fusion of repeats gains over piling points up: the table of docs/contact-clouds.md.
+"""Effect of the fusion of repeats: the table of docs/contact-clouds.md.
 
 taxel grasp --source both --out out/campaign
 python tools/cloud/measure_fusion.py out/campaign/real.h5 out/campaign/sim.h5
 
-The thesis (5.6.2) piles up the points of all repeats, and proposes to average the same contact over a grasp's repeats,
-so that the outlier filter (SOR) finds fewer genuine points isolated. A point is called genuine here if it lies within
-the layer's thickness of the object after alignment. SOR is the thesis's for each object (Table 5.4).
+The thesis (5.6.2) accumulates the points of all repeats and proposes to average each contact over the repeats of a
+grasp, so that the outlier filter (SOR) removes fewer genuine points. Here a point is genuine if its distance to the
+object after alignment is at most the thickness of the layer. The SOR settings are those of Table 5.4.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from dataclasses import asdict, dataclass
 
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance import DistanceStats, distances_to_cloud, distances_to_mesh
-from taxel.cloud.filters import sor_mask
-from taxel.cloud.fusion import fused
+from taxel.cloud.distance import DistanceStats, compute_distances_to_cloud, compute_distances_to_mesh
+from taxel.cloud.filters import find_inliers
+from taxel.cloud.fusion import fuse_repeats
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
-from taxel.cloud.treatment import sor_of
+from taxel.cloud.treatment import get_outlier_filter
 from taxel.errors import TaxelError
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
@@ -31,15 +31,20 @@ from taxel.recording.grasp_dataset import GraspDataset
 GENUINE_M = 0.002
 """Thickness of the layer (`layer_m` of the packaged hands)."""
 
-WAYS = (("piled up", None), ("fused", 0.0), ("fused, half of the repeats", 0.5))
+VARIANTS = (("accumulated", None), ("fused", 0.0), ("fused, half of the repeats", 0.5))
+"""Name, and minimum share of the repeats; None: without fusion."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One cloud. Lengths in mm; shares in percent, of genuine points and of the others that SOR removes."""
+    """One cloud. Lengths in mm.
+
+    genuine: share of genuine points; genuine_removed, others_removed: shares of the genuine and of the other points
+    that SOR removes; percent.
+    """
 
     object: str
-    way: str
+    variant: str
     points: int
     mesh_mean: float
     mesh_rms: float
@@ -50,32 +55,35 @@ class Row:
     others_removed: float
 
 
-def measured(name: str, way: str, cloud: ContactCloud, sim: ContactCloud, mesh: TriangleMesh) -> Row:
-    """A hand's cloud against the object and the simulator's cloud, and what SOR does to it."""
-    there = distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)
+def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mesh: TriangleMesh) -> Row:
+    """Distances of a real cloud to the object and to the simulated cloud, and the effect of SOR on it."""
+    distances = compute_distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)
     to_sim = align_to_points(cloud.points, PointTarget(sim.points)).transform
-    near = DistanceStats.of(distances_to_cloud(apply(to_sim, cloud.points), sim.points))
-    on_mesh = DistanceStats.of(there)
-    genuine = there <= GENUINE_M
-    rule = sor_of(name)
-    removed = ~sor_mask(cloud.points, max(2, min(rule.count(len(cloud)), len(cloud))), rule.deviations)
-    lengths = (1e3 * value for value in (on_mesh.mean_m, on_mesh.rms_m, near.mean_m, near.rms_m))
+    on_sim = DistanceStats.from_distances(compute_distances_to_cloud(apply(to_sim, cloud.points), sim.points))
+    on_mesh = DistanceStats.from_distances(distances)
+    genuine = distances <= GENUINE_M
+    settings = get_outlier_filter(name)
+    neighbours = max(2, min(settings.count_neighbours(len(cloud)), len(cloud)))
+    removed = ~find_inliers(cloud.points, neighbours, settings.deviations)
+    lengths = (1e3 * value for value in (on_mesh.mean_m, on_mesh.rms_m, on_sim.mean_m, on_sim.rms_m))
     shares = (100.0 * float(part.mean()) for part in (genuine, removed[genuine], removed[~genuine]))
-    return Row(name, way, len(cloud), *lengths, *shares)
+    return Row(name, variant, len(cloud), *lengths, *shares)
 
 
-def rows_of(real: GraspDataset, sim: GraspDataset) -> Iterator[Row]:
-    """Of every object, each way."""
+def measure_all(real: GraspDataset, sim: GraspDataset) -> Iterator[Row]:
+    """One row for each object and variant."""
     for name, item in real.objects.items():
         mesh = TriangleMesh(name, item.vertices, item.faces)
-        hand, model = accumulate(real, name), accumulate(sim, name)
-        for way, share in WAYS:
-            both = (hand, model) if share is None else (fused(hand, share), fused(model, share))
-            yield measured(name, way, both[0], both[1], mesh)
+        real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
+        for variant, share in VARIANTS:
+            clouds = (real_cloud, sim_cloud)
+            if share is not None:
+                clouds = (fuse_repeats(real_cloud, share), fuse_repeats(sim_cloud, share))
+            yield measure(name, variant, *clouds, mesh)
 
 
 def main() -> int:
-    """Measure and print."""
+    """Measure all clouds and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("real", help="grasp dataset of the hand")
     parser.add_argument("sim", help="grasp dataset of the simulator")
@@ -83,7 +91,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         with GraspDataset(options.real) as real, GraspDataset(options.sim) as sim:
-            rows = list(rows_of(real, sim))
+            rows = list(measure_all(real, sim))
     except (TaxelError, OSError) as error:
         print(f"measure_fusion: {error}", file=sys.stderr)
         return 2
@@ -96,7 +104,7 @@ def main() -> int:
     for row in rows:
         lengths = " | ".join(f"{v:.2f} mm" for v in (row.mesh_mean, row.mesh_rms, row.sim_mean, row.sim_rms))
         shares = " | ".join(f"{v:.1f} %" for v in (row.genuine, row.genuine_removed, row.others_removed))
-        print(f"| {row.object.replace('_', ' ')} | {row.way} | {row.points} | {lengths} | {shares} |")
+        print(f"| {row.object.replace('_', ' ')} | {row.variant} | {row.points} | {lengths} | {shares} |")
     return 0
 
 

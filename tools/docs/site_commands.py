@@ -8,12 +8,12 @@ from typing import Any
 
 import typer
 
-from taxel.cli.main import app_of
+from taxel.cli.main import build_app
 
 
 def walk(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
     """Every command that does something, by its full name."""
-    command = typer.main.get_command(app_of()) if command is None else command
+    command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)
     if inner is None:
         yield " ".join(path), command

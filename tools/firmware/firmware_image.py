@@ -12,7 +12,6 @@ import argparse
 import hashlib
 import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -25,7 +24,7 @@ from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, parse_image, slot_name
 from taxel_tools.files.intel_hex import write_intel_hex
 
-PROJECT: Final = Path(__file__).parents[2] / "pyproject.toml"
+VERSION_FILE: Final = Path(__file__).parents[2] / "host" / "taxel" / "version.py"
 RAM_BEGIN, RAM_SIZE = 0x20000000, 0x1000
 BOOTLOADER_SIZE: Final = BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
 HEX_END: Final = ":00000001FF\n"
@@ -36,18 +35,18 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoRe
     raise FirmwareFileError(path, field, expected, found, remedy)
 
 
-def read_project_version(project: Path) -> tuple[int, int, int]:
-    """Version of the project from pyproject.toml. Raises FirmwareFileError, OSError."""
-    try:
-        text = str(tomllib.loads(project.read_text())["project"]["version"])
-    except (ValueError, KeyError):
-        _fail(str(project), "project.version", "a version", "none", "add it")
+def read_project_version(version_file: Path) -> tuple[int, int, int]:
+    """Version of the project from taxel/version.py. Raises FirmwareFileError, OSError."""
+    line = re.search(r'^VERSION = "(.*)"$', version_file.read_text(), re.MULTILINE)
+    if line is None:
+        _fail(str(version_file), "VERSION", "a version", "none", "add it")
+    text = line[1]
     match = re.fullmatch(r"(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text)
     numbers = tuple(int(part) for part in match.groups()) if match else ()
     if len(numbers) != 3 or max(numbers) > 255:
         _fail(
-            str(project),
-            "project.version",
+            str(version_file),
+            "VERSION",
             "three numbers to 255, such as 1.2.0",
             repr(text),
             "an image header has three bytes",
@@ -119,9 +118,9 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
     return "\n".join(lines) + "\n"
 
 
-def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, project: Path = PROJECT) -> None:
+def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, version_file: Path = VERSION_FILE) -> None:
     """Write all files of one device. Raises FirmwareFileError, OSError; no usable manifest remains after an error."""
-    version = read_project_version(project)
+    version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)
     boot = bootloader_content(boot_file)
     linked = [read_linked_image(path) for path in slots]

@@ -119,5 +119,5 @@ class HubRoute:
     def check_hub(self) -> None:
         """Check that the hub polls its boards."""
         target = HubTarget(self._link)
-        target.boards = [BOARD]
+        target.polled_addresses = [BOARD]
         run(target.wire, target.check_operation())

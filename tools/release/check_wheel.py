@@ -21,16 +21,16 @@ MOST_MEGABYTES: Final = 100.0
 MOST_PACKAGES: Final = 12
 """Limits of the light core, from the requirements of release 0.2.0."""
 
-CORE_COMMANDS: Final = (
+CORE_COMMANDS: Final[tuple[tuple[str, ...], ...]] = (
     ("--version",),
     ("--help",),
     ("record", "emulator:?speed=max", "--seconds", "2", "--out", "skin.bin"),
     ("replay", "skin.bin"),
-    ("monitor", "file:skin.bin", "--once", "--baseline", "20"),
+    ("monitor", "file:skin.bin", "--once", "--baseline-frames", "20"),
     ("convert", "skin.bin", "skin_csv"),
     ("scan", "emulator:"),
 )
-EXTRA_COMMANDS: Final = {
+EXTRA_COMMANDS: Final[dict[tuple[str, ...], str]] = {
     ("grasp", "--help"): "sim",
     ("generate", "--help"): "sim",
     ("show", "--help"): "sim",

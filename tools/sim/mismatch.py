@@ -1,6 +1,6 @@
 """How far the simulator and an emulated hand without effects are apart, against what repeats and sessions make of it.
 
-taxel grasp --source both --effects none --out out/none && python tools/sim/mismatch.py out/none/real.h5 out/none/sim.h5
+taxel grasp --source both --effect none --out out/none && python tools/sim/mismatch.py out/none/real.h5 out/none/sim.h5
 
 --all counts every board's taxels, as presses on a rig need it; else those that the thesis's experiments used.
 """
@@ -12,7 +12,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.cloud.contacts import used_taxels
+from taxel.cloud.contacts import select_used_taxels
 from taxel.recording.grasp_dataset import GraspDataset
 
 Key = tuple[str, str]
@@ -25,7 +25,7 @@ def hold_signals(path: str, every: bool) -> tuple[dict[Key, dict[int, list[NDArr
         for grasp in data:
             own = signals.setdefault((grasp.object, grasp.approach), {})
             own.setdefault(grasp.session, []).append(grasp.mean_hold_signal())
-        return signals, np.ones(data.taxels.n, bool) if every else used_taxels(data)
+        return signals, np.ones(data.taxels.n, bool) if every else select_used_taxels(data)
 
 
 def main() -> int:

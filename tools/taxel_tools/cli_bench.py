@@ -1,4 +1,4 @@
-"""`taxel bench`."""
+"""The command `taxel bench`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import platform
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -17,98 +18,108 @@ from rich.progress import Progress as Bars
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
-from taxel_tools.bench.keeping import check_place, keep
-from taxel_tools.bench.phases import PHASES
+from taxel_tools.bench.board_under_test import BoardUnderTest, open_board
 from taxel_tools.bench.running import (
-    Who,
-    check_fit,
-    default_plan,
-    only,
-    only_board,
+    RecordLabels,
+    find_single_board,
+    load_default_plan,
+    load_plan_phases,
     open_bench,
     open_probe,
-    test_board,
+    run_board_test,
+    select_phases,
 )
-from taxel_tools.bench.station import Station, open_station
+from taxel_tools.bench.saving import check_output, save_record
 from taxel_tools.cli_common import URL_HELP, parse_address, print_json, print_table
 from taxel_tools.testing.operator import NoOperator, Operator, TerminalOperator
 from taxel_tools.testing.plan import Plan, read_plan
 from taxel_tools.testing.record import Outcome, TestRecord
 
-PROBES: Final = "none, operator, emulated, or gcode:///dev/ttyUSB1?x=..&y=..&touch_z=..&spring_n_mm=.."
+PROBE_HELP: Final = (
+    "none, operator, emulated, gcode:///dev/ttyUSB1?x=..&y=..&touch_z=..&spring_n_mm=.., or a probe of another package."
+)
 NOT_TESTED: Final = 2
-EXIT: Final = {Outcome.PASS: 0, Outcome.FAIL: 1, Outcome.ERROR: NOT_TESTED, Outcome.SKIP: NOT_TESTED}
+EXIT_STATUS: Final = {Outcome.PASS: 0, Outcome.FAIL: 1, Outcome.ERROR: NOT_TESTED, Outcome.SKIP: NOT_TESTED}
+
+
+@dataclass(frozen=True)
+class _BenchArguments:
+    """Arguments of `taxel bench` for the test itself."""
+
+    url: str
+    board: str | None
+    serial_number: str | None
+    operator_name: str
+    station: str
+    probe: str | None
+    hand: str
 
 
 def bench_command(
     url: Annotated[str, typer.Argument(help=URL_HELP)],
-    board: Annotated[str | None, typer.Option(help="Address; not needed where only one board is plugged in.")] = None,
-    plan: Annotated[Path | None, typer.Option(help="Test plan (TOML); without it the standard one.")] = None,
-    serial: Annotated[str | None, typer.Option(help="Serial number; without it the operator is asked.")] = None,
-    operator: Annotated[str | None, typer.Option(help="Who tests; without it the name of the login.")] = None,
-    station: Annotated[str | None, typer.Option(help="Where; without it the name of this computer.")] = None,
-    probe: Annotated[str | None, typer.Option(help=PROBES)] = None,
-    hand: Annotated[str, typer.Option(help="Hand description: names and geometry of the board's kind.")] = "allegro",
+    board: Annotated[str | None, typer.Option(help="Address of the board; optional with a single board.")] = None,
+    plan: Annotated[Path | None, typer.Option(help="Test plan (TOML); default: the plan of the package.")] = None,
+    serial: Annotated[str | None, typer.Option(help="Serial number; default: entered by the operator.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Name of the operator; default: the login name.")] = None,
+    station: Annotated[str | None, typer.Option(help="Name of the station; default: the host name.")] = None,
+    probe: Annotated[str | None, typer.Option(help=PROBE_HELP)] = None,
+    hand: Annotated[str, typer.Option(help="Hand description with the names and geometry of the kinds.")] = "allegro",
     phase: Annotated[
-        list[str] | None, typer.Option(help="Of the plan only this phase, and what names faults; may be repeated.")
+        list[str] | None, typer.Option(help="Only this phase of the plan, and the merging phase; may be repeated.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for reports; each test gets one in it.")] = Path("out/bench"),
+    out: Annotated[Path, typer.Option(help="Folder of the reports; each test gets a new folder in it.")] = Path(
+        "out/bench"
+    ),
     history: Annotated[
-        Path | None, typer.Option(help="SQLite file of earlier tests; without it history.sqlite in --out.")
+        Path | None, typer.Option(help="SQLite file of all tests; default: history.sqlite in --out.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Test one sensor board: identity, opens and shorts, noise, drift, bus, every taxel, loading curve, smallest force.
+    """Test one sensor board: identity, opens and shorts, noise, drift, bus, response of every taxel, loading curve.
 
     Writes report.html, result.json and junit.xml. Exit status: 0 passed, 1 failed, 2 could not be tested.
 
     Example: taxel bench "emulator:?board=0x22" --serial FT-0001
     """
     console = Console(stderr=True, soft_wrap=True)
+    arguments = _BenchArguments(
+        url,
+        board,
+        serial,
+        operator if operator is not None else _read_login_name(),
+        station or platform.node(),
+        probe,
+        hand,
+    )
     try:
-        chosen = _plan(plan, phase, hand)
-        person = _person(console, chosen, serial, probe)
+        test_plan = _load_plan(plan, phase, hand)
+        person = _find_operator(console, test_plan, arguments)
         history = history or out / "history.sqlite"
-        check_place(out, history)
-        address = parse_address(board, "--board") if board else None
-        with open_bench(url) as (wire, emulated):
-            kinds = emulated.hand if emulated else load_hand(hand)
-            under_test = open_station(wire, only_board(wire) if address is None else address, kinds)
-            serial_number = serial if serial is not None else person.ask_serial()
-            who = Who(serial_number, operator if operator is not None else _login(), station or platform.node())
-            under_test.probe = open_probe(probe, under_test, emulated, person)
-            try:
-                record = _run(chosen, under_test, who, person, console)
-            finally:
-                under_test.probe.close()
-        folder = keep(record, out, history)
-    except (TaxelError, OSError) as error:  # 1, the status of any other command's errors, means a bad board here
-        print(f"taxel: {_line(error)}", file=sys.stderr)
+        check_output(out, history)
+        record = _run_test(test_plan, arguments, person, console)
+        folder = save_record(record, out, history)
+    except (TaxelError, OSError) as error:  # Exit status 1, the usual status of errors, means a faulty board here.
+        print(f"taxel: {_format_error(error)}", file=sys.stderr)
         raise typer.Exit(NOT_TESTED) from None
     if as_json:
         print_json({"outcome": str(record.outcome), "folder": str(folder), "findings": record.findings()})
     else:
-        _print(record, folder)
-    raise typer.Exit(EXIT[record.outcome])
+        _print_record(record, folder)
+    raise typer.Exit(EXIT_STATUS[record.outcome])
 
 
-class _AtTerminal(TerminalOperator):
-    """Somebody at the terminal; progress bars make room for what is asked."""
+class _BenchOperator(TerminalOperator):
+    """An operator at the terminal; progress bars are hidden during questions."""
 
     bars: Bars | None = None
 
     def prompt(self, text: str) -> None:
-        """As `Operator`."""
-        with self._room():
+        """Show an instruction without progress bars and wait for Enter."""
+        with self._hidden_bars():
             super().prompt(text)
 
-    def confirm(self, text: str) -> bool:
-        """As `Operator`."""
-        with self._room():
-            return super().confirm(text)
-
     @contextmanager
-    def _room(self) -> Iterator[None]:
+    def _hidden_bars(self) -> Iterator[None]:
         if self.bars is not None:
             self.bars.stop()
         try:
@@ -118,40 +129,58 @@ class _AtTerminal(TerminalOperator):
                 self.bars.start()
 
 
-def _plan(file: Path | None, phases: list[str] | None, hand: str) -> Plan:
-    plan = read_plan(file) if file else default_plan()
-    check_fit(plan, (board.kind.name for board in load_hand(hand).boards))
-    return only(plan, phases) if phases else plan
+def _load_plan(file: Path | None, phases: list[str] | None, hand: str) -> Plan:
+    plan = read_plan(file) if file else load_default_plan()
+    load_plan_phases(plan, (board.kind.name for board in load_hand(hand).boards))
+    return select_phases(plan, phases) if phases else plan
 
 
-def _person(console: Console, plan: Plan, serial: str | None, probe: str | None) -> Operator:
-    """Who can be asked. Raises `TaxelError` if nobody can, and somebody must."""
-    if serial is not None:
-        plan.check_serial(serial)
+def _find_operator(console: Console, plan: Plan, arguments: _BenchArguments) -> Operator:
+    """The operator at the terminal, if any. Raises `TaxelError` without a required operator."""
+    if arguments.serial_number is not None:
+        plan.check_serial_number(arguments.serial_number)
     if console.is_terminal and sys.stdin.isatty():
-        return _AtTerminal(console, plan.check_serial)
-    if serial is None:
-        raise TaxelError("--serial: nobody is at a terminal to be asked; give the board's serial number")
-    if probe == "operator":
-        raise TaxelError("--probe operator: nobody is at a terminal to be told what to press; choose another probe")
+        return _BenchOperator(console, plan.check_serial_number)
+    if arguments.serial_number is None:
+        raise TaxelError("--serial: expected a serial number, found none and no terminal to enter it; add --serial")
+    if arguments.probe == "operator":
+        raise TaxelError("--probe: 'operator' requires a terminal, found none; choose another probe")
     return NoOperator()
 
 
-def _line(error: TaxelError | OSError) -> str:
+def _format_error(error: TaxelError | OSError) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error).splitlines()[0]
 
 
-def _login() -> str:
+def _read_login_name() -> str:
     try:
         return getpass.getuser()
     except (KeyError, OSError):
         return ""
 
 
-def _run(plan: Plan, station: Station, who: Who, person: Operator, console: Console) -> TestRecord:
-    titles = {phase.name: phase.title for phase in PHASES}
+def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, console: Console) -> TestRecord:
+    address = parse_address(arguments.board, "--board") if arguments.board else None
+    with open_bench(arguments.url) as (wire, emulated):
+        hand = emulated.hand if emulated else load_hand(arguments.hand)
+        board = open_board(wire, find_single_board(wire) if address is None else address, hand)
+        serial_number = arguments.serial_number
+        if serial_number is None:
+            serial_number = operator.read_serial_number()
+        labels = RecordLabels(serial_number, arguments.operator_name, arguments.station)
+        board.probe = open_probe(arguments.probe, board, emulated, operator)
+        try:
+            return _run_with_bars(plan, board, labels, operator, console)
+        finally:
+            board.probe.close()
+
+
+def _run_with_bars(
+    plan: Plan, board: BoardUnderTest, labels: RecordLabels, operator: Operator, console: Console
+) -> TestRecord:
+    titles = {phase.name: phase.title for phase in load_plan_phases(plan)}
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
         tasks: dict[str, TaskID] = {}
@@ -161,12 +190,12 @@ def _run(plan: Plan, station: Station, who: Who, person: Operator, console: Cons
                 tasks[phase] = bars.add_task(titles[phase], total=1.0)
             bars.update(tasks[phase], completed=fraction)
 
-        if isinstance(person, _AtTerminal):
-            person.bars = bars
-        return test_board(plan, station, who, report)
+        if isinstance(operator, _BenchOperator):
+            operator.bars = bars
+        return run_board_test(plan, board, labels, report)
 
 
-def _print(record: TestRecord, folder: Path) -> None:
+def _print_record(record: TestRecord, folder: Path) -> None:
     rows = [
         (
             phase.title,
@@ -177,10 +206,10 @@ def _print(record: TestRecord, folder: Path) -> None:
         for phase in record.phases
     ]
     print_table(("phase", "outcome", "time", ""), rows)
-    for found in record.findings():
-        print(f"{found.fault} at {found.place}: {found.text}")
-    automatic = sum(phase.seconds for phase in record.phases if phase.automatic)
+    for finding in record.findings():
+        print(f"{finding.fault} at {finding.place}: {finding.text}")
+    automatic_s = sum(phase.seconds for phase in record.phases if phase.automatic)
     print(
         f"{record.serial_number}: {str(record.outcome).upper()} in {record.seconds:.1f} s of bench time "
-        f"({automatic:.1f} s automatic); report: {folder / 'report.html'}"
+        f"({automatic_s:.1f} s automatic); report: {folder / 'report.html'}"
     )

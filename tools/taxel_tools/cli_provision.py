@@ -17,10 +17,11 @@ from taxel_tools.provisioning_plan import Entry, read_plan, validate_entry
 def provision_command(
     url: Annotated[str, typer.Argument(help=URL_HELP)],
     at: Annotated[
-        list[str] | None, typer.Option(help="Present address of the boards; may be repeated. 0x77: blank boards.")
+        list[str] | None,
+        typer.Option("--board", help="Present address of the boards; repeatable. 0x77: blank boards."),
     ] = None,
     unique_id: Annotated[str | None, typer.Option("--id", help="Unique id of the board to configure.")] = None,
-    address: Annotated[str | None, typer.Option(help="New I2C address.")] = None,
+    address: Annotated[str | None, typer.Option("--new-address", help="New I2C address.")] = None,
     kind: Annotated[int | None, typer.Option(help="Code of the board kind.")] = None,
     serial: Annotated[str | None, typer.Option(help="Serial number, up to 16 characters.")] = None,
     idac: Annotated[str | None, typer.Option(help="Calibrated current code of each RX line: 16,16,17 ...")] = None,
@@ -35,13 +36,13 @@ def provision_command(
     distinguished there by unique id, also if several share one address. Blank boards receive their first address in
     this way, and boards with duplicate addresses receive new ones. Values that are not given stay unchanged.
 
-    Example: taxel provision "emulator:?hand=rig4&word=blank 0x50" --address 0x50 --kind 1 --serial FT-0007
+    Example: taxel provision "emulator:?hand=rig4&word=blank 0x50" --new-address 0x50 --kind 1 --serial FT-0007
     """
-    present_addresses = [parse_address(text, "--at") for text in at] if at else [BOOT_DEFAULT_ADDRESS]
+    present_addresses = [parse_address(text, "--board") for text in at] if at else [BOOT_DEFAULT_ADDRESS]
     entries = _build_entries(unique_id, address, kind, serial, idac, plan)
     if not entries and not search:
         raise TaxelError(
-            "provision: expected values to write (--address, --kind, --serial, --idac, --plan) or --search, found none"
+            "provision: expected values to write (--new-address, --kind, --serial, --idac, --plan) or --search, found none"
         )
     console = Console(stderr=True, soft_wrap=True)
 
@@ -74,7 +75,7 @@ def _build_entries(
     if all(value is None for value in values):
         return []
     codes = None if idac is None else [_parse_code(code) for code in idac.split(",")]
-    new_address = None if address is None else parse_address(address, "--address")
+    new_address = None if address is None else parse_address(address, "--new-address")
     return [validate_entry("provision", "--", unique_id, new_address, kind, serial, codes)]
 
 

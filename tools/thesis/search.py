@@ -22,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
+from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_used_taxels
 from taxel.cloud.errors import RegistrationError
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.propagation import Propagation
@@ -44,7 +44,8 @@ class Candidate:
     """spread_m: length of an exponential kernel. crosstalk: share of each other signal on a taxel's lines. gain: of all
     signals. offset_counts: of each taxel in each grasp (slow noise), board_counts: of those of one board besides.
     Signals above knee_counts rise less: `flat` of the rise is lost. reach_m, from_counts: of the propagation in the
-    simulated clouds. rectangular, cylindrical, triangular: which of the files has that object. The defaults stand for what was
+    simulated clouds. rectangular, cylindrical, triangular: which of the files has that object. The defaults stand for
+    what was
     chosen: a film's length is about a fifth longer than the kernel's, and 0.7 of pink noise is left in the mean over
     hold less the baseline.
     """
@@ -91,8 +92,8 @@ def grasps_of(path: Path) -> list[Pressed]:
         return [
             Pressed(
                 grasp.object,
-                taxel_points(data, grasp),
-                np.nan_to_num(grasp.mean_hold_signal(baseline_frames(grasp))),
+                locate_taxels(data, grasp),
+                np.nan_to_num(grasp.mean_hold_signal(count_baseline_frames(grasp))),
                 np.asarray(grasp.contact_force, np.float64)[grasp.phase == Phase.HOLD].mean(axis=0),
             )
             for grasp in data
@@ -105,7 +106,7 @@ class Stage:
     def __init__(self, path: Path, displaced: Sequence[Path]) -> None:
         with GraspDataset(path) as data:
             self.taxels: TaxelTable = data.taxels
-            self.used = used_taxels(data)
+            self.used = select_used_taxels(data)
             assert data.sensor_model is not None
             self.model = data.sensor_model
             self.meshes = {
@@ -141,14 +142,14 @@ def items_of(stage: Stage, candidate: Candidate, seed: int) -> dict[str, ObjectC
     """Clouds of all objects with a candidate, by the thesis's word."""
     rng = np.random.default_rng(seed)
     reach = Propagation(candidate.reach_m, candidate.from_counts)
-    near = reach.neighbours(stage.taxels)
+    near = reach.find_neighbours(stage.taxels)
     parts: dict[str, Parts] = {}
     for number, pressed in enumerate(stage.grasps):
         moved = stage.displaced[int(getattr(candidate, of_dataset(pressed.object)))][number]
         own = parts.setdefault(pressed.object, {REAL: [], SIM: [], SPREAD: []})
         signal = stage.signals(moved.force, candidate, rng)
         active = stage.used & (pressed.signal_counts > ACTIVE_SIGNAL_COUNTS)
-        reached, counts = reach.applied(active, pressed.signal_counts, near)
+        reached, counts = reach.apply(active, pressed.signal_counts, near)
         for name, where, value, on in (
             (REAL, moved.places, signal, stage.used & (signal > ACTIVE_SIGNAL_COUNTS)),
             (SIM, pressed.places, pressed.signal_counts, active),
@@ -160,7 +161,7 @@ def items_of(stage: Stage, candidate: Candidate, seed: int) -> dict[str, ObjectC
 
 def _treated(stage: Stage, name: str, clouds: Parts) -> ObjectClouds:
     joined = {
-        key: ContactCloud.of_points(
+        key: ContactCloud.from_points(
             np.concatenate([where for where, _ in pieces]), np.concatenate([value for _, value in pieces]), name
         )
         for key, pieces in clouds.items()

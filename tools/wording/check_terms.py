@@ -13,11 +13,11 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from texts import NAME, texts_of
 
@@ -92,11 +92,17 @@ def read_terms(path: Path = TERMS) -> list[Term]:
         Term(
             entry["word"],
             entry["instead"],
-            *(re.compile(entry[key], re.IGNORECASE) if key in entry else None for key in ("name", "whole", "prose")),
+            _pattern(entry, "name"),
+            _pattern(entry, "whole"),
+            _pattern(entry, "prose"),
             tuple(entry.get("paths", ["*"])),
         )
         for entry in entries
     ]
+
+
+def _pattern(entry: Mapping[str, Any], key: str) -> re.Pattern[str] | None:
+    return re.compile(entry[key], re.IGNORECASE) if key in entry else None
 
 
 def read_exceptions(path: Path = ALLOWED) -> list[Exception_]:

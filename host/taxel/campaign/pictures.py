@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.cloud.accumulate import accumulate
-from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
+from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_used_taxels
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
@@ -69,8 +69,8 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
     for column, path in enumerate(paths):
         with GraspDataset(path) as data:
             grasp = data[grasp_id]
-            active, known = grasp.active_taxels(baseline_frames=max(baseline_frames(grasp), 1))
-            points, used = 1e3 * taxel_points(data, grasp), used_taxels(data)
+            active, known = grasp.active_taxels(baseline_frames=max(count_baseline_frames(grasp), 1))
+            points, used = 1e3 * locate_taxels(data, grasp), select_used_taxels(data)
             axis = figure.add_subplot(1, len(paths), column + 1, projection="3d")
             _draw_object(axis, data, grasp.object, np.eye(4))
             on = active & known

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from taxel.cloud.contacts import baseline_frames, used_taxels
+from taxel.cloud.contacts import count_baseline_frames, select_used_taxels
 from taxel.recording.grasp_dataset import GraspDataset
 
 
@@ -23,11 +23,11 @@ def count_contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
     A grasp in which a board has hold frames but no baseline frames is omitted.
     """
     with GraspDataset(path) as data:
-        used = used_taxels(data)
+        used = select_used_taxels(data)
         grasps = dict.fromkeys(data.objects, 0)
         points = dict.fromkeys(data.objects, 0)
         for grasp in data:
-            frames = baseline_frames(grasp)
+            frames = count_baseline_frames(grasp)
             if not frames:
                 continue
             active, known = grasp.active_taxels(baseline_frames=frames)

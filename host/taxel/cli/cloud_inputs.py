@@ -1,4 +1,4 @@
-"""What the commands of `taxel cloud` share: arguments, and what a name on the command line stands for."""
+"""Arguments that the commands of `taxel cloud` share, and the objects that they name."""
 
 from __future__ import annotations
 
@@ -9,58 +9,60 @@ import numpy as np
 import typer
 
 from taxel.cloud.contact_cloud import ContactCloud, require_points
-from taxel.cloud.files import holds_mesh, read_cloud
+from taxel.cloud.files import has_triangles, read_cloud
 from taxel.cloud.mesh import TriangleMesh
-from taxel.cloud.models import model, models
+from taxel.cloud.models import get_builtin_models, load_model
 from taxel.errors import TaxelError
 
-CloudFile = Annotated[Path, typer.Argument(help="A cloud: PLY, PCD or XYZ, metres.", metavar="CLOUD")]
+CloudFile = Annotated[Path, typer.Argument(help="Cloud file: PLY, PCD or XYZ, in metres.", metavar="CLOUD")]
 Target = Annotated[
     str,
     typer.Argument(
-        help="A mesh (STL, OBJ, PLY), a cloud (PLY, PCD, XYZ), or a shape: " + ", ".join(models()) + ".",
+        help="Mesh (STL, OBJ, PLY), cloud (PLY, PCD, XYZ) or shape: " + ", ".join(get_builtin_models()) + ".",
         metavar="MESH|CLOUD|SHAPE",
     ),
 ]
-Out = Annotated[Path, typer.Option(help="The file to write: .ply, .pcd or .xyz.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print as JSON, in metres.")]
-Unit = Annotated[str, typer.Option(help="Of mesh files: m, cm, mm or in.")]
+Out = Annotated[Path, typer.Option(help="File to write: .ply, .pcd or .xyz.")]
+Unit = Annotated[str, typer.Option(help="Unit of mesh files: m, cm, mm or in.")]
 Anywhere = Annotated[
-    bool, typer.Option("--anywhere", help="The cloud may lie and be turned in any way; else: in the target's frame.")
+    bool,
+    typer.Option("--anywhere", help="Align from any initial pose. Default: the cloud is in the frame of the target."),
 ]
 
 UNITS: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
-MOST_APART: Final = 50.0
-"""Times; a mesh that is so much larger or smaller than a cloud is in another unit."""
+LARGEST_SIZE_RATIO: Final = 50.0
+"""Ratio of the sizes of mesh and cloud, or its inverse, above which the mesh is assumed to be in another unit. The
+units
+differ by factors of 10 to 1000; a cloud covers at least a few per cent of its object.
+"""
 
 
 def metres(unit: str) -> float:
-    """Metres in a unit. Raises TaxelError for an unknown one."""
+    """Length of a unit in metres. Raises `TaxelError` for an unknown unit."""
     if unit not in UNITS:
-        raise TaxelError(f"--unit: expected one of {', '.join(UNITS)}, found {unit!r}; correct it")
+        raise TaxelError(f"--unit: expected one of {', '.join(UNITS)}, found {unit!r}")
     return UNITS[unit]
 
 
-def only_points(cloud: ContactCloud) -> None:
-    """Refuse an empty cloud."""
+def require_nonempty(cloud: ContactCloud) -> None:
+    """Raise an error of one line for an empty cloud."""
     require_points(cloud.points, cloud.name)
 
 
 def target_of(name: str, unit: str) -> TriangleMesh | ContactCloud:
-    """A built-in shape, a mesh file or a cloud file, by what it holds. Raises MeshError, CloudFileError, OSError."""
+    """The built-in shape, mesh file or cloud file of a name. Raises `MeshError`, `CloudFileError`, `OSError`."""
     scale = metres(unit)
-    if name in models() or not Path(name).exists() or holds_mesh(name):
-        return model(name, scale)
+    if name in get_builtin_models() or not Path(name).exists() or has_triangles(name):
+        return load_model(name, scale)
     cloud = read_cloud(name)
-    only_points(cloud)
+    require_nonempty(cloud)
     return cloud
 
 
 def check_scale(cloud: ContactCloud, mesh: TriangleMesh) -> None:
-    """Refuse a mesh in another unit than the cloud."""
+    """Raise `TaxelError` if the sizes of mesh and cloud suggest different units."""
     extent = float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
-    if extent > 0.0 and not 1.0 / MOST_APART < mesh.size / extent < MOST_APART:
-        found = f"{mesh.size:.3g} m across for a cloud of {extent:.3g} m"
-        raise TaxelError(f"{mesh.name}: expected a mesh about as large as the cloud, found {found}; give its --unit")
+    if extent > 0.0 and not 1.0 / LARGEST_SIZE_RATIO < mesh.size / extent < LARGEST_SIZE_RATIO:
+        sizes = f"mesh {mesh.size:.3g} m, cloud {extent:.3g} m"
+        raise TaxelError(f"{mesh.name}: expected a mesh of about the size of the cloud, found {sizes}; give its --unit")

@@ -1,4 +1,4 @@
-"""`taxel cloud distance`, `align` and `sweep`: what clouds measure against meshes and clouds."""
+"""`taxel cloud distance`, `align` and `sweep`: clouds against meshes and other clouds."""
 
 from __future__ import annotations
 
@@ -12,47 +12,48 @@ from rich.table import Table
 
 from taxel.cli.cloud_inputs import (
     Anywhere,
-    AsJson,
     CloudFile,
-    Overwrite,
     Target,
     Unit,
     check_scale,
-    only_points,
+    require_nonempty,
     target_of,
 )
-from taxel.cli.stages import stage_bars
+from taxel.cli.options import AsJson, Overwrite
+from taxel.cli.progress import stage_bars
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance import DistanceStats, distances_to_cloud, distances_to_mesh
-from taxel.cloud.files import read_cloud, require_free, write_cloud
-from taxel.cloud.first_guess import align_to_mesh_from_anywhere, align_to_points_from_anywhere
+from taxel.cloud.distance import DistanceStats, compute_distances_to_cloud, compute_distances_to_mesh
+from taxel.cloud.files import read_cloud, require_new_file, write_cloud
+from taxel.cloud.global_alignment import align_to_mesh_globally, align_to_points_globally
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, PointTarget, align_to_mesh, align_to_points
-from taxel.cloud.sweep import ForceRow, SorRow, as_json, force_sweep, sor_sweep, to_csv
+from taxel.cloud.sweep import ForceRow, SorRow, convert_to_json, format_csv, sweep_force_filter, sweep_outlier_filter
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
 
 
 def distance(cloud: CloudFile, target: Target, unit: Unit = "m", as_json: AsJson = False) -> None:
-    """Unsigned distances of a cloud's points to a surface or another cloud, where they are: nothing is aligned.
+    """Measure the unsigned distances from a cloud to a surface or another cloud, without alignment.
 
     Example: taxel cloud distance out/cylinder.ply cylinder
     """
-    points, there = _both(cloud, target, unit)
-    stats = DistanceStats.of(_distances(points.points, points.name, there))
+    points, reference = _cloud_and_target(cloud, target, unit)
+    stats = DistanceStats.from_distances(_distances(points.points, points.name, reference))
     if as_json:
         print(json.dumps({"cloud": str(cloud), "target": target, **stats.to_json()}))
     else:
-        print(f"{cloud} to {target}: {_in_words(stats)}")
+        print(f"{cloud} to {target}: {_stats_text(stats)}")
 
 
 def align(
     cloud: CloudFile,
     target: Target,
-    out: Annotated[Path | None, typer.Option(help="Write the aligned cloud: .ply, .pcd or .xyz.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the aligned cloud: .ply, .pcd or .xyz.")] = None,
     anywhere: Anywhere = False,
-    sampled: Annotated[bool, typer.Option("--sampled", help="To 20,000 points on the mesh, not its surface.")] = False,
+    sampled: Annotated[
+        bool, typer.Option("--sampled", help="Align to 20,000 points sampled on the mesh instead of its surface.")
+    ] = False,
     unit: Unit = "m",
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -62,11 +63,11 @@ def align(
     Example: taxel cloud align out/real.ply out/sim.ply --out out/aligned.ply
     """
     if out is not None:
-        require_free(out, overwrite)
-    points, there = _both(cloud, target, unit)
-    found = _aligned(points, there, anywhere, sampled)
-    moved = points.moved(found.transform)
-    stats = DistanceStats.of(_distances(moved.points, points.name, there))
+        require_new_file(out, overwrite)
+    points, reference = _cloud_and_target(cloud, target, unit)
+    found = _aligned(points, reference, anywhere, sampled)
+    moved = points.transform(found.transform)
+    stats = DistanceStats.from_distances(_distances(moved.points, points.name, reference))
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_cloud(moved, out, overwrite=overwrite)
@@ -75,70 +76,80 @@ def align(
         print(json.dumps({**stats.to_json(), **ran, "transform": found.transform.tolist()}))
         return
     ended = f"after {found.iterations} iterations" + ("" if found.converged else ", not converged")
-    print(f"{cloud} to {target}, {ended}: {_in_words(stats)}")
+    print(f"{cloud} to {target}, {ended}: {_stats_text(stats)}")
     for row in found.transform:
         print("  " + " ".join(f"{value:12.8f}" for value in row))
 
 
 def sweep(
     dataset: Annotated[Path, typer.Argument(help="Grasp dataset of a hand or a simulator.", metavar="DATASET.h5")],
-    item: Annotated[str, typer.Option("--object", help="The object.")],
+    object_name: Annotated[str, typer.Option("--object", help="Object whose grasps are accumulated.")],
     out: Annotated[Path, typer.Option(help="Folder for force_filter.csv and sor.csv.")],
     overwrite: Overwrite = False,
-    as_json_too: AsJson = False,
+    print_json: AsJson = False,
 ) -> None:
-    """How the match with the object changes with the force filter and the outlier filter: Tables I-1 to I-6.
+    """Vary the force filter and the outlier filter, and measure the distances to the object (Tables I-1 to I-6).
 
     Example: taxel cloud sweep out/campaign/real.h5 --object cylinder --out out/sweep
     """
     paths = (out / "force_filter.csv", out / "sor.csv")
     for path in paths:
-        require_free(path, overwrite)
-    with GraspDataset(dataset) as data, stage_bars(hidden=as_json_too) as show:
-        cloud = accumulate(data, item, show=lambda done, total: show("reading", done, total))
-        only_points(cloud)
-        solid = TriangleMesh(f"{dataset}, {item}", data.objects[item].vertices, data.objects[item].faces)
-        force = force_sweep(cloud, solid, item, show=lambda done, total: show("force filter", done, total))
-        sor = sor_sweep(cloud, solid, item, show=lambda done, total: show("outlier filter", done, total))
+        require_new_file(path, overwrite)
+    with GraspDataset(dataset) as data, stage_bars(hidden=print_json) as show:
+        cloud = accumulate(data, object_name, progress=lambda done, total: show("reading", done, total))
+        require_nonempty(cloud)
+        solid = TriangleMesh(
+            f"{dataset}, {object_name}", data.objects[object_name].vertices, data.objects[object_name].faces
+        )
+        force = sweep_force_filter(
+            cloud, solid, object_name, progress=lambda done, total: show("force filter", done, total)
+        )
+        sor = sweep_outlier_filter(
+            cloud, solid, object_name, progress=lambda done, total: show("outlier filter", done, total)
+        )
     out.mkdir(parents=True, exist_ok=True)
-    paths[0].write_text(to_csv(force))
-    paths[1].write_text(to_csv(sor))
-    if as_json_too:
-        print(json.dumps({"force_filter": as_json(force), "sor": as_json(sor)}))
+    paths[0].write_text(format_csv(force))
+    paths[1].write_text(format_csv(sor))
+    if print_json:
+        print(json.dumps({"force_filter": convert_to_json(force), "sor": convert_to_json(sor)}))
     else:
         _print_rows(force, sor)
         print(f"tables: {paths[0]}, {paths[1]}")
 
 
-def _both(cloud: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
+def _cloud_and_target(cloud: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
     points = read_cloud(cloud)
-    only_points(points)
-    there = target_of(target, unit)
-    if isinstance(there, TriangleMesh):
-        check_scale(points, there)
-    return points, there
+    require_nonempty(points)
+    reference = target_of(target, unit)
+    if isinstance(reference, TriangleMesh):
+        check_scale(points, reference)
+    return points, reference
 
 
-def _distances(points: FloatArray, name: str, there: TriangleMesh | ContactCloud) -> FloatArray:
-    if isinstance(there, TriangleMesh):
-        return distances_to_mesh(points, there, name)
-    return distances_to_cloud(points, there.points, name, there.name)
+def _distances(points: FloatArray, name: str, reference: TriangleMesh | ContactCloud) -> FloatArray:
+    if isinstance(reference, TriangleMesh):
+        return compute_distances_to_mesh(points, reference, name)
+    return compute_distances_to_cloud(points, reference.points, name, reference.name)
 
 
-def _aligned(cloud: ContactCloud, there: TriangleMesh | ContactCloud, anywhere: bool, sampled: bool) -> Alignment:
-    if isinstance(there, TriangleMesh) and not sampled:
-        mesh_align = align_to_mesh_from_anywhere if anywhere else align_to_mesh
-        return mesh_align(cloud.points, there, name=cloud.name)
-    target = PointTarget.on_mesh(there) if isinstance(there, TriangleMesh) else PointTarget(there.points, there.name)
+def _aligned(cloud: ContactCloud, reference: TriangleMesh | ContactCloud, anywhere: bool, sampled: bool) -> Alignment:
+    if isinstance(reference, TriangleMesh) and not sampled:
+        mesh_align = align_to_mesh_globally if anywhere else align_to_mesh
+        return mesh_align(cloud.points, reference, name=cloud.name)
+    target = (
+        PointTarget.from_mesh(reference)
+        if isinstance(reference, TriangleMesh)
+        else PointTarget(reference.points, reference.name)
+    )
     if anywhere:
-        return align_to_points_from_anywhere(cloud.points, target, name=cloud.name)
+        return align_to_points_globally(cloud.points, target, name=cloud.name)
     return align_to_points(cloud.points, target, name=cloud.name)
 
 
-def _in_words(stats: DistanceStats) -> str:
+def _stats_text(stats: DistanceStats) -> str:
     values = (("mean", stats.mean_m), ("standard deviation", stats.std_m), ("largest", stats.max_m))
-    told = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in (*values, ("RMS", stats.rms_m)))
-    return f"{stats.points} points, {told} mm"
+    text = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in (*values, ("RMS", stats.rms_m)))
+    return f"{stats.points} points, {text} mm"
 
 
 def _print_rows(force: list[ForceRow], sor: list[SorRow]) -> None:

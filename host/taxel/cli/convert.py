@@ -1,46 +1,51 @@
 """`taxel convert`."""
 
+from __future__ import annotations
+
 import json
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from taxel.cli.joints import HELP, joint_angles
-from taxel.recording.forms import Converted
-from taxel.recording.forms import convert as convert_recording
-from taxel.recording.forms.hdf5_form import UNKNOWN, GraspOptions
+from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, joint_angles
+from taxel.cli.progress import spinner
+from taxel.recording.formats import ConversionResult
+from taxel.recording.formats import convert as convert_recording
+from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
 from taxel.recording.grasp_format import BASELINE_FRAMES
-
-TO_HELP = "What to write: x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet, or x.csv (a folder)."
 
 
 def convert(
     source: Annotated[str, typer.Argument(help="A recording: capture, .mcap, .h5, .parquet or a folder of CSV.")],
-    target: Annotated[str, typer.Argument(help=TO_HELP)],
-    hand: Annotated[str | None, typer.Option(help="Packaged hand or file; none: the recording's own.")] = None,
-    joints: Annotated[str, typer.Option(help=HELP)] = "",
-    grasp: Annotated[str | None, typer.Option(help="Which grasp of a dataset with several.")] = None,
-    grasped: Annotated[str, typer.Option("--object", help="For x.h5, x.csv: one of the thesis's objects.")] = UNKNOWN,
-    approach: Annotated[str, typer.Option(help="For x.h5, x.csv: the approach.")] = "recording",
+    target: Annotated[
+        str,
+        typer.Argument(
+            help="File to write: x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet, x.csv (a folder)."
+        ),
+    ],
+    hand: HandOption = None,
+    joints: JointAngles = None,
+    grasp: Annotated[str | None, typer.Option(help="Id of the grasp, for a dataset with several grasps.")] = None,
+    grasped: Annotated[
+        str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")
+    ] = UNKNOWN_OBJECT,
+    approach: Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")] = "recording",
     baseline_frames: Annotated[
-        int, typer.Option(min=0, help="For x.h5: so many first cycles are baseline; nothing touched the skin.")
+        int, typer.Option(min=0, help="Number of poll cycles at the start without contact, for x.h5.")
     ] = BASELINE_FRAMES,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the target if it exists.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Write a recording in another form, and say what that form cannot carry.
+    """Convert a recording to another file format.
 
-    A recording that is cut short is converted up to the cut; then the exit status is 1.
+    Prints what the other format cannot contain. A truncated recording is converted to its last complete frame; then the
+    exit status is 1.
 
-    Example: taxel convert skin.mcap skin.csv
+    Example: taxel convert skin.bin skin.csv
     """
     options = GraspOptions(grasped, approach, baseline_frames=baseline_frames)
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True, markup=False), transient=True) as progress:
-        task = progress.add_task(f"converting {source}")
-        done = convert_recording(
+    with spinner(f"converting {source}") as show:
+        result = convert_recording(
             source,
             target,
             hand=hand,
@@ -48,19 +53,19 @@ def convert(
             joint_position=joint_angles(joints),
             grasp=grasp,
             options=options,
-            progress=lambda seconds: progress.update(task, description=f"converting {source}: {seconds:.0f} s"),
+            progress=lambda seconds: show(f"converting {source}: {seconds:.0f} s"),
         )
-    say(done, target, as_json)
+    print_conversion(result, target, as_json)
 
 
-def say(done: Converted, target: str, as_json: bool) -> None:
-    """Print what was converted."""
+def print_conversion(result: ConversionResult, target: str, as_json: bool) -> None:
+    """Print the counts of a conversion and what the target format cannot contain."""
     if as_json:
-        print(json.dumps({"file": target, **vars(done)}))
+        print(json.dumps({"file": target, **vars(result)}))
         return
     print(
-        f"{target}: {done.frames} frames of {done.seconds:.2f} s; {done.missing} missing, "
-        f"{done.lost_on_wire} lost on the wire"
+        f"{target}: {result.frames} frames of {result.seconds:.2f} s; {result.missing} missing, "
+        f"{result.lost_on_wire} lost on the wire"
     )
-    for note in done.notes:
+    for note in result.notes:
         print(note)

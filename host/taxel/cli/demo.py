@@ -61,7 +61,7 @@ def demo(
     verify_commitment(0, world.to_json(), sealed)
     _open_seal(console, world, found["verdict"]["effects"])
     console.print(
-        f"[bold]done in {time.monotonic() - started:.0f} s[/bold]; the page: {page}, the hand before and after: {picture}"
+        f"[bold]done in {time.monotonic() - started:.0f} s[/bold]; page: {page}, picture of the hand: {picture}"
     )
 
 

@@ -1,4 +1,6 @@
-"""`taxel feel`: presses on the emulated skin, and measured touches sent through it."""
+"""`taxel feel`."""
+
+from __future__ import annotations
 
 import tempfile
 import time
@@ -10,37 +12,38 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from taxel.demonstration import DEMO_PRESSES, PressOutcome, press_the_skin
+from taxel.cli.options import Seed
+from taxel.demonstration import DEMO_CONTACTS, ContactOutcome, run_demonstration
 from taxel.hand import load_hand
 from taxel.hand.heat_map import save_heat_map
 from taxel.recording import load_recording, recordings
-from taxel.recording.replay import replay_touches
+from taxel.recording.replay import ReplayOptions, replay_touches
 
 
 def feel(
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("out/feel"),
-    seed: Annotated[int, typer.Option(help="Seed of the emulated world.")] = 1,
-    seconds: Annotated[float, typer.Option(help="Seconds of each measured recording to send through the skin.")] = 60.0,
+    seed: Seed = 1,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of each measured recording, seconds.")] = 60.0,
 ) -> None:
-    """Boot the emulated 17-board skin, press on it, show the activated taxels; then send measured touches the same way.
+    """Apply scripted contacts and measured touches to the emulated skin, and show the active taxels.
 
     Example: taxel feel --seconds 10 --out out/feel
     """
     console = Console()
     out.mkdir(parents=True, exist_ok=True)
-    began = time.monotonic()
-    _presses(console, out, seed)
-    _measured(console, out, seconds)
+    started = time.monotonic()
+    _scripted_contacts(console, out, seed)
+    _measured_touches(console, out, seconds)
     console.print(
-        f"[bold]done in {time.monotonic() - began:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png"
+        f"[bold]done in {time.monotonic() - started:.1f} s[/bold]; pictures: {out}/skin.png, {out}/measured.png"
     )
 
 
-def _presses(console: Console, out: Path, seed: int) -> None:
+def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
     hand = load_hand("allegro")
     console.print(
         f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
-        f"{len(DEMO_PRESSES)} presses"
+        f"{len(DEMO_CONTACTS)} contacts"
     )
     columns = (
         TextColumn("{task.description:<22}"),
@@ -56,46 +59,46 @@ def _presses(console: Console, out: Path, seed: int) -> None:
                 tasks[step] = progress.add_task(step, total=1.0)
             progress.update(tasks[step], completed=fraction)  # type: ignore[arg-type]
 
-        result = press_the_skin(hand, seed, advance)
+        result = run_demonstration(hand, seed, advance)
     console.print(
         f"hub firmware {result.firmware}, protocol version {result.protocol_version}; "
         f"{result.boards_found} boards found, {result.boards_missing} missing; "
-        f"{result.rate_hz:.2f} scans a second at 400 kHz I2C"
+        f"{result.rate_hz:.2f} scans per second at 400 kHz I2C"
     )
     console.print(
         f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
         f"{result.disturbed} taxels disturbed"
     )
-    console.print(_press_table(result.presses))
+    console.print(_contact_table(result.presses))
     losses = result.losses
     console.print(
-        f"frames: {losses.frames_sent} sent = {losses.received} received + {losses.lost_on_wire} lost; "
-        f"active outside every press: {result.false_activations}"
+        f"frames: {losses.frames_sent} sent = {losses.frames_received} received + {losses.lost_on_wire} lost; "
+        f"active without a contact: {result.false_activations}"
     )
     save_heat_map(
         hand,
         result.largest_signal,
         result.ever_active,
         out / "skin.png",
-        "Emulated skin: largest signal during the presses",
+        "Emulated skin: largest signal during the contacts",
     )
 
 
-def _press_table(presses: list[PressOutcome]) -> Table:
-    table = Table(title="presses")
-    for heading in ("board", "probe", "felt after", "active", "signal"):
+def _contact_table(outcomes: list[ContactOutcome]) -> Table:
+    table = Table(title="contacts")
+    for heading in ("board", "probe", "active after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
-    for outcome in presses:
+    for outcome in outcomes:
         press = outcome.press
-        felt = "not felt" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
+        delay = "not active" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
         table.add_row(
-            press.board, f"{press.force_n:g} N, {1e3 * press.diameter_m:g} mm", felt,
+            press.board, f"{press.force_n:g} N, {1e3 * press.diameter_m:g} mm", delay,
             str(len(outcome.active_taxels)), f"{outcome.largest_signal:.0f} counts",
         )  # fmt: skip
     return table
 
 
-def _measured(console: Console, out: Path, seconds: float) -> None:
+def _measured_touches(console: Console, out: Path, seconds: float) -> None:
     hand = load_hand("allegro")
     console.print(
         f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "
@@ -103,7 +106,7 @@ def _measured(console: Console, out: Path, seconds: float) -> None:
     )
     for name in recordings():
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder, console.status(f"replaying {name}"):
-            score = replay_touches(load_recording(name), hand, seconds=seconds, folder=Path(folder))
+            score = replay_touches(load_recording(name), hand, ReplayOptions(seconds=seconds), Path(folder))
         console.print(f"{name}: {score}")
     title = f"Measured touch on the skin ({name})"
     save_heat_map(hand, score.map_signal, score.map_active, out / "measured.png", title)

@@ -1,4 +1,4 @@
-"""`taxel gap apply`: the simulation with the effects that a diagnosis found."""
+"""`taxel gap apply`."""
 
 from __future__ import annotations
 
@@ -8,42 +8,43 @@ from typing import Annotated
 
 import typer
 
-from taxel.cli.stages import stage_bars
-from taxel.errors import TaxelError
+from taxel.cli.options import AsJson, Overwrite
+from taxel.cli.progress import stage_bars
 from taxel.gap.adding.apply import Applied, apply_report, resimulate
 
 
 def apply(
     report: Annotated[Path, typer.Argument(help="report.json of taxel gap diagnose.", metavar="REPORT")],
     sim: Annotated[Path, typer.Argument(help="Grasp dataset of the simulator.", metavar="SIM.h5")],
-    out: Annotated[Path, typer.Option(help="The dataset to write.")],
+    out: Annotated[Path, typer.Option(help="Dataset to write.")],
     resim: Annotated[
-        str,
-        typer.Option(help="Run your own simulator instead; {effects}, {sim}, {out} become paths.", metavar="COMMAND"),
-    ] = "",
-    seed: Annotated[int, typer.Option(help="Of noise, drifts and lost frames.")] = 0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+        str | None,
+        typer.Option(
+            help="Command of your own simulator, run instead; {effects}, {sim} and {out} are replaced by paths.",
+            metavar="COMMAND",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of noise, drift and lost frames.")] = 0,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Write the simulator's dataset with the diagnosed effects added.
+    """Add the diagnosed effects to the simulator's dataset.
 
     Example: taxel gap apply out/gap/report.json out/campaign/sim.h5 --out out/sim2.h5
     """
-    if seed < 0:
-        raise TaxelError(f"--seed: expected 0 or more, found {seed}")
-    if resim:
-        done = resimulate(report, sim, out, resim, overwrite=overwrite)
+    if resim is not None:
+        result = resimulate(report, sim, out, resim, overwrite=overwrite)
     else:
         with stage_bars(hidden=as_json) as show:
-            done = apply_report(report, sim, out, seed=seed, overwrite=overwrite, show=show)
-    _say(done, as_json)
+            result = apply_report(report, sim, out, seed=seed, overwrite=overwrite, show=show)
+    _print_result(result, as_json)
 
 
-def _say(done: Applied, as_json: bool) -> None:
+def _print_result(result: Applied, as_json: bool) -> None:
     if as_json:
-        print(json.dumps({"file": str(done.path), "effects": done.effects, "notes": done.notes}))
+        print(json.dumps({"file": str(result.path), "effects": result.effects, "notes": result.notes}))
         return
-    if done.effects:
-        print(f"{done.path}: with {', '.join(name.replace('_', ' ') for name in done.effects)}")
-    for note in done.notes:
+    if result.effects:
+        print(f"{result.path}: with {', '.join(name.replace('_', ' ') for name in result.effects)}")
+    for note in result.notes:
         print(f"note: {note}")

@@ -1,4 +1,4 @@
-"""`taxel gap next`: the presses that would tell most of what a diagnosis leaves open."""
+"""`taxel gap next`: the contacts to record next."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 from threadpoolctl import threadpool_limits
 
-from taxel.cli.stages import stage_bars
+from taxel.cli.options import AsJson
+from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import Show
 from taxel.gap.presses.from_report import findings_in, findings_of_pair
@@ -24,37 +25,37 @@ def next_press(
         Path, typer.Argument(help="Grasp dataset of the hand, or a report.json.", metavar="REAL.h5|REPORT")
     ],
     sim: Annotated[
-        Path | None, typer.Argument(help="Grasp dataset of the simulator; not with a report.", metavar="SIM.h5")
+        Path | None, typer.Argument(help="Grasp dataset of the simulator; omitted with a report.", metavar="SIM.h5")
     ] = None,
     candidates: Annotated[
         list[Path] | None,
-        typer.Option(help="A further simulation, of approaches that could be recorded; may be repeated."),
+        typer.Option(help="Simulated dataset of approaches that could be recorded; repeatable."),
     ] = None,
-    top: Annotated[int, typer.Option(help="How many presses are listed.")] = MOST_PRESSES,
-    as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON.")] = False,
+    top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MOST_PRESSES,
+    as_json: AsJson = False,
 ) -> None:
-    """Rank the presses that would tell confounded effects apart, or narrow what is known of the found ones.
+    """Rank the contacts that would separate confounded effects or narrow the intervals of their parameters.
 
     Example: taxel gap next out/gap/report.json --candidates out/more/sim.h5
     """
-    if top < 1:
-        raise TaxelError(f"--top: expected 1 or more, found {top}")
     if sim is None and real.suffix in (".h5", ".hdf5"):
-        raise TaxelError(f"SIM.h5: expected the simulation beside {real}, found none; give both, or a report.json")
+        raise TaxelError(
+            f"SIM.h5: expected the simulated dataset after {real}, found nothing; give both datasets or a report.json"
+        )
     with stage_bars(hidden=as_json) as show, threadpool_limits(limits=1):
         findings = findings_in(real, show) if sim is None else findings_of_pair(real, sim, show)
-        more, notes = _more(findings.judge.state, candidates or [], show)
+        further, notes = _further_states(findings.judge.state, candidates or [], show)
         show("ranking", 0, 1)
-        found = next_presses(findings, more, top)
+        found = next_presses(findings, further, top)
         show("ranking", 1, 1)
     if as_json:
         print(json.dumps({"line": found.line, "next_presses": found.to_json(), "notes": notes}, allow_nan=False))
     else:
-        _say(found, notes)
+        _print_contacts(found, notes)
 
 
-def _more(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[State], list[str]]:
-    """What was simulated and not recorded: in the pair's own simulation, and in further ones."""
+def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[State], list[str]]:
+    """States of the approaches that were simulated and not recorded, in the simulation of the pair and in others."""
     paths = [Path(state.pair.paths[1])] if state.pair.unrecorded else []
     more: list[State] = []
     notes = []
@@ -62,16 +63,16 @@ def _more(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[St
         known = [cell for one in more for cell in one.pair.cells]
         found = unrecorded(state, path, known, lambda done, total: show("reading candidates", done, total))
         if found is None:
-            notes.append(f"{path}: no approach that is not known already")
+            notes.append(f"{path}: all of its approaches are recorded already")
         else:
             more.append(found)
     return more, notes
 
 
-def _say(found: NextPresses, notes: Sequence[str]) -> None:
+def _print_contacts(found: NextPresses, notes: Sequence[str]) -> None:
     print(found.line)
-    for place, one in enumerate(found.presses, 1):
-        print(f"{place:3}. {one.press.words}: {one.gain:.2f} bits")
+    for rank, one in enumerate(found.presses, 1):
+        print(f"{rank:3}. {one.press.words}: {one.gain:.2f} bits")
         print(f"     {one.why}")
     for note in notes:
         print(f"note: {note}")

@@ -1,4 +1,4 @@
-"""`taxel generate`: synthetic grasps at scale."""
+"""`taxel generate`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from taxel.cli.stages import stage_bars
+from taxel.cli.options import AsJson, Jobs
+from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.generate.cluster import Cluster
 from taxel.generate.recipe import FIDELITIES, Recipe
@@ -21,90 +22,89 @@ from taxel.generate.workers import Processes, Workers
 
 
 def generate(
-    out: Annotated[Path, typer.Option(help="Folder of the shards; one that was cut is continued.")],
-    recipe: Annotated[Path | None, typer.Option(help="What is drawn from which ranges (TOML).")] = None,
-    grasps: Annotated[int, typer.Option(help="How many; 0: as the recipe says, else 1000.")] = 0,
-    seed: Annotated[int, typer.Option(help="Decides every draw; -1: as the recipe says, else 1.")] = -1,
-    effects: Annotated[
-        Path | None, typer.Option(help="report.json of taxel gap diagnose: its effects, drawn within their intervals.")
+    out: Annotated[Path, typer.Option(help="Folder of the shards. An interrupted run in the folder is continued.")],
+    recipe: Annotated[
+        Path | None, typer.Option(help="TOML file: which quantities are sampled from which ranges.")
+    ] = None,
+    grasps: Annotated[
+        int | None, typer.Option(min=1, max=MOST_GRASPS, help="Number of grasps. Default: the recipe's, else 1000.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the samples. Default: the recipe's, else 1.")] = None,
+    gap_report: Annotated[
+        Path | None,
+        typer.Option(help="report.json of taxel gap diagnose; its effects are sampled within their intervals."),
     ] = None,
     mesh: Annotated[
-        list[Path] | None, typer.Option(help="Another object: convex hull of an STL, OBJ or PLY file; may be repeated.")
+        list[Path] | None, typer.Option(help="STL, OBJ or PLY file; its convex hull is a further object. Repeatable.")
     ] = None,
-    unit: Annotated[str, typer.Option(help=f"Of --mesh: {', '.join(UNITS)}.")] = "m",
+    unit: Annotated[str, typer.Option(help=f"Unit of --mesh: {', '.join(UNITS)}.")] = "m",
     fidelity: Annotated[
-        str, typer.Option(help=f"{', '.join(FIDELITIES)}; empty: as the recipe says, else quick.")
-    ] = "",
-    shard: Annotated[int, typer.Option(help="Grasps of one file; 0: as the recipe says, else 200.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes of this machine; 0: one a core.")] = 0,
-    scheduler: Annotated[str, typer.Option(help="Dask scheduler of a cluster instead, as tcp://host:8786.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
+        str | None, typer.Option(help=f"{' or '.join(FIDELITIES)}. Default: the recipe's, else quick.")
+    ] = None,
+    grasps_per_shard: Annotated[
+        int | None, typer.Option(min=1, max=MOST_PER_SHARD, help="Grasps in one file. Default: the recipe's, else 200.")
+    ] = None,
+    jobs: Jobs = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Dask scheduler of a cluster, such as tcp://host:8786, instead of --jobs.")
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Simulate grasps with drawn objects, poses, forces and effects, and write them as shards with an index.
+    """Generate synthetic grasps at scale.
 
-    Run the same command again to go on with a run that was cut: the result is the same to the byte.
+    Objects, poses, forces and effects are sampled from a recipe; the grasps are written as shards with an index. Run
+    the
+    same command again to continue an interrupted run: the result is equal to the byte.
 
-    Example: taxel generate --grasps 100000 --effects out/gap/report.json --out out/synthetic
+    Example: taxel generate --grasps 100000 --gap-report out/gap/report.json --out out/synthetic
     """
-    wanted = _recipe(recipe, grasps, seed, shard, fidelity)
+    plan = _recipe(recipe, grasps, seed, grasps_per_shard, fidelity)
     if unit not in UNITS:
         raise TaxelError(f"--unit: expected {', '.join(UNITS)}, found '{unit}'")
     for path in mesh or ():
-        wanted = with_mesh(wanted, path, unit)
-    if effects is not None:
-        wanted = with_report(wanted, effects)
-    checked(wanted, "recipe" if recipe is None else str(recipe))
-    began = time.monotonic()
+        plan = with_mesh(plan, path, unit)
+    if gap_report is not None:
+        plan = with_report(plan, gap_report)
+    checked(plan, "recipe" if recipe is None else str(recipe))
+    started = time.monotonic()
     with stage_bars(hidden=as_json) as show:
-        done = generate_all(wanted, out, _workers(workers, scheduler), show)
-    _say(out, wanted, done.made, time.monotonic() - began, as_json)
+        run = generate_all(plan, out, _workers(jobs, scheduler), show)
+    _print_run(out, plan, run.made, time.monotonic() - started, as_json)
 
 
-def _recipe(path: Path | None, grasps: int, seed: int, shard: int, fidelity: str) -> Recipe:
-    recipe = Recipe() if path is None else read_recipe(path)
-    for option, value, least, most in (("grasps", grasps, 0, MOST_GRASPS), ("shard", shard, 0, MOST_PER_SHARD)):
-        if not least <= value <= most:
-            raise TaxelError(f"--{option}: expected {least} to {most}, found {value}")
-    if seed < -1:
-        raise TaxelError(f"--seed: expected 0 or more (-1: as the recipe says), found {seed}")
-    if fidelity and fidelity not in FIDELITIES:
+def _recipe(
+    path: Path | None, grasps: int | None, seed: int | None, grasps_per_shard: int | None, fidelity: str | None
+) -> Recipe:
+    """The recipe of a file, or the default one, with the values of the options that were given."""
+    if fidelity is not None and fidelity not in FIDELITIES:
         raise TaxelError(f"--fidelity: expected {', '.join(FIDELITIES)}, found '{fidelity}'")
-    return replace(
-        recipe,
-        grasps=grasps or recipe.grasps,
-        seed=recipe.seed if seed < 0 else seed,
-        shard=shard or recipe.shard,
-        fidelity=fidelity or recipe.fidelity,
-    )
+    options = {"grasps": grasps, "seed": seed, "shard": grasps_per_shard, "fidelity": fidelity}
+    given_values = {name: value for name, value in options.items() if value is not None}
+    return replace(Recipe() if path is None else read_recipe(path), **given_values)  # type: ignore[arg-type]
 
 
-def _workers(count: int, scheduler: str) -> Workers:
-    if count < 0:
-        raise TaxelError(f"--workers: expected 0 (one a core) or more, found {count}")
-    if scheduler and count:
-        raise TaxelError(
-            "--workers: expected none beside --scheduler, whose cluster has its own; leave one of them out"
-        )
-    return Cluster(scheduler) if scheduler else Processes(count or os.cpu_count() or 1)
+def _workers(jobs: int | None, scheduler: str | None) -> Workers:
+    if scheduler is not None and jobs is not None:
+        raise TaxelError("--jobs and --scheduler: expected one of them, since the cluster has its own workers")
+    return Cluster(scheduler) if scheduler is not None else Processes(jobs or os.cpu_count() or 1)
 
 
-def _say(out: Path, recipe: Recipe, made: int, seconds: float, as_json: bool) -> None:
-    told: dict[str, Any] = {
-        "folder": str(out),
-        "grasps": recipe.grasps,
-        "shards": recipe.shards,
-        "made": made,
-        "seconds": round(seconds, 3),
-        "effects": [one.name for one in recipe.effects],
-        "recipe_sha256": recipe.digest,
-    }
+def _print_run(out: Path, recipe: Recipe, made: int, seconds: float, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(told))
+        result: dict[str, Any] = {
+            "folder": str(out),
+            "grasps": recipe.grasps,
+            "shards": recipe.shards,
+            "made": made,
+            "seconds": round(seconds, 3),
+            "effects": [effect.name for effect in recipe.effects],
+            "recipe_sha256": recipe.digest,
+        }
+        print(json.dumps(result))
         return
-    names = ", ".join(one.name.replace("_", " ") for one in recipe.effects) or "none"
+    names = ", ".join(effect.name.replace("_", " ") for effect in recipe.effects) or "none"
     print(f"{out}: {recipe.grasps} grasps in {recipe.shards} shards, effects: {names}")
-    print(
-        f"made now: {made} in {seconds:.1f} s, {made / max(seconds, 1e-9):.2f} a second"
-        if made
-        else "nothing was missing"
-    )
+    if made:
+        print(f"generated in this run: {made} in {seconds:.1f} s, {made / max(seconds, 1e-9):.2f} per second")
+    else:
+        print("all shards existed already")

@@ -8,11 +8,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Final, NoReturn
+from typing import Annotated, Any, Final, NoReturn
 
 import typer
 
 from taxel.cli.commands import COMMANDS, OTHER, CommandEntry
+from taxel.cli.renamed_options import refuse_renamed
 from taxel.errors import TaxelError
 from taxel.optional import missing_package
 from taxel.plugins import COMMANDS as COMMANDS_GROUP
@@ -86,13 +87,16 @@ def _not_loaded() -> NoReturn:
 
 
 def main() -> None:
-    """Run the command of `sys.argv`; the exit status is 0 only on success."""
+    """Run the command of `sys.argv`; the exit status is 0 only on success, and 2 for a wrong command line."""
     name = _requested_command()
     try:
         with _interrupted_by_sigterm():
-            build_app(name)()
+            refuse_renamed(sys.argv[1:])
+            status = typer.main.get_command(build_app(name))(prog_name="taxel", standalone_mode=False)
     except TaxelError as error:
         _fail(str(error))
+    except typer.BadParameter.__base__ as error:  # type: ignore[misc] # click's UsageError, which typer does not export
+        _fail_usage(error)
     except ModuleNotFoundError as error:
         entry = COMMANDS.get(name)
         replacement = missing_package(error, f"taxel {name}", entry.extra if entry is not None else None)
@@ -103,6 +107,21 @@ def main() -> None:
         _fail(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
     except KeyboardInterrupt:
         sys.exit(130)
+    except typer.Abort:
+        _fail("interrupted at a question")
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail_usage(error: Any) -> NoReturn:
+    """One line for a wrong command line; the help page if the command line has no argument at all."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        error.show()
+        sys.exit(2)
+    path = error.ctx.command_path if error.ctx is not None else "taxel"
+    message = " ".join(error.format_message().split()).rstrip(".")
+    subject = path.removeprefix("taxel").strip()
+    print(f"taxel: {subject}: {message}" if subject else f"taxel: {message}", f"see {path} --help", sep="; ", file=sys.stderr)
+    sys.exit(2)
 
 
 def _requested_command() -> str:

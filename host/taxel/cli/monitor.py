@@ -44,7 +44,8 @@ def monitor(
 ) -> None:
     """Show a skin live, in the terminal or in a browser.
 
-    The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the baseline
+    The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the
+    baseline
     is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output is no
     terminal, one line per second is printed.
 

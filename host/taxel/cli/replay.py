@@ -1,5 +1,7 @@
 """`taxel replay`."""
 
+from __future__ import annotations
+
 import json
 import time
 from typing import Annotated
@@ -7,51 +9,56 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taxel.cli.convert import say
-from taxel.cli.joints import HELP, joint_angles
+from taxel.cli.convert import print_conversion
+from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, joint_angles
 from taxel.cli.ros import publish_skin
-from taxel.cli.summary import StreamSummary
+from taxel.cli.stream_summary import StreamSummary
 from taxel.errors import TaxelError
-from taxel.hand.errors import shown
-from taxel.recording.forms import convert, open_recording
-from taxel.recording.forms.conversion import form_of
-from taxel.recording.forms.virtual_port import VirtualPort
+from taxel.hand.errors import format_value
+from taxel.recording.formats import convert, open_recording
+from taxel.recording.formats.conversion import format_of
+from taxel.recording.formats.virtual_port import VirtualPort
 from taxel.ros.pace import Pace
 from taxel.skin import Skin
+
+SLOWEST, FASTEST = 1e-3, 1e6
+"""Limits of --speed, times real time."""
 
 
 def replay(
     recording: Annotated[str, typer.Argument(help="A capture, .mcap, .h5, .parquet or a folder of CSV.")],
     to: Annotated[
-        str, typer.Option(help="pty: a serial port that any program can open; ros: a ROS node; or a file to write.")
-    ] = "",
-    speed: Annotated[str, typer.Option(help="Times real time, such as 1 or 4, or max. None: 1 for pty and ros.")] = "",
-    hand: Annotated[str | None, typer.Option(help="Packaged hand or file; none: the recording's own.")] = None,
-    grasp: Annotated[str | None, typer.Option(help="Which grasp of a dataset with several.")] = None,
-    joints: Annotated[str, typer.Option(help=HELP)] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+        str | None, typer.Option(help="pty: a virtual serial port; ros: a ROS node; else a file. Default: a summary.")
+    ] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="Times real time, or max. Default: 1 for pty and ros, else max.")
+    ] = None,
+    hand: HandOption = None,
+    grasp: Annotated[str | None, typer.Option(help="Id of the grasp, for a dataset with several grasps.")] = None,
+    joints: JointAngles = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Play a recording: into a virtual serial port, ROS or another file, or just to say what is in it.
+    """Summarise a recording, or play it into a serial port, ROS or a file.
 
-    A recording that is cut short is played up to the cut; then the exit status is 1.
+    A truncated recording is played to its last complete frame; then the exit status is 1.
 
-    Example: taxel replay skin.mcap --speed max --json
+    Example: taxel replay skin.bin --speed max --json
     """
-    times = _speed(speed, 1.0 if to in ("pty", "ros") else None)
+    factor = _speed(speed, 1.0 if to in ("pty", "ros") else None)
     if to == "pty":
-        _to_port(recording, hand, grasp, times)
+        _play_into_port(recording, hand, grasp, factor)
     elif to == "ros":
         link, description = open_recording(recording, hand, grasp)
         with Skin(link, description) as skin:
-            publish_skin(skin, None, joint_angles(joints), None, 0.0, Pace(times))
-    elif to:
-        form_of(to)
+            publish_skin(skin, None, joint_angles(joints), None, None, Pace(factor))
+    elif to is not None:
+        format_of(to)  # refuses an unknown format before anything is read
         angles = joint_angles(joints)
-        done = convert(recording, to, hand=hand, overwrite=overwrite, joint_position=angles, grasp=grasp)
-        say(done, to, as_json)
+        result = convert(recording, to, hand=hand, overwrite=overwrite, joint_position=angles, grasp=grasp)
+        print_conversion(result, to, as_json)
     else:
-        _summarise(recording, hand, grasp, times, as_json)
+        _summarise(recording, hand, grasp, factor, as_json)
 
 
 def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
@@ -70,19 +77,20 @@ def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float
                 summary.print(Console(markup=False))
 
 
-def _to_port(recording: str, hand: str | None, grasp: str | None, speed: float | None) -> None:
+def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: float | None) -> None:
     link, description = open_recording(recording, hand, grasp)
     link.close()
     with VirtualPort(lambda: open_recording(recording, hand, grasp)[0], description, speed) as port:
         print(port.device, flush=True)
-        begun = time.monotonic()
-        ended = port.play()
-        told = "played to its end" if ended else "the program closed the port before the end"
-        print(f"{recording}: {told}, {time.monotonic() - begun:.1f} s")
+        started = time.monotonic()
+        is_complete = port.play()
+        outcome = "played to its end" if is_complete else "the program closed the port before the end"
+        print(f"{recording}: {outcome}, {time.monotonic() - started:.1f} s")
 
 
-def _speed(text: str, default: float | None) -> float | None:
-    if not text:
+def _speed(text: str | None, default: float | None) -> float | None:
+    """Times real time; None: without waiting."""
+    if text is None:
         return default
     if text == "max":
         return None
@@ -90,6 +98,6 @@ def _speed(text: str, default: float | None) -> float | None:
         value = float(text)
     except ValueError:
         value = float("nan")
-    if not 1e-3 <= value <= 1e6:
-        raise TaxelError(f"--speed: expected max or a number from 0.001 to 1000000, found {shown(text)}")
+    if not SLOWEST <= value <= FASTEST:
+        raise TaxelError(f"--speed: expected max or a number from 0.001 to 1000000, found {format_value(text)}")
     return value

@@ -1,44 +1,49 @@
 """`taxel ros`."""
 
+from __future__ import annotations
+
 import time
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 import typer
 
-from taxel.cli.joints import HELP, joint_angles
-from taxel.hand.kinematics import kinematics_of
-from taxel.recorder import joint_source
+from taxel.cli.options import HandOption, JointAngles, Seconds, Url, joint_angles
+from taxel.hand.kinematics import build_kinematics
 from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.pace import Pace
 from taxel.ros.topics import NS_PER_S, SkinTopics
 from taxel.skin import Skin, open_skin
+from taxel.skin.recorder import joint_source
 from taxel.stream.frame_stream import has_arrivals
+from taxel.types import FloatArray
 
 
 def ros(
-    url: Annotated[str, typer.Argument(help="serial:///dev/ttyUSB0, emulator:, file:skin.mcap ...")],
-    hand: Annotated[str | None, typer.Option(help="Packaged hand or description file.")] = None,
-    joints: Annotated[str, typer.Option(help=HELP)] = "",
+    url: Url,
+    hand: HandOption = None,
+    joints: JointAngles = None,
     joint_topic: Annotated[
-        str, typer.Option(help="Take the angles from this topic (sensor_msgs/JointState) instead; none: do not.")
-    ] = "",
-    version: Annotated[
-        int | None, typer.Option("--ros", min=1, max=2, help="1 or 2; none: 2 if rclpy is there, else 1.")
+        str | None,
+        typer.Option(help="Topic of type sensor_msgs/JointState with the joint angles, instead of --joint-angles."),
     ] = None,
-    seconds: Annotated[float, typer.Option(help="Stop after so many seconds of frames; 0: at Ctrl-C.")] = 0.0,
+    version: Annotated[
+        int | None,
+        typer.Option("--ros-version", min=1, max=2, help="ROS 1 or 2. Default: 2 if rclpy is installed, else 1."),
+    ] = None,
+    seconds: Seconds = None,
 ) -> None:
-    """Publish a skin in ROS: a topic a sensor, the TF tree, joint states, activations, contact cloud, diagnostics.
+    """Publish a skin as ROS topics.
 
-    The first 100 cycles are the baseline: nothing may touch the skin. Needs ROS 1 (rospy) or ROS 2 (rclpy).
+    Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100
+    poll
+    cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2).
 
     Example: taxel ros "emulator:" --seconds 1
     """
     node = open_node(version)
     try:
         with open_skin(url, hand) as skin:
-            publish_skin(skin, node, joint_angles(joints), joint_topic or None, seconds, Pace(None))
+            publish_skin(skin, node, joint_angles(joints), joint_topic, seconds, Pace(None))
     finally:
         node.close()
 
@@ -46,17 +51,20 @@ def ros(
 def publish_skin(
     skin: Skin,
     node: Node | None,
-    angles: npt.NDArray[np.float64] | None,
+    angles: FloatArray | None,
     joint_topic: str | None,
-    seconds: float,
+    seconds: float | None,
     pace: Pace,
 ) -> None:
-    """Publish all frames of a skin; `node` None: open one. A recording's times are moved to now."""
+    """Publish all frames of a skin until its end or until `seconds` have passed.
+
+    node: None: open a node. The times of a recording are shifted so that the first frame is published at the present.
+    """
     own = open_node() if node is None else node
     try:
         joints = joint_source(angles)
         if joint_topic is not None:
-            joints = JointListener(own, joint_topic, kinematics_of(skin.hand).robot.joint_names)
+            joints = JointListener(own, joint_topic, build_kinematics(skin.hand).robot.joint_names)
         first_s: float | None = None
         topics: SkinTopics | None = None
         count = 0
@@ -71,7 +79,7 @@ def publish_skin(
                 if joint_topic is None or message.topic != "/joint_states":
                     own.publish(message)
             count += 1
-            if not own.is_alive or (seconds and first_s is not None and frame.time_s - first_s >= seconds):
+            if not own.is_alive or (seconds is not None and first_s is not None and frame.time_s - first_s >= seconds):
                 break
         for message in topics.finish() if topics is not None else ():
             if joint_topic is None or message.topic != "/joint_states":

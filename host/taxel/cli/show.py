@@ -1,4 +1,4 @@
-"""`taxel show`: pictures of grasp datasets."""
+"""`taxel show`."""
 
 from __future__ import annotations
 
@@ -16,24 +16,31 @@ from taxel.recording.grasp_dataset import GraspDataset
 def show(
     datasets: Annotated[list[Path], typer.Argument(help="Grasp datasets, such as real.h5 sim.h5.")],
     out: Annotated[Path, typer.Option(help="Folder for clouds.png and grasp.png.")] = Path("out/show"),
-    grasp: Annotated[str, typer.Option(help="Id of the grasp to draw; empty: the first that all datasets have.")] = "",
+    grasp: Annotated[
+        str | None, typer.Option(help="Id of the grasp to draw. Default: the first one that all datasets contain.")
+    ] = None,
 ) -> None:
-    """Draw each object's accumulated contact points, and one grasp with active and inactive taxels.
+    """Draw the contact points of a grasp dataset.
+
+    One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a
+    grasp.
 
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
     console = Console(markup=False)
-    common = _common(datasets)
-    if not common and not grasp:
-        raise TaxelError(f"{', '.join(map(str, datasets))}: no grasp id that all of them have; name one with --grasp")
+    common = _common_ids(datasets)
+    if not common and grasp is None:
+        raise TaxelError(
+            f"{', '.join(map(str, datasets))}: the datasets have no grasp id in common; give one with --grasp"
+        )
     out.mkdir(parents=True, exist_ok=True)
     with console.status("drawing"):
         save_clouds(datasets, out / "clouds.png")
-        save_grasp(datasets, out / "grasp.png", grasp or common[0])
+        save_grasp(datasets, out / "grasp.png", common[0] if grasp is None else grasp)
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
 
 
-def _common(paths: list[Path]) -> list[str]:
+def _common_ids(paths: list[Path]) -> list[str]:
     ids: list[set[str]] = []
     for path in paths:
         with GraspDataset(path) as data:

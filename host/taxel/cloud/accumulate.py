@@ -1,4 +1,4 @@
-"""From a grasp dataset to the contact cloud of one object: active taxels of all its grasps in the object's frame."""
+"""Contact cloud of one object of a grasp dataset: the active taxels of all its grasps in the object's frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.contacts import baseline_frames, taxel_points, used_taxels
+from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_used_taxels
 from taxel.cloud.errors import CloudError
 from taxel.cloud.propagation import Propagation
 from taxel.recording.grasp import Grasp
@@ -18,14 +18,14 @@ from taxel.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class _Felt:
-    """One grasp: where the taxels are, f64[n, 3], what they told, f64[n], which were active, which not: bool[n]."""
+class _GraspContacts:
+    """Contacts of one grasp. positions: f64[n, 3], m. signal_counts: f64[n]. active, inactive: bool[n]."""
 
     grasp: Grasp
-    places: FloatArray
+    positions: FloatArray
     signal_counts: FloatArray
     active: BoolArray
-    quiet: BoolArray
+    inactive: BoolArray
 
 
 def accumulate(
@@ -35,57 +35,57 @@ def accumulate(
     *,
     propagation: Propagation | None = None,
     taxels: BoolArray | None = None,
-    show: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> ContactCloud:
-    """The contact cloud of an object, in the object's nominal frame, metres.
+    """Contact cloud of an object, in the nominal frame of the object, metres.
 
-    A point for each grasp and taxel whose signal, the mean over hold, exceeds `threshold` counts, strictly. A taxel
-    without a valid hold frame is in neither `points` nor `quiet`; a grasp without a baseline is left out.
+    The cloud has one point for each grasp and taxel whose signal (mean over hold) exceeds `threshold` counts. A taxel
+    without a valid hold frame is neither an active nor an inactive point. A grasp without a baseline is left out.
 
-    propagation: what the thesis adds to simulated clouds; None: nothing. taxels: which count, bool[n]; None: those of
-    the thesis (5.2). show: told grasps read, and of how many.
-    Raises CloudError for an object that the dataset lacks, DatasetError for a damaged dataset.
+    propagation: contact propagation to apply, as in the thesis for simulated clouds; None: none. taxels: taxels that
+    count, bool[n]; None: those of the thesis (section 5.2). progress: called with grasps read and their total number.
+    Raises CloudError for an object that the dataset does not have, DatasetError for a damaged dataset.
     """
     if object_name not in data.objects:
-        known = ", ".join(data.objects) or "none"
-        raise CloudError(str(data.path), "object", f"one of {known}", object_name, "correct the name")
-    counting = used_taxels(data) if taxels is None else taxels
-    felt = list(_felt(data, object_name, threshold, propagation, counting, show))
-    approaches = tuple(sorted({one.grasp.approach for one in felt}))
-    rows = [np.full(int(one.active.sum()), row) for row, one in enumerate(felt)]
-    quiet_rows = [np.full(int(one.quiet.sum()), row) for row, one in enumerate(felt)]
+        names = ", ".join(data.objects) or "none"
+        raise CloudError(str(data.path), "object", f"one of {names}", object_name, "correct the name")
+    counted = select_used_taxels(data) if taxels is None else taxels
+    contacts = list(_contacts_by_grasp(data, object_name, threshold, propagation, counted, progress))
+    approaches = tuple(sorted({item.grasp.approach for item in contacts}))
+    active_rows = [np.full(int(item.active.sum()), row) for row, item in enumerate(contacts)]
+    inactive_rows = [np.full(int(item.inactive.sum()), row) for row, item in enumerate(contacts)]
     return ContactCloud(
         f"{data.path}, {object_name}",
-        np.concatenate([np.empty((0, 3)), *(one.places[one.active] for one in felt)]),
-        np.concatenate([np.empty(0), *(one.signal_counts[one.active] for one in felt)]),
-        np.concatenate([np.empty(0, np.int64), *rows]),
-        np.concatenate([np.empty(0, np.int64), *(np.flatnonzero(one.active) for one in felt)]),
-        tuple(one.grasp.id for one in felt),
-        np.array([approaches.index(one.grasp.approach) for one in felt], np.int64),
+        np.concatenate([np.empty((0, 3)), *(item.positions[item.active] for item in contacts)]),
+        np.concatenate([np.empty(0), *(item.signal_counts[item.active] for item in contacts)]),
+        np.concatenate([np.empty(0, np.int64), *active_rows]),
+        np.concatenate([np.empty(0, np.int64), *(np.flatnonzero(item.active) for item in contacts)]),
+        tuple(item.grasp.id for item in contacts),
+        np.array([approaches.index(item.grasp.approach) for item in contacts], np.int64),
         approaches,
-        np.concatenate([np.empty((0, 3)), *(one.places[one.quiet] for one in felt)]),
-        np.concatenate([np.empty(0, np.int64), *quiet_rows]),
+        np.concatenate([np.empty((0, 3)), *(item.positions[item.inactive] for item in contacts)]),
+        np.concatenate([np.empty(0, np.int64), *inactive_rows]),
     )
 
 
-def _felt(
+def _contacts_by_grasp(
     data: GraspDataset,
     object_name: str,
     threshold: float,
     propagation: Propagation | None,
-    counting: BoolArray,
-    show: Callable[[int, int], None],
-) -> Iterator[_Felt]:
-    """The grasps of an object that have a baseline, in order of time."""
-    near = propagation.neighbours(data.taxels) if propagation else None
+    counted: BoolArray,
+    progress: Callable[[int, int], None],
+) -> Iterator[_GraspContacts]:
+    """Contacts of the grasps of an object that have a baseline, in the order of the dataset."""
+    neighbours = propagation.find_neighbours(data.taxels) if propagation else None
     grasps = [grasp for grasp in data if grasp.object == object_name]
     for done, grasp in enumerate(grasps, 1):
-        if frames := baseline_frames(grasp):
+        if frames := count_baseline_frames(grasp):
             signal = grasp.mean_hold_signal(frames)
-            known = counting & ~np.isnan(signal)
-            active: BoolArray = known & (np.where(known, signal, 0.0) > threshold)
-            if propagation is not None and near is not None:
-                reached, signal = propagation.applied(active, signal, near)
-                active = reached & known
-            yield _Felt(grasp, taxel_points(data, grasp), signal, active, known & ~active)
-        show(done, len(grasps))
+            measured = counted & ~np.isnan(signal)
+            active: BoolArray = measured & (np.where(measured, signal, 0.0) > threshold)
+            if propagation is not None and neighbours is not None:
+                reached, signal = propagation.apply(active, signal, neighbours)
+                active = reached & measured
+            yield _GraspContacts(grasp, locate_taxels(data, grasp), signal, active, measured & ~active)
+        progress(done, len(grasps))

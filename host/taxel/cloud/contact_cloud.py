@@ -1,4 +1,4 @@
-"""A cloud of contact points, and which grasp and taxel each came from."""
+"""A cloud of contact points, with the grasp and the taxel of each point."""
 
 from __future__ import annotations
 
@@ -26,14 +26,18 @@ class ContactCloud:
     """N contact points, metres, of G grasps in A approaches.
 
     Attributes:
-        name: for messages, such as a file.
-        points: f64[N, 3]. Of a dataset: taxel centres in the frame of the object as it was placed.
+        name: name for messages, such as a file.
+        points: f64[N, 3]. Of a dataset: taxel centres in the nominal frame of the object.
         counts: f64[N], signal (baseline minus raw count), mean over hold; NaN where unknown.
-        grasp: i64[N], row in `grasps`. taxel: i64[N], row in the dataset's taxel table; -1 where unknown.
-        grasps: ids. grasp_approach: i64[G], row in `approaches`. approaches: names.
-        quiet: f64[M, 3], the taxels that were read and not active; quiet_grasp: i64[M]. Empty where unknown.
+        grasp: i64[N], row in `grasps`.
+        taxel: i64[N], row in the taxel table of the dataset; -1 where unknown.
+        grasps: ids of the grasps.
+        grasp_approach: i64[G], row in `approaches`.
+        approaches: names of the approaches.
+        inactive_points: f64[M, 3], taxels that were read and were not active. Empty where unknown.
+        inactive_grasp: i64[M], row in `grasps` of each inactive point.
 
-    Raises CloudError for arrays that do not fit together, or points that are not finite.
+    Raises CloudError for arrays of inconsistent shapes and for points that are not finite.
     """
 
     name: str
@@ -44,20 +48,22 @@ class ContactCloud:
     grasps: tuple[str, ...]
     grasp_approach: IntArray
     approaches: tuple[str, ...]
-    quiet: FloatArray = field(default_factory=_no_points)
-    quiet_grasp: IntArray = field(default_factory=_no_index)
+    inactive_points: FloatArray = field(default_factory=_no_points)
+    inactive_grasp: IntArray = field(default_factory=_no_index)
 
     def __post_init__(self) -> None:
         check_points(self.points, self.name)
-        check_points(self.quiet, self.name, "quiet")
+        check_points(self.inactive_points, self.name, "inactive points")
         n = len(self.points)
         for name, array in (("counts", self.counts), ("grasp", self.grasp), ("taxel", self.taxel)):
             if array.shape != (n,):
-                raise CloudError(self.name, name, f"one for each of {n} points", f"shape {array.shape}", "correct it")
+                raise CloudError(
+                    self.name, name, f"one value for each of {n} points", f"shape {array.shape}", "correct it"
+                )
         grasps, approaches = len(self.grasps), len(self.approaches)
         rows = (
             ("grasp", self.grasp, grasps, "grasps"),
-            ("quiet_grasp", self.quiet_grasp, grasps, "grasps"),
+            ("grasp of inactive points", self.inactive_grasp, grasps, "grasps"),
             ("grasp_approach", self.grasp_approach, approaches, "approaches"),
         )
         for name, index, count, table in rows:
@@ -70,69 +76,78 @@ class ContactCloud:
 
     @property
     def approach(self) -> IntArray:
-        """i64[N], row in `approaches` of each point."""
+        """Row in `approaches` of each point, i64[N]."""
         return np.asarray(self.grasp_approach[self.grasp])
 
     @classmethod
-    def of_points(cls, points: npt.ArrayLike, counts: npt.ArrayLike | None = None, name: str = "cloud") -> ContactCloud:
-        """A cloud of which nothing else is known: one grasp, one approach. points: f64[N, 3]; counts: f64[N]."""
-        places = np.ascontiguousarray(points, dtype=np.float64)
-        n = len(places)
+    def from_points(
+        cls, points: npt.ArrayLike, counts: npt.ArrayLike | None = None, name: str = "cloud"
+    ) -> ContactCloud:
+        """A cloud of one unnamed grasp and one unnamed approach. points: f64[N, 3]; counts: f64[N], None: unknown."""
+        positions = np.ascontiguousarray(points, dtype=np.float64)
+        n = len(positions)
         values = np.full(n, np.nan) if counts is None else np.asarray(counts, dtype=np.float64)
-        return cls(name, places, values, np.zeros(n, np.int64), np.full(n, -1), ("",), np.zeros(1, np.int64), ("",))
+        return cls(name, positions, values, np.zeros(n, np.int64), np.full(n, -1), ("",), np.zeros(1, np.int64), ("",))
 
-    def take(self, chosen: BoolArray | IntArray) -> ContactCloud:
-        """The same cloud with some of its points. chosen: bool[N] or rows."""
+    def select(self, selection: BoolArray | IntArray) -> ContactCloud:
+        """The cloud with some of its points. selection: bool[N], or rows i64[k]."""
         return replace(
             self,
-            points=self.points[chosen],
-            counts=self.counts[chosen],
-            grasp=self.grasp[chosen],
-            taxel=self.taxel[chosen],
+            points=self.points[selection],
+            counts=self.counts[selection],
+            grasp=self.grasp[selection],
+            taxel=self.taxel[selection],
         )
 
-    def of_approach(self, name: str) -> ContactCloud:
-        """What the grasps of one approach told. Raises CloudError for an unknown approach."""
+    def select_approach(self, name: str) -> ContactCloud:
+        """Active and inactive points of the grasps of one approach. Raises CloudError for an unknown approach."""
         if name not in self.approaches:
-            known = ", ".join(self.approaches)
-            raise CloudError(self.name, "approach", f"one of {known}", name, "correct it")
+            names = ", ".join(self.approaches)
+            raise CloudError(self.name, "approach", f"one of {names}", name, "correct it")
         row = self.approaches.index(name)
-        quiet = self.grasp_approach[self.quiet_grasp] == row
-        part = replace(self, quiet=self.quiet[quiet], quiet_grasp=self.quiet_grasp[quiet], name=f"{self.name}, {name}")
-        return part.take(self.approach == row)
+        inactive = self.grasp_approach[self.inactive_grasp] == row
+        cloud = replace(
+            self,
+            name=f"{self.name}, {name}",
+            inactive_points=self.inactive_points[inactive],
+            inactive_grasp=self.inactive_grasp[inactive],
+        )
+        return cloud.select(self.approach == row)
 
-    def moved(self, transform: npt.ArrayLike) -> ContactCloud:
+    def transform(self, matrix: npt.ArrayLike) -> ContactCloud:
         """The cloud mapped by a rigid transform, f64[4, 4]."""
-        return replace(self, points=apply(transform, self.points), quiet=apply(transform, self.quiet))
+        return replace(self, points=apply(matrix, self.points), inactive_points=apply(matrix, self.inactive_points))
 
 
-LARGEST_M: Final = 1e6
-"""Largest coordinate: squares and volumes of larger ones lose all meaning, or overflow."""
+MAX_COORDINATE_M: Final = 1e6
+"""Largest accepted coordinate, metres: squares and volumes of larger coordinates lose their precision or overflow."""
 
 
-def usable(points: FloatArray) -> BoolArray:
-    """Which points have coordinates that can be reckoned with, bool[N]. points: f64[N, 3]."""
-    return np.asarray((np.abs(points) <= LARGEST_M).all(axis=1))
+def has_usable_coordinates(points: FloatArray) -> BoolArray:
+    """Which points f64[N, 3] have finite coordinates up to MAX_COORDINATE_M, bool[N]."""
+    return np.asarray((np.abs(points) <= MAX_COORDINATE_M).all(axis=1))
 
 
-def check_points(points: FloatArray, name: str, what: str = "points") -> None:
-    """Refuse an array that is not f64[N, 3] of finite numbers, none above LARGEST_M."""
+def check_points(points: FloatArray, name: str, field_name: str = "points") -> None:
+    """Raise CloudError for an array that is not f64[N, 3] of finite coordinates up to MAX_COORDINATE_M."""
     if points.ndim != 2 or points.shape[1] != 3:
-        raise CloudError(name, what, "shape [N, 3]", str(list(points.shape)), "correct it")
-    wrong = ~usable(points)
+        raise CloudError(name, field_name, "shape [N, 3]", str(list(points.shape)), "correct it")
+    wrong = ~has_usable_coordinates(points)
     if wrong.any():
-        raise CloudError(name, what, "finite coordinates", unusable(points[wrong]), "remove them")
+        raise CloudError(name, field_name, "finite coordinates", describe_unusable(points[wrong]), "remove them")
 
 
-def unusable(points: FloatArray) -> str:
-    """What is wrong with points that cannot be used."""
+def describe_unusable(points: FloatArray) -> str:
+    """Number of unusable points and the reason, for an error message. points: f64[N, 3], all unusable."""
     if np.isfinite(points).all():
-        return f"{len(points)} beyond {LARGEST_M:g} m"
+        return f"{len(points)} beyond {MAX_COORDINATE_M:g} m"
     return f"{int((~np.isfinite(points)).any(axis=1).sum())} with NaN or infinity"
 
 
-def require_points(points: FloatArray, name: str, least: int = 1, why: str = "") -> None:
-    """Refuse a cloud with too few points. why: such as ``, N of the filter``."""
-    if len(points) < least:
+def require_points(points: FloatArray, name: str, minimum: int = 1, reason: str = "") -> None:
+    """Raise CloudError for a cloud with too few points. reason: text such as ``, N of the filter``."""
+    if len(points) < minimum:
         found = f"{len(points)}" if len(points) else "none: the cloud is empty"
-        raise CloudError(name, "points", f"{least} or more{why}", found, "lower the threshold, or use another cloud")
+        raise CloudError(
+            name, "points", f"{minimum} or more{reason}", found, "lower the threshold, or use another cloud"
+        )

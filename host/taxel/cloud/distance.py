@@ -1,4 +1,4 @@
-"""Unsigned distances from a cloud's points to a mesh or to another cloud, and what they add up to."""
+"""Unsigned distances from the points of a cloud to a mesh or to another cloud, and their statistics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True)
 class DistanceStats:
-    """Of N distances, metres: mean, standard deviation (of the population), largest, root of the mean square."""
+    """Statistics of distances, metres: mean, population standard deviation, maximum, root mean square."""
 
     points: int
     mean_m: float
@@ -23,8 +23,8 @@ class DistanceStats:
     rms_m: float
 
     @classmethod
-    def of(cls, distances: FloatArray) -> DistanceStats:
-        """distances: f64[N], one or more, unsigned."""
+    def from_distances(cls, distances: FloatArray) -> DistanceStats:
+        """Statistics of one or more unsigned distances, f64[N]."""
         return cls(
             len(distances),
             float(distances.mean()),
@@ -34,20 +34,26 @@ class DistanceStats:
         )
 
     def to_json(self) -> dict[str, float]:
-        """As plain numbers."""
+        """The statistics as a dictionary of numbers."""
         return asdict(self)
 
 
-def distances_to_mesh(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> FloatArray:
-    """Of each point to the mesh's surface, exact, f64[N]. Raises CloudError for points that are not finite, or none."""
+def compute_distances_to_mesh(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> FloatArray:
+    """Exact distance of each point f64[N, 3] to the surface of a mesh, f64[N], metres.
+
+    Raises CloudError for points that are not finite and for an empty cloud.
+    """
     _check(points, name)
-    return mesh.closest(points).distance
+    return mesh.find_closest(points).distance
 
 
-def distances_to_cloud(
+def compute_distances_to_cloud(
     points: FloatArray, target: FloatArray, name: str = "cloud", target_name: str = "target"
 ) -> FloatArray:
-    """Of each point to the nearest point of another cloud, f64[N]. Raises CloudError as `distances_to_mesh`."""
+    """Distance of each point f64[N, 3] to the nearest point of a target f64[K, 3], f64[N], metres.
+
+    Raises CloudError for points that are not finite and for an empty cloud.
+    """
     _check(points, name)
     _check(target, target_name)
     return np.asarray(cKDTree(target).query(points)[0])

@@ -1,18 +1,18 @@
-"""What can go wrong with a cloud or a mesh; each mistake prints as one line."""
+"""Errors of clouds and meshes; each one prints as one line."""
 
 from taxel.errors import FieldError
 
 
 class CloudError(FieldError):
-    """A cloud that cannot be used as asked. file: the cloud's name; field: the part of it, such as ``points``."""
+    """A cloud that cannot be used for the requested operation. file: name of the cloud; field: such as ``points``."""
 
 
 class MeshError(CloudError):
-    """A mesh that cannot be used: not finite, not closed, not of triangles."""
+    """A mesh that cannot be used: not finite, not closed, or not made of triangles."""
 
 
 class RegistrationError(CloudError):
-    """An alignment that has no solution, or found none."""
+    """An alignment that has no unique solution, or that did not converge."""
 
 
 class CloudFileError(CloudError):

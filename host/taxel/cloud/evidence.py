@@ -1,19 +1,22 @@
-"""How well a shape explains which taxels felt it and which did not, whatever lay a little otherwise than believed.
+"""Marginal likelihood of a shape, given the active and inactive taxels of grasps with uncertain object poses.
 
 The thesis registers "the coordinates of both the active and inactive taxels" (5.4). Here a taxel whose electrode lies
 at the signed distance d from the shape is active with the probability
 
     p(d) = STRAY + (1 - 2 STRAY) / (1 + exp((d - reach) / blur)).
 
-reach: how far the shape is felt, which is the layer's thickness and what contact propagation adds; blur: over what
-distance that ends. Nobody knows either of a skin for sure, nor where in the hand an object lay at each grasp, by some
-millimetres. So both are integrated over. The evidence of a shape is the marginal likelihood (MacKay 2003, ch. 28)
+reach is the distance up to which contact activates a taxel (thickness of the layer plus contact propagation), and blur
+is the width of the transition. Neither is known for a skin, and the pose of the object in a grasp is known to a few
+millimetres only, so that the likelihood is averaged over all of them. The evidence of a shape is the marginal
+likelihood
+(MacKay 2003, chapter 28)
 
     ln mean over (reach, blur) of product over grasps of mean over poses of product over taxels of p or 1 - p,
 
-with poses about the place that the dataset states (`pose_average`). A small object that would have to be felt from far
-away, and a large one that would have to have slipped aside in every grasp, both lose. Taxels are taken as independent,
-which they are not: the sign of a difference can be trusted further than its size.
+with poses around the pose that the dataset states (`pose_average`). A small model loses if it explains the contacts
+only
+with a long reach, and a large model loses if it explains them only with a displaced object in every grasp. Taxels are
+treated as independent, which they are not: the sign of a difference of evidence is more reliable than its size.
 """
 
 from __future__ import annotations
@@ -27,81 +30,90 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance_grid import BIN_M, BINS, HIGH_M, LOW_M, DistanceGrid
+from taxel.cloud.distance_grid import BIN_COUNT, BIN_WIDTH_M, MAX_DISTANCE_M, MIN_DISTANCE_M, DistanceGrid
 from taxel.cloud.mesh import TriangleMesh
-from taxel.cloud.pose_average import ARM_M, ASIDE_M, average_over_poses, log_sum
+from taxel.cloud.pose_average import POSE_STD_M, TURN_ARM_M, average_over_poses, log_sum_exp
 from taxel.types import Float32Array, FloatArray
 
 REACH_M: Final = tuple(0.001 + 0.00075 * step for step in range(9))
-"""1 to 7 mm: a thin layer that is touched lightly, a thick one that contact spreads in."""
+"""Values of reach that are averaged, 1 to 7 mm: from a thin layer in light contact to a thick layer in which contact
+propagates."""
 
 BLUR_M: Final = (0.0003, 0.0006, 0.001, 0.0016)
+"""Values of blur that are averaged."""
 
 STRAY: Final = 0.01
-"""Share of taxels that tell the contrary: noise, broken lines, coupling."""
+"""Probability that a taxel is active far from the shape or inactive on the shape: noise, broken lines, coupling."""
 
-DEEP_M: Final = 0.002
-"""An active taxel cannot lie in the solid: being deeper in it than this counts against the shape, by half the square of
-the excess over this."""
+FREE_DEPTH_M: Final = 0.002
+"""Depth of an active taxel inside the shape without a penalty. Beyond this depth, ln p decreases by half the square of
+(depth - FREE_DEPTH_M) / FREE_DEPTH_M, since an active taxel cannot lie inside a rigid object."""
 
 
-class Explainer:
-    """A shape against which the grasps of clouds are held."""
+class ShapeLikelihood:
+    """Likelihood of the grasps of a cloud for one shape."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self._grid = DistanceGrid.of(mesh)
+        self._grid = DistanceGrid.from_mesh(mesh)
         self._bounds = mesh.bounds
-        self._middle = mesh.bounds.mean(axis=0)
+        self._centre = mesh.bounds.mean(axis=0)
 
-    def by_grasp(self, cloud: ContactCloud) -> FloatArray:
-        """The likelihood of each grasp, averaged over poses, as natural logarithm: f64[G, K], for K pairs of reach and
-        blur. A grasp that touched nothing tells nothing: 0.
+    def compute_by_grasp(self, cloud: ContactCloud) -> FloatArray:
+        """Natural logarithm of the likelihood of each grasp, averaged over poses, f64[G, K] for K pairs of reach and
+        blur.
 
-        The cloud is in the frame of the shape, to within what an object may lie aside.
+        A grasp without an active taxel has the value 0. The cloud is in the frame of the shape, up to the uncertainty
+        of the object pose.
         """
         result = np.zeros((len(cloud.grasps), len(REACH_M) * len(BLUR_M)))
-        far = HIGH_M + 3.0 * max(ASIDE_M)  # taxels farther away are silent in every pose
+        margin = MAX_DISTANCE_M + 3.0 * max(POSE_STD_M)  # taxels farther away are inactive in every pose
         for row in np.unique(cloud.grasp):
-            felt, quiet = cloud.points[cloud.grasp == row], cloud.quiet[cloud.quiet_grasp == row]
-            near = ((quiet > self._bounds[0] - far) & (quiet < self._bounds[1] + far)).all(axis=1)
-            places = (np.concatenate([felt, quiet[near]]) - self._middle).astype(np.float32)
-            result[row] = average_over_poses(partial(self._told, places, len(felt)), int(row))
+            active = cloud.points[cloud.grasp == row]
+            inactive = cloud.inactive_points[cloud.inactive_grasp == row]
+            is_near = ((inactive > self._bounds[0] - margin) & (inactive < self._bounds[1] + margin)).all(axis=1)
+            points = (np.concatenate([active, inactive[is_near]]) - self._centre).astype(np.float32)
+            result[row] = average_over_poses(partial(self._log_likelihood, points, len(active)), int(row))
         return result
 
-    def _told(self, places: Float32Array, felt: int, poses: FloatArray) -> FloatArray:
-        """Logarithm of the likelihood of places f32[n, 3] about the middle, the first `felt` of them active, in poses
-        f64[P, 6]: f64[P, K].
+    def _log_likelihood(self, points: Float32Array, active_count: int, poses: FloatArray) -> FloatArray:
+        """Log likelihood for poses f64[P, 6]: f64[P, K].
+
+        points: f32[n, 3], relative to the centre of the shape; the first `active_count` of them are active.
         """
-        turns = Rotation.from_rotvec(poses[:, 3:] / ARM_M).as_matrix()
-        counted = self._grid.counted(places, felt, turns, poses[:, :3] + self._middle)
-        return np.asarray(counted.astype(np.float64) @ _table())
+        rotations = Rotation.from_rotvec(poses[:, 3:] / TURN_ARM_M).as_matrix()
+        counts = self._grid.count_points(points, active_count, rotations, poses[:, :3] + self._centre)
+        return np.asarray(counts.astype(np.float64) @ _log_likelihood_table())
 
 
-_KNOWN: WeakKeyDictionary[TriangleMesh, Explainer] = WeakKeyDictionary()
-"""Grids are some megabytes and half a second each, and wanted again while their mesh is."""
+_LIKELIHOODS: WeakKeyDictionary[TriangleMesh, ShapeLikelihood] = WeakKeyDictionary()
+"""A grid takes half a second and some megabytes, so it is kept as long as its mesh."""
 
 
-def explainer(mesh: TriangleMesh) -> Explainer:
-    """That of a mesh, made once."""
-    if mesh not in _KNOWN:
-        _KNOWN[mesh] = Explainer(mesh)
-    return _KNOWN[mesh]
+def get_shape_likelihood(mesh: TriangleMesh) -> ShapeLikelihood:
+    """The `ShapeLikelihood` of a mesh, computed at the first call."""
+    if mesh not in _LIKELIHOODS:
+        _LIKELIHOODS[mesh] = ShapeLikelihood(mesh)
+    return _LIKELIHOODS[mesh]
 
 
-def evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> FloatArray:
-    """Ln marginal likelihood of grasps f64[G, K], each counted `times` f64[D, G] times: f64[D]; None: once, f64[1]."""
-    together = np.atleast_2d(by_grasp.sum(axis=0) if times is None else times @ by_grasp)
-    return np.asarray(log_sum(together, axis=1) - np.log(by_grasp.shape[1]))
+def compute_evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> FloatArray:
+    """Natural logarithm of the marginal likelihood of grasps, f64[D].
+
+    by_grasp: f64[G, K], from `ShapeLikelihood.compute_by_grasp`. times: f64[D, G], number of times that each of D
+    bootstrap samples contains each grasp; None: one sample that contains each grasp once.
+    """
+    summed = np.atleast_2d(by_grasp.sum(axis=0) if times is None else times @ by_grasp)
+    return np.asarray(log_sum_exp(summed, axis=1) - np.log(by_grasp.shape[1]))
 
 
 @cache
-def _table() -> FloatArray:
-    """Ln likelihood of an active taxel in each bin of distance, then of a silent one, f64[2 BINS, K].
+def _log_likelihood_table() -> FloatArray:
+    """Log likelihood of an active taxel in each distance bin, then of an inactive one, f64[2 BIN_COUNT, K].
 
-    A silent taxel far away counts 0, so that it does not matter how many of them there are.
+    An inactive taxel far away has the value 0, so that the number of such taxels does not matter.
     """
-    middle = LOW_M + BIN_M * (np.arange(BINS) + 0.5)
-    reach, blur = (each.ravel() for each in np.meshgrid(REACH_M, BLUR_M, indexing="ij"))
-    active = STRAY + (1.0 - 2.0 * STRAY) * expit((reach - middle[:, None]) / blur)
-    deep = np.maximum(-middle - DEEP_M, 0.0) / DEEP_M
-    return np.concatenate([np.log(active) - 0.5 * deep[:, None] ** 2, np.log((1.0 - active) / (1.0 - STRAY))])
+    centre = MIN_DISTANCE_M + BIN_WIDTH_M * (np.arange(BIN_COUNT) + 0.5)
+    reach, blur = (values.ravel() for values in np.meshgrid(REACH_M, BLUR_M, indexing="ij"))
+    active = STRAY + (1.0 - 2.0 * STRAY) * expit((reach - centre[:, None]) / blur)
+    excess = np.maximum(-centre - FREE_DEPTH_M, 0.0) / FREE_DEPTH_M
+    return np.concatenate([np.log(active) - 0.5 * excess[:, None] ** 2, np.log((1.0 - active) / (1.0 - STRAY))])

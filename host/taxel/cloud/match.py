@@ -1,9 +1,9 @@
-"""Which model a contact cloud is of.
+"""Identification of the model that a contact cloud is of.
 
-The cloud is aligned to each model (`registration`), as the thesis does for its Tables I-13 to I-18, and the distances
-of its points to each are measured. Where the cloud also tells which taxels felt nothing, the model with the largest
-evidence is the best (`evidence`): what touched and what did not, each grasp with an object that lay a little aside.
-Without silent taxels it is the model with the smallest mean distance.
+The cloud is aligned to each model (`registration`), as in Tables I-13 to I-18 of the thesis, and the distances of its
+points to each model are measured. For a cloud with inactive points the best model is the one with the largest evidence
+(`evidence`), which considers active and inactive taxels and an uncertain object pose in each grasp. For a cloud without
+inactive points the best model is the one with the smallest mean distance.
 """
 
 from __future__ import annotations
@@ -16,25 +16,26 @@ import numpy as np
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.distance import DistanceStats
-from taxel.cloud.evidence import evidence, explainer
-from taxel.cloud.first_guess import align_to_mesh_from_anywhere
+from taxel.cloud.evidence import compute_evidence, get_shape_likelihood
+from taxel.cloud.global_alignment import align_to_mesh_globally
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import Alignment, align_to_mesh
 from taxel.hand.transforms import apply
 from taxel.types import FloatArray
 
-Show = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
+"""Called with the number of finished models and the number of all models."""
 
-DRAWS: Final = 200
-"""Of the bootstrap, as a default."""
+BOOTSTRAP_SAMPLES: Final = 200
+"""Default number of bootstrap samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A cloud at one model.
+    """A cloud aligned to one model.
 
-    distances: of the contact points, after alignment. alignment: how the cloud was moved to the model. evidence: ln
-    marginal likelihood of what touched and what did not; None for a cloud without silent taxels.
+    distances: of the contact points after alignment. alignment: transform of the cloud to the model. evidence: natural
+    logarithm of the marginal likelihood of the active and inactive points; None for a cloud without inactive points.
     """
 
     model: str
@@ -43,7 +44,7 @@ class Fit:
     evidence: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """As plain numbers."""
+        """The fit as a dictionary of JSON values."""
         return {
             "model": self.model,
             **asdict(self.distances),
@@ -54,10 +55,10 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A cloud against several models.
+    """A cloud compared with several models.
 
-    fits: best first. confidence: for each model, in which share of the bootstrap's draws it was best; None for a cloud
-    of one grasp.
+    fits: best first. confidence: for each model the share of bootstrap samples in which it was the best; None for a
+    cloud of one grasp.
     """
 
     cloud: str
@@ -66,37 +67,37 @@ class Match:
 
     @property
     def best(self) -> str:
-        """Name of the model that fits best."""
+        """Name of the best model."""
         return self.fits[0].model
 
     @property
     def best_by_mean(self) -> str:
-        """Name of the model with the smallest mean distance: what the contact points alone say."""
+        """Name of the model with the smallest mean distance, the best model according to the contact points alone."""
         return min(self.fits, key=lambda fit: fit.distances.mean_m).model
 
     @property
     def margin(self) -> float:
-        """The smallest mean distance to another model over that to the best, as in the thesis's Tables I-13 to I-18.
+        """Smallest mean distance to another model divided by that to the best model (Tables I-13 to I-18).
 
-        1: a tie; below 1: the contact points alone say otherwise. NaN with one model.
+        1 is a tie; below 1 the contact points alone select another model. NaN with one model.
         """
-        others = [fit.distances.mean_m for fit in self.fits[1:]]
-        return _ratio(min(others), self.fits[0].distances.mean_m) if others else float("nan")
+        other_means = [fit.distances.mean_m for fit in self.fits[1:]]
+        return _ratio(min(other_means), self.fits[0].distances.mean_m) if other_means else float("nan")
 
     @property
     def lead(self) -> float:
-        """By how much the evidence of the best exceeds the next, natural logarithm. NaN with one model, or without."""
+        """Evidence of the best model minus that of the next model. NaN with one model or without evidence."""
         first, second = (*(fit.evidence for fit in self.fits[:2]), None)[:2]
         return float("nan") if first is None or second is None else first - second
 
     def to_json(self) -> dict[str, Any]:
-        """As plain numbers."""
+        """The match as a dictionary of JSON values."""
         return {
             "cloud": self.cloud,
             "best": self.best,
             "best_by_mean": self.best_by_mean,
-            "margin": _finite(self.margin),
-            "lead": _finite(self.lead),
+            "margin": _finite_or_none(self.margin),
+            "lead": _finite_or_none(self.lead),
             "confidence": self.confidence,
             "fits": [fit.to_json() for fit in self.fits],
         }
@@ -106,68 +107,69 @@ def match(
     cloud: ContactCloud,
     models: Mapping[str, TriangleMesh],
     *,
-    placed: bool = True,
+    in_model_frame: bool = True,
     likelihoods: Mapping[str, FloatArray] | None = None,
-    draws: int = DRAWS,
+    bootstrap_samples: int = BOOTSTRAP_SAMPLES,
     seed: int = 0,
-    show: Show = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Match:
-    """Match a cloud to models, by name.
+    """Match of a cloud with models, by name.
 
-    placed: cloud and models are in the same frame, to within what an object may lie aside; otherwise the cloud may lie
-    and be turned in any way. likelihoods: of `likelihoods_of` this cloud, or of the whole that it is an approach of;
-    None: they are worked out. draws, seed: of the bootstrap over whole grasps; each draw takes as many as there are. It
-    holds the alignments, which a minimum lets it do to first order. show: told models done, and of how many.
+    in_model_frame: cloud and models are in the same frame, up to the uncertainty of the object pose; False: the pose of
+    the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud or for the cloud from which this
+    one was selected; None: they are computed here. bootstrap_samples, seed: of the bootstrap over whole grasps. A
+    bootstrap sample uses the alignment of the whole cloud, which is correct to first order at a minimum.
     Raises RegistrationError for a cloud that cannot be aligned.
     """
     fits: list[Fit] = []
-    parts: list[FloatArray] = []
+    by_grasp: list[FloatArray] = []
+    has_inactive = len(cloud.inactive_points) > 0
     for done, (name, mesh) in enumerate(models.items()):
-        show(done, len(models))
-        align = align_to_mesh if placed else align_to_mesh_from_anywhere
+        progress(done, len(models))
+        align = align_to_mesh if in_model_frame else align_to_mesh_globally
         alignment = align(cloud.points, mesh, name=cloud.name)
-        distance = mesh.closest(apply(alignment.transform, cloud.points)).distance
-        if not len(cloud.quiet):
-            told: FloatArray = -np.bincount(cloud.grasp, distance)[:, None].astype(
-                np.float64
-            )  # all models have as many
+        distance = mesh.find_closest(apply(alignment.transform, cloud.points)).distance
+        if not has_inactive:
+            # The sum of distances takes the place of the log likelihood: all models have the same number of points.
+            scores: FloatArray = -np.bincount(cloud.grasp, distance)[:, None].astype(np.float64)
         elif likelihoods is None:
-            told = explainer(mesh).by_grasp(cloud if placed else cloud.moved(alignment.transform))
+            aligned = cloud if in_model_frame else cloud.transform(alignment.transform)
+            scores = get_shape_likelihood(mesh).compute_by_grasp(aligned)
         else:
-            told = likelihoods[name]
-        parts.append(told[np.unique(cloud.grasp)])
-        known = float(evidence(parts[-1])[0]) if len(cloud.quiet) else None
-        fits.append(Fit(name, DistanceStats.of(distance), alignment, known))
-    show(len(models), len(models))
-    order = np.argsort([-float(evidence(part)[0]) for part in parts], kind="stable")
-    sure = _bootstrap(parts, draws, seed) if draws and len(parts[0]) > 1 else None
-    confidence = None if sure is None else {fits[row].model: float(sure[row]) for row in order}
+            scores = likelihoods[name]
+        by_grasp.append(scores[np.unique(cloud.grasp)])
+        evidence = float(compute_evidence(by_grasp[-1])[0]) if has_inactive else None
+        fits.append(Fit(name, DistanceStats.from_distances(distance), alignment, evidence))
+    progress(len(models), len(models))
+    order = np.argsort([-float(compute_evidence(scores)[0]) for scores in by_grasp], kind="stable")
+    shares = _bootstrap(by_grasp, bootstrap_samples, seed) if bootstrap_samples and len(by_grasp[0]) > 1 else None
+    confidence = None if shares is None else {fits[row].model: float(shares[row]) for row in order}
     return Match(cloud.name, tuple(fits[row] for row in order), confidence)
 
 
-def likelihoods_of(
-    cloud: ContactCloud, models: Mapping[str, TriangleMesh], show: Show = lambda done, total: None
+def compute_likelihoods(
+    cloud: ContactCloud, models: Mapping[str, TriangleMesh], progress: Progress = lambda done, total: None
 ) -> dict[str, FloatArray]:
-    """Of each model, what each grasp of a cloud says for it, f64[G, K] (`evidence`): for many matches of its parts."""
+    """Log likelihood of each grasp of a cloud for each model, f64[G, K] (`evidence`), for the matches of its parts."""
     result = {}
     for done, (name, mesh) in enumerate(models.items()):
-        show(done, len(models))
-        result[name] = explainer(mesh).by_grasp(cloud)
-    show(len(models), len(models))
+        progress(done, len(models))
+        result[name] = get_shape_likelihood(mesh).compute_by_grasp(cloud)
+    progress(len(models), len(models))
     return result
 
 
-def _bootstrap(parts: list[FloatArray], draws: int, seed: int) -> FloatArray:
-    """Share of draws of whole grasps in which each model is best, f64[models]. parts: of each, f64[g, K]."""
-    count = len(parts[0])
-    times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(np.float64)
-    best = np.stack([evidence(part, times) for part in parts]).argmax(axis=0)
-    return np.bincount(best, minlength=len(parts)) / draws
+def _bootstrap(by_grasp: list[FloatArray], samples: int, seed: int) -> FloatArray:
+    """Share of bootstrap samples in which each model is the best, f64[models]. by_grasp: f64[g, K] of each model."""
+    count = len(by_grasp[0])
+    times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), samples).astype(np.float64)
+    best = np.stack([compute_evidence(scores, times) for scores in by_grasp]).argmax(axis=0)
+    return np.bincount(best, minlength=len(by_grasp)) / samples
 
 
 def _ratio(second: float, first: float) -> float:
     return second / first if first > 0.0 else float("inf")
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if np.isfinite(value) else None

@@ -1,11 +1,16 @@
-"""Averages over where an object may have lain: ln of the mean of a likelihood over poses, by importance sampling.
+"""Average of a likelihood over the uncertain pose of an object, by adaptive importance sampling.
 
-A pose is a shift, metres, and a turn about the object's middle, as a rotation vector times ARM_M, so that all six
-numbers are metres. Before anything was felt it is distributed about the place that the dataset states, as a mixture of
-normal distributions (ASIDE_M). A likelihood of some hundred taxels leaves far less room than that, so draws from the
-prior alone would miss it. Draws are taken where earlier draws did well, and weighed by the prior over the density of
-all that was drawn from (adaptive multiple importance sampling, Cornuet et al. 2012, with the deterministic mixture
-weights of Owen and Zhou 2000): the average stays that over the prior, whatever the draws were.
+A pose is a shift (metres) and a rotation about the centre of the object (rotation vector times TURN_ARM_M, so that all
+six
+numbers are metres). The prior is a mixture of normal distributions around the pose that the dataset states
+(POSE_STD_M).
+The likelihood of some hundred taxels is far narrower than the prior, so that samples of the prior alone would miss it.
+Later samples are therefore taken where earlier samples had a high likelihood, and every sample has the weight prior
+density / density of the mixture of all sampling distributions (adaptive multiple importance sampling, Cornuet et al.
+2012,
+with the deterministic mixture weights of Owen and Zhou 2000). With these weights the result estimates the average over
+the
+prior for any choice of sampling distributions.
 """
 
 from __future__ import annotations
@@ -19,119 +24,129 @@ from scipy.special import ndtri
 
 from taxel.types import FloatArray
 
-ASIDE_M: Final = (0.001, 0.0035)
-"""Standard deviations of each of the six numbers, equally likely: an object put there by a machine, or by hand. Turns
-of 0.8 and 2.7 degrees. Wide tails would let a shape be explained by another one far away."""
+POSE_STD_M: Final = (0.001, 0.0035)
+"""Standard deviations of the six numbers of a pose in the two equally likely parts of the prior: an object placed by a
+machine and one placed by hand. The rotations are 0.8 and 2.7 degrees. A prior with heavy tails would let a model
+explain
+the contacts of another shape from a distant pose."""
 
-ARM_M: Final = 0.075
-"""A turn moves what lies so far from the middle, as the ends of things that a hand holds do, by as much as a shift."""
+TURN_ARM_M: Final = 0.075
+"""Distance from the centre at which a rotation moves a point as far as a shift of the same number; that of the ends of
+objects that a hand grasps."""
 
-FIRST_DRAWS: Final = 128
-"""From each part of the prior; a power of 2, as Sobol points want."""
+PRIOR_SAMPLES: Final = 128
+"""Samples from each part of the prior; a power of 2, as Sobol points require."""
 
-ROUNDS: Final = 12
-NEXT_DRAWS: Final = 64
+ITERATIONS: Final = 12
+ITERATION_SAMPLES: Final = 64
 
-ENOUGH: Final = 25.0
-"""Draws that share the weight (effective sample size, Kish 1965) before a normal distribution is fitted to them: until
-then the likelihood is raised to a power below 1."""
+MIN_EFFECTIVE_SAMPLES: Final = 25.0
+"""Effective sample size (Kish 1965) that a normal distribution is fitted to. Below it, the likelihood is raised to a
+power below 1 for the fit."""
 
-WIDER: Final = 1.3
-NARROWEST_M: Final = 0.0002
-"""What is drawn from next: the covariance times WIDER, and at least this standard deviation."""
+COVARIANCE_FACTOR: Final = 1.3
+MIN_STD_M: Final = 0.0002
+"""The next sampling distribution has the fitted covariance times COVARIANCE_FACTOR, plus MIN_STD_M squared on the
+diagonal."""
 
 LogLikelihood = Callable[[FloatArray], FloatArray]
-"""Of poses f64[n, 6]: f64[n, K], natural logarithms, for K settings of something else."""
+"""Function of poses f64[n, 6] that returns log likelihoods f64[n, K] for K settings of other parameters."""
 
 
 def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
     """Natural logarithm of the mean of a likelihood over the prior of poses, f64[K].
 
-    seed: of the draws; where each of some grasps that are alike has its own, their errors do not add up.
+    seed: of the samples. Different seeds for the grasps of a cloud keep their sampling errors from adding up.
     """
-    parts = list(_PRIOR)
-    counts = np.array([FIRST_DRAWS] * len(parts) + [NEXT_DRAWS] * ROUNDS)
-    normal = np.split(_standard(int(counts.sum()), seed), np.cumsum(counts)[:-1])
-    poses = np.concatenate([part.of(normal[row]) for row, part in enumerate(parts)])
-    densities = np.stack([part.log_density(poses) for part in parts])  # of each part at each draw
-    told = log_likelihood(poses)
-    known = log_sum(told, axis=1)
-    for row in range(len(parts), len(counts)):
-        parts.append(_where_it_does_well(poses, _ratio(densities, counts[:row]), known))
-        fresh = parts[-1].of(normal[row])
-        there = np.stack([part.log_density(fresh) for part in parts])
-        densities = np.hstack([np.vstack([densities, parts[-1].log_density(poses)]), there])
-        poses = np.concatenate([poses, fresh])
-        told = np.concatenate([told, log_likelihood(fresh)])
-        known = np.concatenate([known, log_sum(told[-NEXT_DRAWS:], axis=1)])
-    return np.asarray(log_sum(told + _ratio(densities, counts)[:, None], axis=0) - np.log(len(poses)))
+    distributions = list(_PRIOR)
+    counts = np.array([PRIOR_SAMPLES] * len(distributions) + [ITERATION_SAMPLES] * ITERATIONS)
+    standard = np.split(_sample_standard_normal(int(counts.sum()), seed), np.cumsum(counts)[:-1])
+    poses = np.concatenate([part.transform(standard[row]) for row, part in enumerate(distributions)])
+    densities = np.stack([part.log_density(poses) for part in distributions])  # f64[distributions, samples]
+    values = log_likelihood(poses)
+    totals = log_sum_exp(values, axis=1)
+    for row in range(len(distributions), len(counts)):
+        distributions.append(_fit_proposal(poses, _log_prior_ratio(densities, counts[:row]), totals))
+        new_poses = distributions[-1].transform(standard[row])
+        new_densities = np.stack([part.log_density(new_poses) for part in distributions])
+        densities = np.hstack([np.vstack([densities, distributions[-1].log_density(poses)]), new_densities])
+        poses = np.concatenate([poses, new_poses])
+        values = np.concatenate([values, log_likelihood(new_poses)])
+        totals = np.concatenate([totals, log_sum_exp(values[-ITERATION_SAMPLES:], axis=1)])
+    weighted = values + _log_prior_ratio(densities, counts)[:, None]
+    return np.asarray(log_sum_exp(weighted, axis=0) - np.log(len(poses)))
 
 
-def log_sum(logs: FloatArray, axis: int) -> FloatArray:
-    """Logarithm of the sum of what these are the logarithms of, all finite. SciPy's takes six times as long."""
-    most = logs.max(axis=axis, keepdims=True)
-    return np.asarray(np.log(np.exp(logs - most).sum(axis=axis)) + most.squeeze(axis))
+def log_sum_exp(logs: FloatArray, axis: int) -> FloatArray:
+    """Logarithm of the sum of exp(logs) over an axis; all values finite. SciPy's function takes six times as long."""
+    largest = logs.max(axis=axis, keepdims=True)
+    return np.asarray(np.log(np.exp(logs - largest).sum(axis=axis)) + largest.squeeze(axis))
 
 
 class _Normal:
-    """A normal distribution by its mean f64[6] and the root of its covariance, f64[6, 6], lower triangular."""
+    """A normal distribution. mean: f64[6]. root: lower triangular root of the covariance, f64[6, 6]."""
 
     def __init__(self, mean: FloatArray, root: FloatArray) -> None:
         self._mean, self._root = mean, root
         self._inverse = np.linalg.inv(root).T
-        self._scale = float(np.log(np.diag(root)).sum())
+        self._log_determinant = float(np.log(np.diag(root)).sum())
 
     def log_density(self, poses: FloatArray) -> FloatArray:
-        """At poses f64[n, 6]: f64[n], without the power of 2 pi, which cancels."""
+        """Log density at poses f64[n, 6], f64[n], without the power of 2 pi, which cancels in the weights."""
         scaled = (poses - self._mean) @ self._inverse
-        return np.asarray(-0.5 * np.einsum("ij,ij->i", scaled, scaled) - self._scale)
+        return np.asarray(-0.5 * np.einsum("ij,ij->i", scaled, scaled) - self._log_determinant)
 
-    def of(self, normal: FloatArray) -> FloatArray:
-        """Draws f64[n, 6] of standard normal ones."""
-        return np.asarray(self._mean + normal @ self._root.T)
-
-
-_PRIOR: Final = tuple(_Normal(np.zeros(6), scale * np.eye(6)) for scale in ASIDE_M)
+    def transform(self, standard: FloatArray) -> FloatArray:
+        """Samples f64[n, 6] of this distribution from standard normal samples f64[n, 6]."""
+        return np.asarray(self._mean + standard @ self._root.T)
 
 
-def _ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
-    """Logarithm of the prior over the density of all that was drawn from, f64[n]. densities: of each distribution at
-    each draw, those of the prior first; counts: of draws from each.
+_PRIOR: Final = tuple(_Normal(np.zeros(6), scale * np.eye(6)) for scale in POSE_STD_M)
+
+
+def _log_prior_ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
+    """Log of prior density / density of the sampling mixture, f64[n].
+
+    densities: log density of each distribution at each sample, the parts of the prior first. counts: number of samples
+    from each distribution.
     """
-    prior = log_sum(densities[: len(_PRIOR)], axis=0) - np.log(len(_PRIOR))
-    drawn = log_sum(densities + np.log(counts)[:, None], axis=0) - np.log(counts.sum())
-    return np.asarray(prior - drawn)
+    prior = log_sum_exp(densities[: len(_PRIOR)], axis=0) - np.log(len(_PRIOR))
+    mixture = log_sum_exp(densities + np.log(counts)[:, None], axis=0) - np.log(counts.sum())
+    return np.asarray(prior - mixture)
 
 
-def _where_it_does_well(poses: FloatArray, ratio: FloatArray, told: FloatArray) -> _Normal:
-    """Fitted to weighted draws, the likelihood to such a power that ENOUGH of them share the weight."""
+def _fit_proposal(poses: FloatArray, log_ratio: FloatArray, log_likelihood: FloatArray) -> _Normal:
+    """Normal distribution fitted to the weighted samples, the next sampling distribution.
+
+    The likelihood is raised to the largest power at which the effective sample size is MIN_EFFECTIVE_SAMPLES.
+    """
     power, step = 1.0, 0.5
-    weights = _shares(ratio + told)
-    if _effective(weights) < ENOUGH:
+    weights = _normalise(log_ratio + log_likelihood)
+    if _effective_samples(weights) < MIN_EFFECTIVE_SAMPLES:
         power = 0.0
         for _ in range(10):
-            trial = _shares(ratio + (power + step) * told)
-            power += step if _effective(trial) >= ENOUGH else 0.0
+            trial = _normalise(log_ratio + (power + step) * log_likelihood)
+            power += step if _effective_samples(trial) >= MIN_EFFECTIVE_SAMPLES else 0.0
             step /= 2.0
-        weights = _shares(ratio + power * told)
+        weights = _normalise(log_ratio + power * log_likelihood)
     mean = weights @ poses
     arms = poses - mean
-    covariance: FloatArray = WIDER * (arms * weights[:, None]).T @ arms + NARROWEST_M**2 * np.eye(6)
+    covariance: FloatArray = COVARIANCE_FACTOR * (arms * weights[:, None]).T @ arms + MIN_STD_M**2 * np.eye(6)
     return _Normal(mean, np.asarray(np.linalg.cholesky(covariance), np.float64))
 
 
-def _shares(logs: FloatArray) -> FloatArray:
+def _normalise(logs: FloatArray) -> FloatArray:
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
 
-def _effective(weights: FloatArray) -> float:
+def _effective_samples(weights: FloatArray) -> float:
     return float(1.0 / (weights @ weights))
 
 
 @lru_cache(maxsize=256)
-def _standard(count: int, seed: int) -> FloatArray:
-    """Standard normal draws f64[count, 6], evenly spread (Sobol, scrambled), and so is each 64 of them."""
-    from scipy.stats import qmc  # half a second, which commands that draw nothing need not wait
+def _sample_standard_normal(count: int, seed: int) -> FloatArray:
+    """Standard normal samples f64[count, 6] of a scrambled Sobol sequence; each block of 64 is balanced, too."""
+    from scipy.stats import qmc  # the import takes half a second, which commands without samples need not wait for
 
     return np.asarray(ndtri(qmc.Sobol(6, rng=np.random.default_rng(seed)).random(count)))

@@ -1,7 +1,7 @@
-"""Contact propagation as the thesis adds it to simulated clouds (5.6.2): active taxels activate their neighbours.
+"""Contact propagation, which the thesis adds to simulated clouds (5.6.2): active taxels activate their neighbours.
 
-On the hand the elastic layer does so; the thesis's simulator is rigid. Its text says "the taxels in the immediate
-neighbourhood"; how far that reaches is not given.
+On the hand the elastic layer propagates contact; the simulator of the thesis is rigid. The thesis states "the taxels in
+the immediate neighbourhood" and no distance.
 """
 
 from __future__ import annotations
@@ -16,39 +16,39 @@ from scipy.spatial import cKDTree
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import BoolArray, FloatArray
 
-NEIGHBOUR_M: Final = 0.0055
-"""Taxels of one board that lie nearer are neighbours: the four at the pitch of 5 mm, not the diagonal ones."""
+NEIGHBOUR_DISTANCE_M: Final = 0.0055
+"""Largest distance of neighbours on a board: the four taxels at the pitch of 5 mm, without the diagonal ones."""
 
 
 @dataclass(frozen=True)
 class Propagation:
-    """Which taxels activate which others.
+    """Rule by which taxels activate others.
 
-    reach_m: to taxels of the same board that lie nearer. from_counts: only taxels whose signal exceeds it do so; the
-    thesis lets every active taxel do so.
+    reach_m: taxels of the same board up to this distance are activated. min_signal_counts: only taxels whose signal
+    exceeds this value activate others; 0, as in the thesis: every active taxel does.
     """
 
-    reach_m: float = NEIGHBOUR_M
-    from_counts: float = 0.0
+    reach_m: float = NEIGHBOUR_DISTANCE_M
+    min_signal_counts: float = 0.0
 
-    def neighbours(self, taxels: TaxelTable) -> csr_array:
-        """Which taxels reach which, sparse f64[n, n] of ones, without the diagonal."""
+    def find_neighbours(self, taxels: TaxelTable) -> csr_array:
+        """Sparse matrix f64[n, n] of ones for the pairs of taxels that activate each other, without the diagonal."""
         pairs = [np.empty((0, 2), np.int64)]
         for board in np.unique(taxels.sensor):
             own = np.flatnonzero(taxels.sensor == board)
             pairs.append(own[cKDTree(taxels.position[own]).query_pairs(self.reach_m, output_type="ndarray")])
-        found = np.concatenate(pairs)
-        rows, columns = np.concatenate([found, found[:, ::-1]]).T
+        one_way = np.concatenate(pairs)
+        rows, columns = np.concatenate([one_way, one_way[:, ::-1]]).T
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))
 
-    def applied(self, active: BoolArray, signal: FloatArray, near: csr_array) -> tuple[BoolArray, FloatArray]:
-        """Activity after contact has propagated, and its counts: bool[n], f64[n].
+    def apply(self, active: BoolArray, signal: FloatArray, neighbours: csr_array) -> tuple[BoolArray, FloatArray]:
+        """Active taxels, bool[n], and signal, f64[n] counts, after contact propagation.
 
-        A neighbour has the counts of the strongest active taxel beside it: what it felt itself is below the threshold.
-        signal: f64[n], counts; near: of `neighbours`.
+        An activated neighbour takes the signal of the strongest active taxel next to it, since its own signal is below
+        the threshold. active: bool[n]. signal: f64[n], counts. neighbours: from `find_neighbours`.
         """
-        strength = np.where(active & (np.nan_to_num(signal) > self.from_counts), signal, 0.0)
+        strength = np.where(active & (np.nan_to_num(signal) > self.min_signal_counts), signal, 0.0)
         strongest = np.zeros(len(strength))
-        rows = np.repeat(np.arange(len(strength)), np.diff(near.indptr))
-        np.maximum.at(strongest, rows, strength[near.indices])
+        rows = np.repeat(np.arange(len(strength)), np.diff(neighbours.indptr))
+        np.maximum.at(strongest, rows, strength[neighbours.indices])
         return active | (strongest > 0.0), np.where(active, signal, strongest)

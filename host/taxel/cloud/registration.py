@@ -1,10 +1,12 @@
 """Rigid alignment of a cloud to a mesh or to another cloud: iterative closest points (Besl and McKay 1992).
 
-All points take part (100 % overlap, no sampling), as in the thesis (5.6): the result is where the sum of the squared
-distances to the nearest points of the target has a minimum, reached from a first guess by steps that lower it.
+All points take part (100 % overlap, no sampling), as in the thesis (5.6). The result is a local minimum of the sum of
+the
+squared distances to the nearest points of the target, reached from a first guess by steps that decrease this sum.
 
-To a mesh, the target is the surface itself (`surface_steps`). To a cloud, or to points on a mesh, the steps are those
-of small_gicp's point-to-point ICP. One thread: the same input gives the same result to the last bit.
+The target of an alignment to a mesh is the surface itself (`surface_alignment`). An alignment to a cloud, or to points
+on
+a mesh, is small_gicp's point-to-point ICP. Both use one thread: the same input gives the same result to the last bit.
 """
 
 from __future__ import annotations
@@ -18,39 +20,40 @@ import small_gicp
 from taxel.cloud.contact_cloud import check_points
 from taxel.cloud.errors import RegistrationError
 from taxel.cloud.mesh import TriangleMesh
-from taxel.cloud.surface_steps import SurfaceSteps
+from taxel.cloud.surface_alignment import SurfaceAlignment
 from taxel.types import FloatArray
 
-ITERATIONS: Final = 1000
-"""At most, as in the thesis (5.6)."""
+MAX_ITERATIONS: Final = 1000
+"""As in the thesis (5.6)."""
 
-SAMPLES: Final = 20_000
+MESH_SAMPLES: Final = 20_000
 """Points on a mesh that is sampled."""
 
-STILL: Final = 1e-5
-"""Share of the sum of squares; a step to a surface that gains less is the last. Going on to 1e-8 lowers the RMS of the
-thesis's clouds by at most 0.04 %, where a cylinder of 64 facets may turn."""
+COST_TOLERANCE: Final = 1e-5
+"""Relative decrease of the sum of squares below which an alignment to a surface ends. With 1e-8 the RMS of the clouds
+of
+the thesis decreases by 0.04 % more at most, for a cylinder of 64 facets that rotates about its axis."""
 
-STEP_TURN_RAD: Final = 1e-6
-STEP_SHIFT_M: Final = 1e-7
-"""Between clouds: a step that turns and moves less is the last; far below what a taxel of 3 mm can show."""
+ROTATION_TOLERANCE_RAD: Final = 1e-6
+TRANSLATION_TOLERANCE_M: Final = 1e-7
+"""An alignment between clouds ends with a step below both; far below the resolution of taxels of 3 mm."""
 
-FARTHEST_M: Final = 1e3
-"""Points farther from the target than this have no partner there: none, for anything that a hand holds."""
+MAX_PAIR_DISTANCE_M: Final = 1e3
+"""Largest distance between a point and its nearest target point; larger than any object that a hand grasps."""
 
-ON_A_LINE: Final = 1e-6
-"""Share of a cloud's largest extent; clouds thinner than this in two directions lie on a line."""
+LINE_TOLERANCE: Final = 1e-6
+"""A cloud counts as a line if its second extent is below this share of its largest extent."""
 
-LOOK: Final = 100
-"""Points that are looked at first."""
+QUICK_CHECK_POINTS: Final = 100
+"""Number of points of the subset that is checked first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How a cloud was moved.
+    """Result of an alignment.
 
-    transform: f64[4, 4], from where the cloud was to where it fits. rms_m: root of the mean square of all distances
-    there. iterations: steps taken. converged: False where they were not enough.
+    transform: f64[4, 4], maps the cloud to its aligned pose. rms_m: root mean square of all distances in that pose.
+    iterations: number of steps. converged: False if the maximum number of steps was reached first.
     """
 
     transform: FloatArray
@@ -64,28 +67,30 @@ def align_to_mesh(
     mesh: TriangleMesh,
     start: FloatArray | None = None,
     *,
-    iterations: int = ITERATIONS,
-    still: float = STILL,
+    max_iterations: int = MAX_ITERATIONS,
+    tolerance: float = COST_TOLERANCE,
     name: str = "cloud",
 ) -> Alignment:
-    """Align points f64[N, 3] to the surface of a mesh, from the transform `start` (None: where they are).
+    """Alignment of points f64[N, 3] to the surface of a mesh.
 
-    iterations, still: the last step is the one after so many, or that gains less than this share of the sum of squares.
-    Raises RegistrationError for fewer than three points, points on a line, or no result.
+    start: transform f64[4, 4] of the first guess; None: identity. tolerance: relative decrease of the sum of squares
+    below which the alignment ends. Raises RegistrationError for fewer than three points, for points on a line, and for
+    an alignment that does not converge.
     """
     check_alignable(points, name)
-    steps = SurfaceSteps.begin(points, mesh, _first(start), still)
-    taken = 0
-    while taken < iterations and not steps.done:
-        steps.step()
-        taken += 1
-    return _checked(steps.transform, float(np.sqrt(steps.cost / len(points))), taken, steps.done, name)
+    alignment = SurfaceAlignment.start(points, mesh, _copy_or_identity(start), tolerance)
+    iterations = 0
+    while iterations < max_iterations and not alignment.is_finished:
+        alignment.step()
+        iterations += 1
+    rms = float(np.sqrt(alignment.cost / len(points)))
+    return _check_result(alignment.transform, rms, iterations, alignment.is_finished, name)
 
 
 class PointTarget:
-    """Points that clouds are aligned to, made ready once for many alignments. points: f64[K, 3].
+    """Target points f64[K, 3], prepared once for many alignments.
 
-    Raises RegistrationError for fewer than three points, or points on a line.
+    Raises RegistrationError for fewer than three points and for points on a line.
     """
 
     def __init__(self, points: FloatArray, name: str = "target") -> None:
@@ -95,8 +100,8 @@ class PointTarget:
         self.tree = small_gicp.KdTree(self.cloud)
 
     @classmethod
-    def on_mesh(cls, mesh: TriangleMesh, samples: int = SAMPLES) -> PointTarget:
-        """Points spread over a mesh."""
+    def from_mesh(cls, mesh: TriangleMesh, samples: int = MESH_SAMPLES) -> PointTarget:
+        """Random points of the surface of a mesh as a target."""
         return cls(mesh.sample(samples), mesh.name)
 
 
@@ -105,55 +110,57 @@ def align_to_points(
     target: PointTarget,
     start: FloatArray | None = None,
     *,
-    iterations: int = ITERATIONS,
+    max_iterations: int = MAX_ITERATIONS,
     name: str = "cloud",
 ) -> Alignment:
-    """Align points f64[N, 3] to the points of a target; otherwise as `align_to_mesh`."""
+    """Alignment of points f64[N, 3] to the points of a target; arguments and errors as for `align_to_mesh`."""
     check_alignable(points, name)
-    found = small_gicp.align(
+    result = small_gicp.align(
         target.cloud,
         small_gicp.PointCloud(np.ascontiguousarray(points, dtype=np.float64)),
         target.tree,
-        init_T_target_source=_first(start),
+        init_T_target_source=_copy_or_identity(start),
         registration_type="ICP",
-        max_correspondence_distance=FARTHEST_M,
+        max_correspondence_distance=MAX_PAIR_DISTANCE_M,
         num_threads=1,
-        max_iterations=iterations,
-        rotation_epsilon=STEP_TURN_RAD,
-        translation_epsilon=STEP_SHIFT_M,
+        max_iterations=max_iterations,
+        rotation_epsilon=ROTATION_TOLERANCE_RAD,
+        translation_epsilon=TRANSLATION_TOLERANCE_M,
     )
-    # Its error is half the sum of squares, over the points that have a partner: all, if none has run away.
-    paired = int(found.num_inliers)
-    rms = float(np.sqrt(2.0 * found.error / paired)) if paired == len(points) else float("nan")
-    return _checked(np.array(found.T_target_source), rms, int(found.iterations), bool(found.converged), name)
+    # small_gicp reports half the sum of squares over the points that have a partner. Unless the alignment diverged,
+    # every
+    # point has one.
+    pairs = int(result.num_inliers)
+    rms = float(np.sqrt(2.0 * result.error / pairs)) if pairs == len(points) else float("nan")
+    return _check_result(np.array(result.T_target_source), rms, int(result.iterations), bool(result.converged), name)
 
 
 def check_alignable(points: FloatArray, name: str) -> None:
-    """Refuse points that fix no turn: fewer than three, or on a line. Raises RegistrationError, CloudError for NaN."""
+    """Raise RegistrationError for fewer than three points and points on a line, CloudError for points not finite."""
     check_points(points, name)
     expected = "three or more that do not lie on one line"
     if len(points) < 3:
         raise RegistrationError(name, "points", expected, str(len(points)), "use a cloud with more points")
-    # Where some of the points lie on no line, all of them do not: most clouds need no look at every point.
-    if _on_a_line(points[:: max(1, len(points) // LOOK)]) and _on_a_line(points):
+    # If a subset does not lie on a line, the whole cloud does not: most clouds need no check of every point.
+    if _are_on_a_line(points[:: max(1, len(points) // QUICK_CHECK_POINTS)]) and _are_on_a_line(points):
         raise RegistrationError(name, "points", expected, f"{len(points)} on one line", "use points of a surface")
 
 
-def _on_a_line(points: FloatArray) -> bool:
+def _are_on_a_line(points: FloatArray) -> bool:
     arms = points - points.mean(axis=0)
     extent = np.sqrt(np.maximum(np.linalg.eigvalsh(arms.T @ arms), 0.0))
-    return bool(extent[1] <= ON_A_LINE * extent[2])
+    return bool(extent[1] <= LINE_TOLERANCE * extent[2])
 
 
-def _first(start: FloatArray | None) -> FloatArray:
+def _copy_or_identity(start: FloatArray | None) -> FloatArray:
     return np.eye(4) if start is None else np.array(start, dtype=np.float64)
 
 
-def _checked(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
+def _check_result(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
     if not (np.isfinite(transform).all() and np.isfinite(rms)):
-        expected, remedy = "one that converges", "give a better first guess"
-        raise RegistrationError(name, "alignment", expected, "one that runs away", remedy)
-    # Many small turns in a row leave the rotation a little off; the nearest rotation is taken.
+        expected, remedy = "convergence", "give a better first guess"
+        raise RegistrationError(name, "alignment", expected, "divergence", remedy)
+    # The product of many small rotations is not exactly a rotation; the nearest rotation replaces it.
     u, _, v = np.linalg.svd(transform[:3, :3])
     transform[:3, :3] = u @ v
     return Alignment(transform, rms, iterations, converged)

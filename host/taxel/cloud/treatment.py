@@ -1,6 +1,7 @@
-"""The thesis's data treatment (5.6.2): the force filter's and the statistical outlier filter's settings for each shape.
+"""Filter settings of the data treatment of the thesis (5.6.2) for each shape.
 
-`taxel.cloud` applies them to clouds of points; the gap's report applies them to probabilities of being active.
+`taxel.cloud` applies these filters to clouds of points; the report of `taxel gap` applies them to probabilities of
+activity.
 """
 
 from __future__ import annotations
@@ -9,36 +10,46 @@ from dataclasses import dataclass
 from typing import Final
 
 FORCE_FILTER_COUNTS: Final = 190.0
-"""The thesis's force filter, for all its shapes (section 5.6.2): counts, since 150 of the same scale takes no point."""
+"""Threshold of the force filter of the thesis for all its shapes (section 5.6.2), in counts: a threshold of 150 on the
+same
+scale removes no point."""
 
 
 @dataclass(frozen=True)
-class Sor:
-    """neighbours: points whose mean distance counts, the point itself one of them, as in CloudCompare; None: a quarter
-    of the cloud. deviations: above the mean.
+class OutlierFilter:
+    """Settings of statistical outlier removal.
+
+    neighbours: number of points in the mean distance, the point itself included, as in CloudCompare; None: a quarter of
+    the cloud. deviations: number of standard deviations above the mean.
     """
 
     neighbours: float | None
     deviations: float
 
     @property
-    def in_words(self) -> str:
-        """For reports."""
+    def description(self) -> str:
+        """The settings as text for reports: neighbours / deviations."""
         return f"{'a quarter' if self.neighbours is None else f'{self.neighbours:g}'} / {self.deviations:g}"
 
-    def count(self, points: int) -> int:
-        """Neighbours in a cloud of so many points."""
+    def count_neighbours(self, points: int) -> int:
+        """Number of neighbours for a cloud with this number of points."""
         return round(0.25 * points) if self.neighbours is None else round(self.neighbours)
 
 
-OTHER_SOR: Final = Sor(20.0, 2.0)
-"""For shapes that the thesis did not grasp: those of its cylinder, which lower the RMS of all three (Tables
+DEFAULT_OUTLIER_FILTER: Final = OutlierFilter(20.0, 2.0)
+"""For shapes that are not in the thesis: the settings of its cylinder, which lower the RMS of all three shapes (Tables
 I-4 to I-6)."""
 
-SOR_OF: Final = {"rectang": Sor(20.0, 1.0), "cylind": Sor(20.0, 2.0), "triang": Sor(None, 2.0)}
-"""By the beginning of an object's name, Table 5.4. The triangular prism's 716 are a quarter of its 2866 points."""
+OUTLIER_FILTERS: Final = {
+    "rectang": OutlierFilter(20.0, 1.0),
+    "cylind": OutlierFilter(20.0, 2.0),
+    "triang": OutlierFilter(None, 2.0),
+}
+"""By the first letters of the name of an object, Table 5.4. The 716 of the triangular prism are a quarter of its 2866
+points."""
 
 
-def sor_of(name: str) -> Sor:
-    """The thesis's choice for an object's shape."""
-    return next((rule for start, rule in SOR_OF.items() if name.lower().startswith(start)), OTHER_SOR)
+def get_outlier_filter(name: str) -> OutlierFilter:
+    """The settings of the thesis for an object with this name."""
+    matches = (item for start, item in OUTLIER_FILTERS.items() if name.lower().startswith(start))
+    return next(matches, DEFAULT_OUTLIER_FILTER)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from taxel.cloud.treatment import FORCE_FILTER_COUNTS, Sor, sor_of
+from taxel.cloud.treatment import FORCE_FILTER_COUNTS, OutlierFilter, get_outlier_filter
 from taxel.gap import catalogue
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
@@ -116,7 +116,7 @@ class Clouds:
         names = np.array([item for item, _ in self.pair.cells])
         for name in dict.fromkeys(names.tolist()):
             own = names == name
-            found = outliers(self.places[own].reshape(-1, 3), mean[own].ravel(), sor_of(name))
+            found = outliers(self.places[own].reshape(-1, 3), mean[own].ravel(), get_outlier_filter(name))
             outlier[own] = found.reshape(-1, mean.shape[1])
         return np.where(outlier[:, None] if cloud.ndim == 3 else outlier, 0.0, cloud)
 
@@ -141,7 +141,7 @@ class Clouds:
         }
 
 
-def outliers(places: FloatArray, probability: FloatArray, rule: Sor) -> BoolArray:
+def outliers(places: FloatArray, probability: FloatArray, rule: OutlierFilter) -> BoolArray:
     """Which points are statistical outliers (Rusu et al. 2008), bool[m].
 
     A point whose mean distance to its nearest neighbours lies more than some standard deviations above the cloud's mean
@@ -215,7 +215,7 @@ def _newtons(pair: Pair) -> str:
 
 def _rules(pair: Pair) -> str:
     names = dict.fromkeys(item for item, _ in pair.cells)
-    used = ", ".join(f"{name} {sor_of(name).in_words}" for name in names)
+    used = ", ".join(f"{name} {get_outlier_filter(name).description}" for name in names)
     return f"neighbours / standard deviations: {used}"
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.catalogue import CATALOGUE, DROPOUT
+from taxel.gap.catalogue import DROPOUT, all_effects
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Parameter
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.reading import MOST_NOISE_COUNTS, ReportedEffect, ReportedGap
@@ -145,11 +145,11 @@ def planned_by_name(
 
     moving_s: seconds from closing to the end of a grasp, over which a drift reaches its counts. Raises RecipeError.
     """
-    forms = [one for one in CATALOGUE.get(name, ()) if form in ("", one.variant) and scope in ("", one.scope)]
+    forms = [one for one in all_effects().get(name, ()) if form in ("", one.variant) and scope in ("", one.scope)]
     if not forms or forms[0].scope not in (HAND, BOARD, TAXEL):
-        known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in CATALOGUE.get(name, ()))
+        known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in all_effects().get(name, ()))
         expected = f"a form of it ({known})" if known else "an effect of the catalogue"
-        every = ", ".join(key for key in CATALOGUE if key != DROPOUT)
+        every = ", ".join(key for key in all_effects() if key != DROPOUT)
         remedy = f"they are {every}; lost boards come from a report alone"
         raise RecipeError(where, "name", expected, " ".join(part for part in (name, form, scope) if part), remedy)
     effect = forms[0]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.cloud.contacts import baseline_frames
+from taxel.cloud.contacts import count_baseline_frames
 from taxel.generate.errors import FolderError
 from taxel.generate.folder import FORMAT
 from taxel.generate.index import INDEX
@@ -63,5 +63,7 @@ def dataset_holds(path: Path) -> Holds:
 
 
 def _holds(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
-    found = [(np.nan_to_num(grasp.mean_hold_signal(max(baseline_frames(grasp), 1))), label) for grasp, label in grasps]
+    found = [
+        (np.nan_to_num(grasp.mean_hold_signal(max(count_baseline_frames(grasp), 1))), label) for grasp, label in grasps
+    ]
     return Holds(np.array([signal for signal, _ in found]), np.array([label for _, label in found]))

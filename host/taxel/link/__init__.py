@@ -1,13 +1,18 @@
 """Bytes in and out: serial ports, the emulator and captures behind one URL."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from taxel.link.base import Chunk, Link, SteppedLink, clock_of
 from taxel.link.capture import CaptureLink, CaptureWriter
-from taxel.link.emulator import EmulatorLink, run_emulator
 from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
 from taxel.link.i2c_port import open_i2c
 from taxel.link.serial_port import SerialLink
 from taxel.link.stimulus import write_scene, write_stimulus
 from taxel.link.url import open_link
+
+if TYPE_CHECKING:
+    from taxel.link.emulator import EmulatorLink, run_emulator
 
 __all__ = [
     "CaptureError",
@@ -28,3 +33,10 @@ __all__ = [
     "write_scene",
     "write_stimulus",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the emulator's link at its first use: a diagnosis runs where that module is sealed."""
+    if name not in ("EmulatorLink", "run_emulator"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("taxel.link.emulator"), name)

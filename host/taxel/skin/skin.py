@@ -56,7 +56,7 @@ class Skin:
         self._rate_hz = rate_hz
         self._compact = frames == "compact"
         self._stream = self.hub.stream
-        self._slices = {board.address: hand.slice_of(board.address) for board in hand.boards}
+        self._slices = {board.address: hand.get_slice(board.address) for board in hand.boards}
         self._sorter = CycleSorter(len(hand.boards))
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         try:
@@ -90,7 +90,7 @@ class Skin:
             self.hub.wait(0.05)
 
     def _check_board(self, address: int, fields: dict[str, Any]) -> None:
-        board = self.hand.board(address)  # raises UnknownBoardError
+        board = self.hand.get_board(address)  # raises UnknownBoardError
         found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
         expected = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
         if found != expected or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
@@ -169,7 +169,7 @@ class Skin:
         return frame
 
     def _raise_mismatch(self, frame: TaxelFrame) -> None:
-        board = self.hand.board(frame.address)  # raises UnknownBoardError
+        board = self.hand.get_board(frame.address)  # raises UnknownBoardError
         raise BoardMismatchError(
             f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' "
             f"has {board.name} with {board.kind.taxel_count} there; use the hand description of this skin"
@@ -212,7 +212,7 @@ class Skin:
             baseline.update(scan.raw_counts, scan.valid)
             if progress is not None:
                 progress(baseline.progress)
-            if baseline.ready:
+            if baseline.is_ready:
                 return baseline.result()
             if cycles >= 2 * samples and baseline.ready_mask.any():
                 return BaselineResult(baseline.mean, baseline.noise, baseline.disturbed, baseline.count)

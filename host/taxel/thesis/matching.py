@@ -10,13 +10,19 @@ import numpy as np
 
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.distance import DistanceStats, distances_to_cloud
+from taxel.cloud.distance import DistanceStats, compute_distances_to_cloud
 from taxel.cloud.errors import CloudError
-from taxel.cloud.filters import force_filter, without_outliers
+from taxel.cloud.filters import filter_by_force, remove_outliers
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_points
-from taxel.cloud.sweep import THRESHOLDS, force_sweep, matched, sor_sweep, stats_of
-from taxel.cloud.treatment import sor_of
+from taxel.cloud.sweep import (
+    FORCE_THRESHOLDS,
+    get_distance_stats,
+    measure_after_alignment,
+    sweep_force_filter,
+    sweep_outlier_filter,
+)
+from taxel.cloud.treatment import get_outlier_filter
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.thesis.printed import FORCE_FILTER, STAGES, of_dataset, rows_of
@@ -87,8 +93,8 @@ def treated(
     name: str, word: str, grasps: int, real: ContactCloud, sim: ContactCloud, spread: ContactCloud, mesh: TriangleMesh
 ) -> ObjectClouds:
     """The thesis's treatment of an object's clouds. spread: the simulated one with contact propagation."""
-    filtered, rule = force_filter(real, FORCE_FILTER), sor_of(name)
-    cleaned = without_outliers(filtered, min(rule.count(len(filtered)), len(filtered)), rule.deviations)
+    filtered, rule = filter_by_force(real, FORCE_FILTER), get_outlier_filter(name)
+    cleaned = remove_outliers(filtered, min(rule.count_neighbours(len(filtered)), len(filtered)), rule.deviations)
     clouds = {REAL: real, FILTERED: filtered, CLEANED: cleaned, SIM: sim, SPREAD: spread}
     return ObjectClouds(name, word, grasps, clouds, mesh)
 
@@ -104,11 +110,11 @@ def measure(
     False leaves out what no finding needs.
     """
     real = item.clouds[REAL]
-    cad = {name: matched(cloud, item.mesh) for name, cloud in item.clouds.items()}
+    cad = {name: measure_after_alignment(cloud, item.mesh) for name, cloud in item.clouds.items()}
     show()
-    thresholds = THRESHOLDS if sweeps else (FORCE_FILTER, HIGHEST)
-    rows = force_sweep(real, item.mesh, item.name, thresholds)
-    force = {int(row.threshold_counts): stats_of(row) for row in rows}
+    thresholds = FORCE_THRESHOLDS if sweeps else (FORCE_FILTER, HIGHEST)
+    rows = sweep_force_filter(real, item.mesh, item.name, thresholds)
+    force = {int(row.threshold_counts): get_distance_stats(row) for row in rows}
     show()
     sor, neighbours = _sor_sweep(item) if sweeps else ({}, {})
     show()
@@ -118,7 +124,7 @@ def measure(
     sim_points = {stage: len(item.clouds[target]) for stage, (_, target) in steps.items()}
     show()
     cross = {
-        (side, word): matched(item.clouds[cloud], mesh)
+        (side, word): measure_after_alignment(item.clouds[cloud], mesh)
         for side, cloud in ((REAL, CLEANED), (SIM, SPREAD))
         for word, mesh in meshes.items()
     }
@@ -135,15 +141,15 @@ PARTS: Final = 5
 
 def _sor_sweep(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStats], dict[int, int]]:
     """By the thesis's N and nSigma, in whose order the sweep's rows are; and the N that was taken for each of its."""
-    rows = sor_sweep(item.clouds[REAL], item.mesh, item.name)
+    rows = sweep_outlier_filter(item.clouds[REAL], item.mesh, item.name)
     found, neighbours = {}, {}
     for row, printed in zip(rows, rows_of("I_4_to_6_sor", item.thesis), strict=True):
         n = int(printed["n_neighbors"])
-        found[n, float(printed["n_sigma"])], neighbours[n] = stats_of(row), row.n_neighbors
+        found[n, float(printed["n_sigma"])], neighbours[n] = get_distance_stats(row), row.n_neighbors
     return found, neighbours
 
 
 def _to_points(cloud: ContactCloud, target: PointTarget, there: ContactCloud) -> DistanceStats:
     """After ICP, to the nearest points of another cloud. target: its points, made ready."""
     placed = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
-    return DistanceStats.of(distances_to_cloud(placed, there.points, cloud.name))
+    return DistanceStats.from_distances(compute_distances_to_cloud(placed, there.points, cloud.name))

@@ -70,5 +70,5 @@ SIM_LAYER_M: Final = 0.0016
 between that and the 2 mm at rest.
 """
 
-PROPAGATION: Final = Propagation(from_counts=340.0)
+PROPAGATION: Final = Propagation(min_signal_counts=340.0)
 """Only taxels that are pressed firmly activate their neighbours."""

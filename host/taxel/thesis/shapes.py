@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from taxel.cloud.match import likelihoods_of, match
-from taxel.cloud.models import models
+from taxel.cloud.match import compute_likelihoods, match
+from taxel.cloud.models import get_builtin_models
 from taxel.thesis.findings import Other
 from taxel.thesis.matching import REAL, SIM, ObjectClouds
 
@@ -22,17 +22,17 @@ def shapes_told(items: Sequence[ObjectClouds], show: Callable[[], None]) -> list
     approaches: among the thesis's objects, and among these and the further built-in shapes.
     """
     thesis = {item.name: item.mesh for item in items}
-    everything = {**models(), **thesis}
+    everything = {**get_builtin_models(), **thesis}
     told: dict[tuple[str, int], dict[str, str]] = {}
     for item in items:
         right: dict[tuple[str, int], list[bool]] = {}
         for side in (REAL, SIM):
             cloud = item.clouds[side]
-            likelihoods = likelihoods_of(cloud, everything)
+            likelihoods = compute_likelihoods(cloud, everything)
             for approach in ("", *cloud.approaches):
-                part = cloud.of_approach(approach) if approach else cloud
+                part = cloud.select_approach(approach) if approach else cloud
                 for known in (thesis, everything):
-                    best = match(part, known, likelihoods=likelihoods, draws=0).best
+                    best = match(part, known, likelihoods=likelihoods, bootstrap_samples=0).best
                     what = "single approaches" if approach else "whole clouds"
                     right.setdefault((what, len(known)), []).append(best == item.name)
             show()

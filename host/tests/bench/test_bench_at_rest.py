@@ -1,4 +1,4 @@
-"""Broken, joined and exchanged lines from the counts of an untouched board."""
+"""Open, shorted and swapped lines from the raw counts of an untouched board."""
 
 from __future__ import annotations
 
@@ -8,152 +8,153 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from host.tests.bench.synthetic_boards import (
+    FULL_SCALE,
     KINDS,
-    LARGEST,
     NAMES,
-    at_rest,
-    capacitances,
-    with_exchanged_lines,
-    with_joined_lines,
+    measure_at_rest,
+    sample_capacitances,
     with_open_line,
+    with_shorted_lines,
+    with_swapped_lines,
 )
 from taxel.hand import BoardKind
-from taxel_tools.bench.analysis.at_rest import line_faults, mean_error
-from taxel_tools.bench.analysis.fault import Axis, joint, line_name, lines_name, lines_of
+from taxel_tools.bench.analysis.at_rest import find_line_faults, standard_error_of_mean
+from taxel_tools.bench.analysis.fault import Axis, connector_pin, line_name, line_pair_name, lines_of_taxels
 
-LEAST = 0.6
+LIMIT = 0.6
 
-some = settings(max_examples=40, deadline=None)
+property_settings = settings(max_examples=40, deadline=None)
 kinds = st.sampled_from(NAMES).map(KINDS.__getitem__)
 seeds = st.integers(0, 2**32 - 1)
 axes = st.sampled_from(list(Axis))
 
 
-def found(kind, hardware, rng):
-    return [(fault.name, fault.place) for fault in line_faults(at_rest(kind, hardware, rng), LEAST)[0]]
+def list_faults(kind, hardware, rng):
+    return [(fault.name, fault.place) for fault in find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)[0]]
 
 
-def line_of(data, kind, axis):
-    return data.draw(st.sampled_from(sorted(set(lines_of(kind, axis).tolist()))))
+def sample_line(data, kind, axis):
+    return data.draw(st.sampled_from(sorted(set(lines_of_taxels(kind, axis).tolist()))))
 
 
-@some
+@property_settings
 @given(kinds, seeds, st.floats(0.005, 0.08))
-def test_nothing_is_wrong_with_a_sound_board(kind, seed, spread):
+def test_a_healthy_board_has_no_line_fault(kind, seed, spread):
     rng = np.random.default_rng(seed)
-    faults, explained = line_faults(at_rest(kind, capacitances(kind, rng, spread), rng), LEAST)
+    faults, explained = find_line_faults(measure_at_rest(kind, sample_capacitances(kind, rng, spread), rng), LIMIT)
     assert faults == []
     assert not explained.any()
 
 
-@some
+@property_settings
 @given(st.data(), kinds, axes, seeds, st.floats(0.0, 0.4))
-def test_a_broken_line_is_named_with_its_joint(data, kind, axis, seed, left):
-    index = line_of(data, kind, axis)
+def test_an_open_line_is_reported_with_its_connector_pin(data, kind, axis, seed, remaining_share):
+    index = sample_line(data, kind, axis)
     rng = np.random.default_rng(seed)
-    hardware = with_open_line(kind, capacitances(kind, rng), axis, index, left)
-    faults, explained = line_faults(at_rest(kind, hardware, rng), LEAST)
+    hardware = with_open_line(kind, sample_capacitances(kind, rng), axis, index, remaining_share)
+    faults, explained = find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)
     assert [(fault.name, fault.place) for fault in faults] == [("open line", line_name(axis, index))]
-    assert f"look at {joint(axis, index, kind.tx_count)} " in faults[0].text
+    assert f"check {connector_pin(axis, index, kind.tx_count)} " in faults[0].text
     assert faults[0].severity > 1.0
-    assert (explained == (lines_of(kind, axis) == index)).all()
+    assert (explained == (lines_of_taxels(kind, axis) == index)).all()
 
 
-@some
+@property_settings
 @given(st.data(), kinds, axes, seeds, st.floats(0.3, 0.7))
-def test_joined_lines_are_named_or_nothing_is(data, kind, axis, seed, share):
+def test_shorted_lines_cause_no_other_fault(data, kind, axis, seed, share):
     count = kind.crossings.shape[axis]
     index = data.draw(st.integers(0, count - 2))
     rng = np.random.default_rng(seed)
-    names = found(kind, with_joined_lines(kind, capacitances(kind, rng), axis, index, share), rng)
+    names = list_faults(kind, with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index, share), rng)
     assert {name for name, _ in names} <= {"short"}
-    assert {place for _, place in names} <= {lines_name(axis, index, index + 1)}
+    assert {place for _, place in names} <= {line_pair_name(axis, index, index + 1)}
 
 
 @pytest.mark.parametrize("axis", list(Axis))
-def test_joined_lines_are_named_where_they_share_four_crossings_or_more(axis):
+def test_shorted_lines_with_at_least_four_common_crossings_are_reported(axis):
     kind = KINDS["palm"]
     table = kind.crossings if axis is Axis.TX else kind.crossings.T
-    tried = 0
+    tested_count = 0
     for index in range(len(table) - 1):
         if (table[index] & table[index + 1]).sum() >= 4:
             rng = np.random.default_rng(index)
-            hardware = with_joined_lines(kind, capacitances(kind, rng), axis, index)
-            assert found(kind, hardware, rng) == [("short", lines_name(axis, index, index + 1))]
-            tried += 1
-    assert tried >= 5
+            hardware = with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index)
+            assert list_faults(kind, hardware, rng) == [("short", line_pair_name(axis, index, index + 1))]
+            tested_count += 1
+    assert tested_count >= 5
 
 
-def test_crossings_that_only_one_of_two_joined_lines_has_are_not_missing():
+def test_unshared_crossings_of_shorted_lines_are_not_missing():
     kind, rng = KINDS["medial_front"], np.random.default_rng(0)
-    hardware = with_joined_lines(kind, capacitances(kind, rng), Axis.TX, 0, share=0.5625)
-    assert found(kind, hardware, rng) == [("short", "TX 0 and TX 1")]
+    hardware = with_shorted_lines(kind, sample_capacitances(kind, rng), Axis.TX, 0, share=0.5625)
+    assert list_faults(kind, hardware, rng) == [("short", "TX 0 and TX 1")]
 
 
-def test_joined_lines_at_the_converters_stop_are_named():
+def test_shorted_lines_at_the_full_scale_count_are_reported():
     kind, rng = KINDS["palm"], np.random.default_rng(1)
-    hardware = with_joined_lines(kind, capacitances(kind, rng), Axis.TX, 4, share=1.0)
-    assert found(kind, np.minimum(hardware, LARGEST), rng) == [("short", "TX 4 and TX 5")]
+    hardware = with_shorted_lines(kind, sample_capacitances(kind, rng), Axis.TX, 4, share=1.0)
+    assert list_faults(kind, np.minimum(hardware, FULL_SCALE), rng) == [("short", "TX 4 and TX 5")]
 
 
-@some
+@property_settings
 @given(st.data(), kinds, axes, seeds)
-def test_exchanged_lines_are_named_or_their_missing_crossings_are(data, kind, axis, seed):
-    first = line_of(data, kind, axis)
-    second = data.draw(st.sampled_from([one for one in range(kind.crossings.shape[axis]) if one != first]))
+def test_swapped_lines_or_their_missing_crossings_are_reported(data, kind, axis, seed):
+    first = sample_line(data, kind, axis)
+    second = data.draw(st.sampled_from([line for line in range(kind.crossings.shape[axis]) if line != first]))
     rng = np.random.default_rng(seed)
-    names = found(kind, with_exchanged_lines(kind, capacitances(kind, rng), axis, first, second), rng)
+    names = list_faults(kind, with_swapped_lines(kind, sample_capacitances(kind, rng), axis, first, second), rng)
     places = {place for name, place in names if name == "swapped lines"}
     table = kind.crossings if axis is Axis.TX else kind.crossings.T
     if (table[first] == table[second]).all():
-        assert names == []  # only a press can tell
+        assert names == []  # Only indentations distinguish these lines.
     else:
         assert names
-    assert places <= {lines_name(axis, first, second)}
+    assert places <= {line_pair_name(axis, first, second)}
 
 
-def test_exchanged_lines_of_different_length_are_named():
+def test_swapped_lines_of_different_length_are_reported():
     kind, rng = KINDS["palm"], np.random.default_rng(1)
     table = kind.crossings
-    first, second = 0, next(one for one in range(1, len(table)) if (table[one] & ~table[0]).any())
-    names = found(kind, with_exchanged_lines(kind, capacitances(kind, rng), Axis.TX, first, second), rng)
-    assert names == [("swapped lines", lines_name(Axis.TX, first, second))]
+    first, second = 0, next(line for line in range(1, len(table)) if (table[line] & ~table[0]).any())
+    names = list_faults(kind, with_swapped_lines(kind, sample_capacitances(kind, rng), Axis.TX, first, second), rng)
+    assert names == [("swapped lines", line_pair_name(Axis.TX, first, second))]
 
 
-def test_one_crossing_without_capacitance_is_a_missing_crossing():
+def test_a_crossing_without_capacitance_is_a_missing_crossing():
     kind, rng = KINDS["fingertip"], np.random.default_rng(1)
-    hardware = capacitances(kind, rng)
+    hardware = sample_capacitances(kind, rng)
     hardware[17] *= 0.1
-    (fault,) = line_faults(at_rest(kind, hardware, rng), LEAST)[0]
+    (fault,) = find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)[0]
     assert (fault.name, fault.place) == ("missing crossing", "taxel 17")
     assert f"TX {kind.tx[17]}, RX {kind.rx[17]}" in fault.text
     assert 5.0 < fault.severity < 7.0
 
 
-def test_a_crossing_of_two_broken_lines_is_explained_once():
+def test_a_crossing_of_two_open_lines_is_explained_once():
     kind, rng = KINDS["palm"], np.random.default_rng(1)
-    hardware = with_open_line(kind, with_open_line(kind, capacitances(kind, rng), Axis.TX, 6, 0.02), Axis.RX, 5, 0.02)
-    assert sorted(found(kind, hardware, rng)) == [("open line", "RX 5"), ("open line", "TX 6")]
+    hardware = with_open_line(
+        kind, with_open_line(kind, sample_capacitances(kind, rng), Axis.TX, 6, 0.02), Axis.RX, 5, 0.02
+    )
+    assert sorted(list_faults(kind, hardware, rng)) == [("open line", "RX 5"), ("open line", "TX 6")]
 
 
-def test_a_board_of_one_line_has_no_pairs():
+def test_a_board_with_one_line_has_no_shorts():
     kind = BoardKind("strip", 9, np.ones((1, 6), bool))
-    assert found(kind, capacitances(kind, np.random.default_rng(1)), np.random.default_rng(2)) == []
+    assert list_faults(kind, sample_capacitances(kind, np.random.default_rng(1)), np.random.default_rng(2)) == []
 
 
-def test_joints_are_numbered_from_the_tx_lines_on():
-    assert [joint(Axis.TX, 0, 13), joint(Axis.TX, 12, 13), joint(Axis.RX, 0, 13)] == [
+def test_connector_pins_are_numbered_tx_lines_first():
+    assert [connector_pin(Axis.TX, 0, 13), connector_pin(Axis.TX, 12, 13), connector_pin(Axis.RX, 0, 13)] == [
         "J1 pin 1",
         "J1 pin 13",
         "J1 pin 14",
     ]
 
 
-def test_the_error_of_a_mean_counts_slow_noise():
+def test_the_standard_error_of_a_mean_includes_slow_noise():
     rng = np.random.default_rng(1)
     white = rng.normal(2000.0, 4.0, (1000, 30)).round().astype(np.uint16)
     slow = (white + np.repeat(rng.normal(0.0, 10.0, (10, 30)), 100, axis=0)).round().astype(np.uint16)
-    assert mean_error(white) == pytest.approx(4.0 / np.sqrt(1000), rel=0.5)
-    assert mean_error(slow) == pytest.approx(10.0 / np.sqrt(10), rel=0.5)
-    few = mean_error(white[:20])
-    assert few == pytest.approx(4.0 / np.sqrt(20), rel=0.8)
+    assert standard_error_of_mean(white) == pytest.approx(4.0 / np.sqrt(1000), rel=0.5)
+    assert standard_error_of_mean(slow) == pytest.approx(10.0 / np.sqrt(10), rel=0.5)
+    assert standard_error_of_mean(white[:20]) == pytest.approx(4.0 / np.sqrt(20), rel=0.8)

@@ -1,75 +1,77 @@
-"""A gantry that speaks G-code, here a program behind a pseudo-terminal that presses an emulated board."""
+"""Probe on a G-code gantry, here a program behind a pseudo-terminal that indents an emulated board."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from host.tests.bench.conftest import ADDRESS, faults_of, phase_of, short_plan, value_of
-from host.tests.bench.fake_gantry import PITCH_MM, SPRING, TOUCH_Z, FakeGantry, PtyGantry, X, Y, pressing
+from host.tests.bench.conftest import ADDRESS, find_phase, find_value, list_faults, make_short_plan
+from host.tests.bench.fake_gantry import PITCH_MM, SPRING, TOUCH_Z, FakeGantry, PtyGantry, X, Y, press_with
+from host.tests.scripted_operator import ScriptedOperator
 from taxel.hand import load_hand
-from taxel_tools.bench.probe import ProbeError, gcode
-from taxel_tools.bench.probe.gcode import open_gcode
-from taxel_tools.testing.operator import NoOperator, ScriptedOperator
+from taxel_tools.bench.probe import ProbeError, ProbeRequest, gcode
+from taxel_tools.bench.probe.gcode import open_gcode_probe
+from taxel_tools.testing.operator import NoOperator
 from taxel_tools.testing.record import Outcome
 
-KIND = load_hand("allegro").board(ADDRESS).kind
+KIND = load_hand("allegro").get_board(ADDRESS).kind
 
 
 @pytest.fixture
 def gantries(monkeypatch):
-    """Gantries whose port is an object: they answer at once, or never."""
-    opened = {}
+    """Factory of gantries whose port is an object, with immediate answers or none."""
+    gantries_by_port = {}
 
     def make(**options):
         gantry = FakeGantry(**options)
-        gantry.port = f"/dev/ttyFAKE{len(opened)}"
-        opened[gantry.port] = gantry
+        gantry.port = f"/dev/ttyFAKE{len(gantries_by_port)}"
+        gantries_by_port[gantry.port] = gantry
         return gantry
 
-    monkeypatch.setattr(gcode.serial, "Serial", lambda port, baud, timeout: opened[port])
+    monkeypatch.setattr(gcode.serial, "Serial", lambda port, baud, timeout: gantries_by_port[port])
     return make
 
 
 @pytest.fixture
-def behind_a_pty():
-    """Gantries that pyserial opens."""
-    opened = []
+def pty_gantries():
+    """Factory of gantries that pyserial opens."""
+    gantries = []
 
     def make(**options):
-        opened.append(PtyGantry(**options))
-        return opened[-1]
+        gantries.append(PtyGantry(**options))
+        return gantries[-1]
 
     yield make
-    for one in opened:
-        one.close()
+    for gantry in gantries:
+        gantry.close()
 
 
-def url_of(gantry, **options):
+def gantry_url(gantry, **options):
     values = {"x": X, "y": Y, "touch_z": TOUCH_Z, "spring_n_mm": SPRING, "tip": 3} | options
     return f"gcode://{gantry.port}?" + "&".join(f"{name}={value}" for name, value in values.items())
 
 
-def probe_of(gantry, operator=None, **options):
-    """A probe on a gantry, over the smallest board."""
-    return open_gcode(url_of(gantry, **options), KIND, PITCH_MM * 1e-3, operator or NoOperator())
+def open_probe(gantry, operator=None, kind=KIND, **options):
+    """A probe on a gantry, by default over the smallest board."""
+    url = gantry_url(gantry, **options)
+    return open_gcode_probe(ProbeRequest(url, kind, PITCH_MM * 1e-3, operator or NoOperator(), ADDRESS))
 
 
-def test_a_board_is_pressed_from_end_to_end(benches, behind_a_pty):
+def test_a_gantry_indents_every_taxel_of_a_board(benches, pty_gantries):
     bench = benches()
-    gantry = behind_a_pty(on_press=pressing(bench.station.kind, bench.finger))
-    bench.station.probe = open_gcode(url_of(gantry), bench.station.kind, PITCH_MM * 1e-3, NoOperator())
-    record = bench.run(short_plan("presses"))
-    bench.station.probe.close()
-    assert (record.outcome, faults_of(record)) == (Outcome.PASS, [])
-    assert value_of(record, "presses", "response") == pytest.approx(730.0, rel=0.15)
+    gantry = pty_gantries(on_press=press_with(bench.board.kind, bench.emulated_probe))
+    bench.board.probe = open_probe(gantry, kind=bench.board.kind)
+    record = bench.run(make_short_plan("presses"))
+    bench.board.probe.close()
+    assert (record.outcome, list_faults(record)) == (Outcome.PASS, [])
+    assert find_value(record, "presses", "response") == pytest.approx(730.0, rel=0.15)
     assert gantry.deepest == pytest.approx(TOUCH_Z - 1.0 / SPRING)
-    assert gantry.at["Z"] > TOUCH_Z
+    assert gantry.position["Z"] > TOUCH_Z
 
 
-def test_lines_are_those_of_a_gantry_with_a_spring(gantries):
+def test_an_indentation_gives_the_expected_g_code(gantries):
     gantry = gantries()
-    probe = probe_of(gantry)
+    probe = open_probe(gantry)
     taxel = np.flatnonzero((KIND.tx == 3) & (KIND.rx == 2))[0]
     probe.press(taxel, 2.0, 3e-3)
     probe.press(taxel, 4.0, 3e-3)
@@ -91,15 +93,15 @@ def test_lines_are_those_of_a_gantry_with_a_spring(gantries):
     ]
 
 
-def test_it_never_presses_harder_than_is_allowed(gantries):
+def test_forces_beyond_the_limits_are_refused(gantries):
     gantry = gantries()
-    probe = probe_of(gantry, travel=4)
-    for force, words in (
+    probe = open_probe(gantry, travel=4)
+    for force, expected_text in (
         (61.0, "expected a force from 0 to 60 N, found 61"),
         (-1.0, "found -1"),
-        (50.0, "it gives 4 mm"),
+        (50.0, "its travel is 4 mm"),
     ):
-        with pytest.raises(ProbeError, match=words):
+        with pytest.raises(ProbeError, match=expected_text):
             probe.press(0, force, 3e-3)
     with pytest.raises(ProbeError, match="found nan"):
         probe.press(0, float("nan"), 3e-3)
@@ -108,85 +110,85 @@ def test_it_never_presses_harder_than_is_allowed(gantries):
     assert gantry.deepest == pytest.approx(TOUCH_Z - 4.0)
 
 
-def test_another_tip_is_asked_for_and_the_gantry_waits_clear_of_the_board(gantries):
+def test_the_operator_changes_the_tip_while_the_gantry_is_clear_of_the_board(gantries):
     gantry = gantries()
     heights = []
-    operator = ScriptedOperator([], lambda text: heights.append(gantry.at["Z"]))
-    probe = probe_of(gantry, operator)
+    operator = ScriptedOperator([], lambda text: heights.append(gantry.position["Z"]))
+    probe = open_probe(gantry, operator)
     probe.press(0, 1.0, 3e-3)
-    assert operator.heard == []
+    assert operator.texts == []
     probe.press(0, 1.0, 12e-3)
     probe.press(1, 1.0, 12e-3)
-    assert operator.heard == ["put the 12 mm tip into the gantry's holder"]
+    assert operator.texts == ["insert the 12 mm tip into the holder of the gantry"]
     assert heights == [TOUCH_Z + 5.0]
 
 
-def test_a_tip_that_nobody_can_change_is_an_error_of_the_phase(benches, gantries):
+def test_a_tip_change_without_an_operator_is_an_error_of_the_phase(benches, gantries):
     bench = benches()
     gantry = gantries()
-    bench.station.probe = open_gcode(url_of(gantry), bench.station.kind, PITCH_MM * 1e-3, NoOperator())
-    record = bench.run(short_plan("loading"))
-    expected = "nobody is there to answer 'put the 12 mm tip into the gantry's holder'"
-    assert phase_of(record, "loading").problem.startswith(expected)
+    bench.board.probe = open_probe(gantry, kind=bench.board.kind)
+    record = bench.run(make_short_plan("loading"))
+    expected = "no operator to answer 'insert the 12 mm tip into the holder of the gantry'"
+    assert find_phase(record, "loading").problem.startswith(expected)
 
 
-def test_a_controller_that_restarts_when_its_port_is_opened_is_waited_for(behind_a_pty, monkeypatch):
-    monkeypatch.setattr(gcode, "WAKE_S", 0.2)
-    monkeypatch.setattr(gcode, "WAKE_ATTEMPTS", 100)
-    gantry = behind_a_pty(greeting=b"\r\nGrbl 1.1h ['$' for help]\r\n", deaf_lines=2)
-    probe_of(gantry).press(0, 1.0, 3e-3)
+def test_the_probe_waits_for_a_controller_that_restarts_when_its_port_is_opened(pty_gantries, monkeypatch):
+    monkeypatch.setattr(gcode, "CONNECT_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(gcode, "CONNECT_ATTEMPTS", 100)
+    gantry = pty_gantries(banner=b"\r\nGrbl 1.1h ['$' for help]\r\n", ignored_lines=2)
+    open_probe(gantry).press(0, 1.0, 3e-3)
     assert gantry.lines[-1] == "G4 P0"
-    assert gantry.at["Z"] == pytest.approx(TOUCH_Z - 0.1)
+    assert gantry.position["Z"] == pytest.approx(TOUCH_Z - 0.1)
 
 
-def test_remarks_and_long_answers_are_passed_over(gantries):
+def test_remarks_and_long_answers_are_ignored(gantries):
     gantry = gantries()
     gantry.answer = lambda line: b"echo:busy: processing\r\nok P15 B3\r\n"
-    probe = probe_of(gantry)
+    probe = open_probe(gantry)
     probe.press(0, 1.0, 3e-3)
     probe.release()
     assert gantry.lines[-2:] == ["G0 Z7.000", "G4 P0"]
 
 
-def test_a_port_that_says_nothing_is_one_line(behind_a_pty, monkeypatch):
-    monkeypatch.setattr(gcode, "WAKE_S", 0.05)
-    gantry = behind_a_pty(deaf_lines=10**6)
-    with pytest.raises(ProbeError, match=r"no answer to 'G21' in 0\.3 s; is this the gantry's port\?"):
-        probe_of(gantry)
+def test_a_port_without_an_answer_gives_one_error_line(pty_gantries, monkeypatch):
+    monkeypatch.setattr(gcode, "CONNECT_TIMEOUT_S", 0.05)
+    gantry = pty_gantries(ignored_lines=10**6)
+    with pytest.raises(ProbeError, match=r"no answer to 'G21' in 0\.3 s; is this the port of the gantry\?"):
+        open_probe(gantry)
 
 
-def test_a_locked_controller_is_one_line(gantries):
+def test_a_locked_controller_gives_one_error_line(gantries):
     gantry = gantries()
     gantry.answer = lambda line: b"error:9\r\n"
-    with pytest.raises(ProbeError, match="answered 'error:9' to 'G21'; home it, and clear its way"):
-        probe_of(gantry)
+    with pytest.raises(ProbeError, match="answered 'error:9' to 'G21'; home the gantry and clear its path"):
+        open_probe(gantry)
 
 
 @pytest.mark.parametrize("answer", [b"error:20\r\n", b"ALARM:1\r\n", b""])
-def test_a_gantry_that_fails_half_way_is_lifted_and_moves_no_more(gantries, answer):
+def test_a_gantry_that_fails_is_lifted_and_moves_no_more(gantries, answer):
     gantry = gantries()
-    probe = probe_of(gantry)
+    probe = open_probe(gantry)
     probe.press(0, 1.0, 3e-3)
     gantry.answer = lambda line: answer if line.startswith("G1") else b"ok\r\n"
     with pytest.raises(ProbeError, match="G1 Z"):
         probe.press(0, 2.0, 3e-3)
-    assert gantry.at["Z"] > TOUCH_Z
-    said = len(gantry.lines)
+    assert gantry.position["Z"] > TOUCH_Z
+    line_count = len(gantry.lines)
     with pytest.raises(ProbeError, match="G1 Z"):
         probe.press(1, 1.0, 3e-3)
     probe.release()
     probe.close()
     probe.close()
-    assert len(gantry.lines) == said
+    assert len(gantry.lines) == line_count
 
 
-def test_a_failing_gantry_is_an_error_of_the_phase_and_the_record_stays(benches, gantries):
+def test_a_failing_gantry_is_an_error_of_the_phase(benches, gantries):
     bench = benches()
-    gantry = gantries(on_press=pressing(bench.station.kind, bench.finger))
-    bench.station.probe = open_gcode(url_of(gantry), bench.station.kind, PITCH_MM * 1e-3, NoOperator())
+    gantry = gantries(on_press=press_with(bench.board.kind, bench.emulated_probe))
+    bench.board.probe = open_probe(gantry, kind=bench.board.kind)
     gantry.answer = lambda line: b"error:2\r\n" if "X20" in line else b"ok\r\n"
-    record = bench.run(short_plan("presses", "loading", "frames"))
-    bench.station.probe.close()
+    record = bench.run(make_short_plan("presses", "loading", "frames"))
+    bench.board.probe.close()
     outcomes = {phase.name: phase.outcome for phase in record.phases}
     assert outcomes == {
         "frames": Outcome.PASS,
@@ -194,45 +196,45 @@ def test_a_failing_gantry_is_an_error_of_the_phase_and_the_record_stays(benches,
         "loading": Outcome.ERROR,
         "faults": Outcome.PASS,
     }
-    assert "answered 'error:2' to 'G0 X20.000" in phase_of(record, "presses").problem
-    assert gantry.at["Z"] > TOUCH_Z
+    assert "answered 'error:2' to 'G0 X20.000" in find_phase(record, "presses").problem
+    assert gantry.position["Z"] > TOUCH_Z
 
 
-def test_a_test_that_is_stopped_half_way_lets_go(benches, gantries):
+def test_an_interrupted_test_lifts_the_tip(benches, gantries):
     bench = benches()
-    gantry = gantries(on_press=pressing(bench.station.kind, bench.finger))
-    bench.station.probe = probe = open_gcode(url_of(gantry), bench.station.kind, PITCH_MM * 1e-3, NoOperator())
-    ask, wait = probe._port.readline, []
+    gantry = gantries(on_press=press_with(bench.board.kind, bench.emulated_probe))
+    bench.board.probe = probe = open_probe(gantry, kind=bench.board.kind)
+    original_readline, interruptions = probe._port.readline, []
 
-    def interrupted():
-        if gantry.at["Z"] < TOUCH_Z and not wait:
-            wait.append("pressed")
+    def interrupt_once():
+        if gantry.position["Z"] < TOUCH_Z and not interruptions:
+            interruptions.append("pressed")
             raise KeyboardInterrupt
-        return ask()
+        return original_readline()
 
-    probe._port.readline = interrupted
-    record = bench.run(short_plan("presses"))
-    assert phase_of(record, "presses").problem == "stopped from the keyboard"
-    assert gantry.at["Z"] == TOUCH_Z + 5.0
+    probe._port.readline = interrupt_once
+    record = bench.run(make_short_plan("presses"))
+    assert find_phase(record, "presses").problem == "stopped from the keyboard"
+    assert gantry.position["Z"] == TOUCH_Z + 5.0
     assert gantry.lines[-2:] == ["G0 Z7.000", "G4 P0"]
-    assert probe._owed == 0  # the answer to the line that was cut off has been taken too
+    assert probe._unanswered_lines == 0  # The answer to the interrupted line has been read too.
 
 
 @pytest.mark.parametrize(
-    ("query", "words"),
+    ("query", "expected_text"),
     [
-        ("x=1&y=1&touch_z=1", "option 'spring_n_mm' is missing; say where the board lies under the gantry"),
+        ("x=1&y=1&touch_z=1", "option 'spring_n_mm' is missing; add it to the URL"),
         ("x=1&y=1&touch_z=1&spring_n_mm=0", "option 'spring_n_mm' must be above 0, found 0"),
         ("x=1&y=1&touch_z=1&spring_n_mm=1&clear=-1", "option 'clear' must be above 0, found -1"),
         ("x=one&y=1&touch_z=1&spring_n_mm=1", "option 'x' must be a number, found 'one'"),
         ("x=1&y=nan&touch_z=1&spring_n_mm=1", "option 'y' must be a number, found 'nan'"),
-        ("x=1&y=1&touch_z=1&spring_n_mm=1&speed=9", "unknown option 'speed'; known are x, y, touch_z"),
+        ("x=1&y=1&touch_z=1&spring_n_mm=1&speed=9", "unknown option 'speed', expected one of x, y, touch_z"),
         ("x=1&y=1&touch_z=1&spring_n_mm=1", "check the port's name"),
     ],
 )
-def test_a_url_that_cannot_be_meant_is_one_line(query, words):
+def test_an_invalid_url_gives_one_error_line(query, expected_text):
     with pytest.raises(ProbeError) as error:
-        open_gcode(f"gcode:///dev/ttyNONE?{query}", KIND, 0.005, NoOperator())
+        open_gcode_probe(ProbeRequest(f"gcode:///dev/ttyNONE?{query}", KIND, 0.005, NoOperator(), ADDRESS))
     assert str(error.value).startswith("gcode:///dev/ttyNONE?")
-    assert words in str(error.value)
+    assert expected_text in str(error.value)
     assert "\n" not in str(error.value)

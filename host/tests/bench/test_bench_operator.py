@@ -1,4 +1,4 @@
-"""The operator's way: somebody presses what the prompts say, here a finger in the emulated world."""
+"""Manual probe: an operator follows the instructions, here with a probe in the emulated world."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import re
 
 import pytest
 
-from host.tests.bench.conftest import ADDRESS, faults_of, phase_of, short_plan, value_of
+from host.tests.bench.conftest import ADDRESS, find_phase, find_value, list_faults, make_short_plan
+from host.tests.scripted_operator import ScriptedOperator
 from taxel_tools.bench.probe import ManualProbe
-from taxel_tools.testing.operator import NoOperator, ScriptedOperator
+from taxel_tools.testing.operator import NoOperator
 from taxel_tools.testing.record import Outcome
 
 BOARD = f"board=0x{ADDRESS:02X}"
@@ -17,97 +18,97 @@ PRESS = re.compile(
 )
 
 
-class Person:
-    """Does as the prompts say, and slips on some taxels the first time."""
+class FollowingOperator:
+    """Follows the instructions, and misses some taxels at the first attempt."""
 
-    def __init__(self, bench, slips=()):
-        self.finger = bench.finger
-        self.slips = set(slips)
-        self.asked = []
+    def __init__(self, bench, missed_taxels=()):
+        self.probe = bench.emulated_probe
+        self.missed_taxels = set(missed_taxels)
+        self.requests = []
         self.operator = ScriptedOperator([], self)
-        bench.station.probe = ManualProbe(bench.station.kind, self.operator)
+        bench.board.probe = ManualProbe(bench.board.kind, self.operator)
 
     def __call__(self, text):
-        if text == "let go":
-            self.finger.release()
+        if text == "release the probe":
+            self.probe.release()
             return
-        again, taxel, diameter_mm, force_n = PRESS.match(text).groups()
-        self.asked.append((bool(again), int(taxel), float(force_n)))
-        at = int(taxel)
-        if at in self.slips:
-            self.slips.remove(at)
-            at -= 1
-        self.finger.press(at, float(force_n), float(diameter_mm) * 1e-3)
+        repetition, taxel, diameter_mm, force_n = PRESS.match(text).groups()
+        self.requests.append((bool(repetition), int(taxel), float(force_n)))
+        pressed_taxel = int(taxel)
+        if pressed_taxel in self.missed_taxels:
+            self.missed_taxels.remove(pressed_taxel)
+            pressed_taxel -= 1
+        self.probe.press(pressed_taxel, float(force_n), float(diameter_mm) * 1e-3)
 
 
-def test_every_taxel_is_asked_for_once_and_ticked_off(benches):
+def test_each_taxel_is_requested_once(benches):
     bench = benches()
-    person = Person(bench)
-    record = bench.run(short_plan("presses"))
-    assert (record.outcome, faults_of(record)) == (Outcome.PASS, [])
-    assert person.asked == [(False, taxel, 1.0) for taxel in range(27)]
-    assert person.operator.heard.count("let go") == 27
-    assert "response" not in {one.name for one in phase_of(record, "presses").measurements}  # nobody knows the force
+    operator = FollowingOperator(bench)
+    record = bench.run(make_short_plan("presses"))
+    assert (record.outcome, list_faults(record)) == (Outcome.PASS, [])
+    assert operator.requests == [(False, taxel, 1.0) for taxel in range(27)]
+    assert operator.operator.texts.count("release the probe") == 27
+    assert "response" not in {measurement.name for measurement in find_phase(record, "presses").measurements}
 
 
-def test_a_slip_of_the_finger_is_asked_for_again_and_is_no_fault(benches):
+def test_a_missed_taxel_is_requested_again_and_is_not_a_fault(benches):
     bench = benches()
-    person = Person(bench, slips={5, 20})
-    record = bench.run(short_plan("presses"))
-    assert (record.outcome, faults_of(record)) == (Outcome.PASS, [])
-    assert [taxel for again, taxel, _ in person.asked if again] == [5, 20]
+    operator = FollowingOperator(bench, missed_taxels={5, 20})
+    record = bench.run(make_short_plan("presses"))
+    assert (record.outcome, list_faults(record)) == (Outcome.PASS, [])
+    assert [taxel for repetition, taxel, _ in operator.requests if repetition] == [5, 20]
 
 
 @pytest.mark.parametrize(
-    ("effect", "fault", "again"),
+    ("effect", "fault", "repetitions_max"),
     [
         (f"exchange lines {BOARD} axis=0 index=3 other=4", ("swapped lines", "TX 3 and TX 4"), 8),
         (f"dead rest {BOARD} taxel=7", ("dead taxel", "taxel 7"), 1),
     ],
 )
-def test_what_does_not_answer_is_asked_for_twice_and_named(benches, effect, fault, again):
+def test_a_taxel_without_response_is_requested_twice_and_reported(benches, effect, fault, repetitions_max):
     bench = benches(f"effect {effect}", wire="i2c")
-    person = Person(bench)
-    assert faults_of(bench.run(short_plan("presses"))) == [fault]
-    assert sum(repeated for repeated, _, _ in person.asked) <= again
+    operator = FollowingOperator(bench)
+    assert list_faults(bench.run(make_short_plan("presses"))) == [fault]
+    assert sum(repetition for repetition, _, _ in operator.requests) <= repetitions_max
 
 
-def test_a_loading_curve_can_be_pressed_by_hand(benches):
+def test_a_loading_curve_can_be_recorded_manually(benches):
     bench = benches()
-    person = Person(bench)
-    record = bench.run(short_plan("loading"))
+    operator = FollowingOperator(bench)
+    record = bench.run(make_short_plan("loading"))
     assert record.outcome is Outcome.PASS
-    assert value_of(record, "loading", "fall") == pytest.approx(0.66, abs=0.03)
-    forces = [force for _, _, force in person.asked]
+    assert find_value(record, "loading", "fall") == pytest.approx(0.66, abs=0.03)
+    forces = [force for _, _, force in operator.requests]
     assert forces == pytest.approx(2 * [3.125, 12.5, 28.1, 50.0, 28.1, 12.5, 3.12], rel=0.01)
-    assert person.operator.heard.count("let go") == 2
+    assert operator.operator.texts.count("release the probe") == 2
 
 
-def test_forces_that_no_hand_can_set_are_left_out(benches):
+def test_forces_too_small_for_an_operator_are_skipped(benches):
     bench = benches()
-    Person(bench)
-    record = bench.run(short_plan("small_forces"))
-    assert phase_of(record, "small_forces").notes == ["cannot run here: forces this small cannot be set by hand"]
+    FollowingOperator(bench)
+    record = bench.run(make_short_plan("small_forces"))
+    assert find_phase(record, "small_forces").notes == ["cannot run: an operator cannot set forces this small"]
 
 
-def test_without_anybody_the_phase_says_what_was_asked(benches):
+def test_without_an_operator_the_error_contains_the_instruction(benches):
     bench = benches()
-    bench.station.probe = ManualProbe(bench.station.kind, NoOperator())
-    record = bench.run(short_plan("presses"))
+    bench.board.probe = ManualProbe(bench.board.kind, NoOperator())
+    record = bench.run(make_short_plan("presses"))
     assert record.outcome is Outcome.ERROR
-    assert phase_of(record, "presses").problem.startswith("nobody is there to answer 'press taxel 0 (TX 0, RX ")
+    assert find_phase(record, "presses").problem.startswith("no operator to answer 'press taxel 0 (TX 0, RX ")
 
 
-def test_the_finger_lets_go_when_a_test_is_stopped(benches):
+def test_the_operator_is_instructed_to_release_when_a_test_is_stopped(benches):
     bench = benches()
-    person = Person(bench)
+    operator = FollowingOperator(bench)
 
     def stop(phase, fraction):
-        if phase == "presses" and len(person.asked) > 3:
-            bench.station.probe.press(3, 2.0, 3e-3)
+        if phase == "presses" and len(operator.requests) > 3:
+            bench.board.probe.press(3, 2.0, 3e-3)
             raise KeyboardInterrupt
 
-    record = bench.run(short_plan("presses"), stop)
-    assert phase_of(record, "presses").problem == "stopped from the keyboard"
-    assert phase_of(record, "faults").outcome is Outcome.SKIP
-    assert person.operator.heard[-1] == "let go"
+    record = bench.run(make_short_plan("presses"), stop)
+    assert find_phase(record, "presses").problem == "stopped from the keyboard"
+    assert find_phase(record, "faults").outcome is Outcome.SKIP
+    assert operator.operator.texts[-1] == "release the probe"

@@ -136,7 +136,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
 
         def silence_hand(done: int, total: int) -> None:
             if done == 1:
-                rig.virtual.faults.silent = True
+                rig.virtual.faults.is_silent = True
 
         settings = PhysicalSettings(LASTING)
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
@@ -144,7 +144,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
         assert "\n" not in str(caught.value)
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
-        rig.virtual.faults.silent = False
+        rig.virtual.faults.is_silent = False
     with GraspDataset(tmp_path / "real.h5") as data:
         data.check()
         assert data.ids == (plan[0].id,)

@@ -79,7 +79,9 @@ def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
         simulated = equilibrium.solve_path(approach.force_n)
         assert emulated.pose[-1][:3, 3] == pytest.approx(equilibrium.pose(simulated.motion)[:3, 3], abs=5e-5)
         assert emulated.travel_m[-1] == pytest.approx(simulated.travel_m, abs=4e-5)
-        emulated_signal = SimSensor().predict_signal(contact.compute_forces(index, emulated.pose[-1], plan.bracket_poses))
+        emulated_signal = SimSensor().predict_signal(
+            contact.compute_forces(index, emulated.pose[-1], plan.bracket_poses)
+        )
         simulated_signal = SimSensor().predict_signal(equilibrium.taxel_forces(simulated.motion))
         loaded = (emulated_signal > 10.0) | (simulated_signal > 10.0)
         differences.append(float(np.sqrt(np.mean((emulated_signal - simulated_signal)[loaded] ** 2))))

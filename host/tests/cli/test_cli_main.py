@@ -9,7 +9,7 @@ import sys
 import typer
 
 from host.tests.command_line import exit_status
-from taxel.cli.main import app_of
+from taxel.cli.main import build_app
 
 
 def names(app: typer.Typer) -> set[str]:
@@ -17,20 +17,20 @@ def names(app: typer.Typer) -> set[str]:
 
 
 def test_one_command_alone_is_still_a_command():
-    assert names(app_of("gap")) == {"gap"}
-    assert names(app_of("record")) == {"record"}
-    assert names(app_of("bench")) == {"bench"}
+    assert names(build_app("gap")) == {"gap"}
+    assert names(build_app("record")) == {"record"}
+    assert names(build_app("bench")) == {"bench"}
 
 
 def test_without_a_known_name_all_are_there():
-    every = names(app_of())
+    every = names(build_app(loads_all=True))
     assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= every
-    assert names(app_of("no_such_command")) == every
-    assert names(app_of("--help")) == every
+    assert names(build_app("no_such_command")) == every
+    assert names(build_app("--help")) == every
 
 
 def test_a_diagnosis_does_not_load_what_others_draw_with():
-    program = "import sys; from taxel.cli.main import app_of; app_of('gap'); print(*sys.modules)"
+    program = "import sys; from taxel.cli.main import build_app; build_app('gap'); print(*sys.modules)"
     found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
     assert "taxel.gap.diagnosis" in found
     assert not {"matplotlib", "taxel.cli.thesis", "taxel.blind.run", "taxel_tools.bench"} & set(found)

@@ -1,4 +1,4 @@
-"""Clouds on known shapes, and small datasets of two boards, written by the format page alone."""
+"""Clouds on known shapes, and small grasp datasets of four boards."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.models import models
+from taxel.cloud.models import get_builtin_models
 from taxel.hand.transforms import make_pose
 from taxel.recording import (
     DatasetHeader,
@@ -25,12 +25,12 @@ BOARD = ROWS * COLUMNS
 NAMES = ("palm", "fingertip_index", "fingertip_middle", "back")
 KINDS = ("palm", "fingertip", "fingertip", "hand_back")
 PHASES = np.repeat([0, 1, 2, 3], [10, 2, 4, 2]).astype(np.uint8)
-REST = 30_000
+REST_COUNTS = 30_000
 OBJECT_POSE = make_pose([0.4, -0.1, 0.2], [0.6, 0.0, 0.8, 0.0])
 
 
-def sheet() -> TaxelTable:
-    """Four boards of 6 x 5 taxels, 5 mm apart; the last two do not count in the thesis."""
+def build_taxel_table() -> TaxelTable:
+    """Four boards of 6 x 5 taxels at a pitch of 5 mm; the thesis does not use the last two."""
     number = np.arange(4 * BOARD) % BOARD
     tx, rx = number // COLUMNS, number % COLUMNS
     return TaxelTable(
@@ -44,21 +44,25 @@ def sheet() -> TaxelTable:
 
 
 @dataclass(frozen=True)
-class Press:
-    """A grasp to be written: taxels with their signals in counts, and boards without frames."""
+class PlannedGrasp:
+    """A grasp of a dataset. signals: taxels with their signals in counts. missing_boards: boards without valid
+    frames.
+    """
 
-    item: str = "cylinder"
+    object_name: str = "cylinder"
     approach: str = "side_1"
     iteration: int = 0
     signals: tuple[tuple[int, int], ...] = ()
-    silent: tuple[int, ...] = ()
-    baseline: bool = True
+    missing_boards: tuple[int, ...] = ()
+    has_baseline: bool = True
 
 
-def write_dataset(path, presses, source="real"):
-    """A dataset whose boards lie at x = 0.1 * board in the object's frame."""
+def write_dataset(path, grasps, source="real"):
+    """Write a dataset whose board b lies at x = 0.1 m * b in the frame of the object."""
     sensors = SensorTable(np.arange(0x20, 0x24).astype(np.uint8), NAMES, KINDS, np.full(4, 6.0))
-    meshes = {name: ObjectMesh(mesh.vertices, mesh.faces.astype(np.int32)) for name, mesh in models().items()}
+    meshes = {
+        name: ObjectMesh(mesh.vertices, mesh.faces.astype(np.int32)) for name, mesh in get_builtin_models().items()
+    }
     brackets = np.tile(np.eye(4), (4, 1, 1))
     brackets[:, 0, 3] = 0.1 * np.arange(4)
     model = SensorModel(30_000.0, 2000.0, 1.5, 4.0, layer="uncoupled") if source == "sim" else None
@@ -67,25 +71,25 @@ def write_dataset(path, presses, source="real"):
         DatasetHeader(
             source=source,
             hand="four boards",
-            taxels=sheet(),
+            taxels=build_taxel_table(),
             sensors=sensors,
             objects={name: meshes[name] for name in ("cylinder", "rectangular_prism")},
             generator="a test",
             sensor_model=model,
         ),
     ) as out:
-        for number, press in enumerate(presses):
-            raw = np.full((len(PHASES), 4 * BOARD), REST, np.uint16)
-            for taxel, signal in press.signals:
+        for number, grasp in enumerate(grasps):
+            raw = np.full((len(PHASES), 4 * BOARD), REST_COUNTS, np.uint16)
+            for taxel, signal in grasp.signals:
                 raw[PHASES == 2, taxel] -= signal
             valid = np.ones((len(PHASES), 4), bool)
-            valid[:, list(press.silent)] = False
-            if not press.baseline:
+            valid[:, list(grasp.missing_boards)] = False
+            if not grasp.has_baseline:
                 valid[PHASES == 0] = False
             record = GraspRecord(
-                object=press.item,
-                approach=press.approach,
-                iteration=press.iteration,
+                object=grasp.object_name,
+                approach=grasp.approach,
+                iteration=grasp.iteration,
                 session=0,
                 timestamp=np.arange(len(PHASES)) / 6.0 + 10.0 * number,
                 phase=PHASES,
@@ -103,28 +107,28 @@ def write_dataset(path, presses, source="real"):
 
 @pytest.fixture
 def dataset(tmp_path):
-    """Writes presses, of the fields of `Press`, to a file."""
+    """Function that writes grasps, given by the fields of `PlannedGrasp`, to a file."""
 
-    def write(*presses, source="real"):
-        return write_dataset(tmp_path / f"{source}.h5", [Press(**press) for press in presses], source)
+    def write(*grasps, source="real"):
+        return write_dataset(tmp_path / f"{source}.h5", [PlannedGrasp(**grasp) for grasp in grasps], source)
 
     return write
 
 
 @pytest.fixture(scope="session")
 def surface_cloud():
-    """Makes clouds on built-in shapes, see `_surface_cloud`."""
+    """Function that builds clouds on built-in shapes, see `_surface_cloud`."""
     return _surface_cloud
 
 
 def _surface_cloud(
     name: str, count: int = 400, noise_m: float = 0.0005, seed: int = 1, grasps: int = 8
 ) -> ContactCloud:
-    """Points on a built-in shape with scatter, dealt out to grasps of two approaches."""
-    mesh = models()[name]
+    """Random points on a built-in shape with normal noise, assigned to random grasps of two approaches."""
+    mesh = get_builtin_models()[name]
     rng = np.random.default_rng([seed, len(name)])
     points = mesh.sample(count, seed) + rng.normal(0.0, noise_m, (count, 3))
-    cloud = ContactCloud.of_points(points, rng.uniform(150.0, 400.0, count), name)
+    cloud = ContactCloud.from_points(points, rng.uniform(150.0, 400.0, count), name)
     approach = np.arange(grasps) % 2
     return replace(
         cloud,

@@ -1,4 +1,4 @@
-"""Fusion of repeats: the same taxel of the same approach becomes one point."""
+"""Fusion of repeats: a taxel gives one point for each approach."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.fusion import fused
+from taxel.cloud.fusion import fuse_repeats
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.002], [0.1, 0.0, 0.0], [0.0, 0.0, 0.004], [0.2, 0.0, 0.0]])
 
 
-def cloud() -> ContactCloud:
-    """Taxel 7 in both repeats of "side" and in "top", taxel 8 in one repeat of "side"; a third repeat felt nothing."""
+def build_cloud() -> ContactCloud:
+    """Taxel 7 in two repeats of "side" and in "top", taxel 8 in one repeat of "side"; no contact in the third
+    repeat.
+    """
     return ContactCloud(
         "mine",
         POINTS,
@@ -27,32 +29,32 @@ def cloud() -> ContactCloud:
     )
 
 
-def test_places_and_counts_are_means_over_the_repeats():
-    told = fused(cloud())
-    assert list(zip(told.approach.tolist(), told.taxel.tolist(), strict=True)) == [(0, 7), (0, 8), (1, 7), (1, 9)]
-    assert told.points.tolist() == [[0.0, 0.0, 0.001], [0.1, 0.0, 0.0], [0.0, 0.0, 0.004], [0.2, 0.0, 0.0]]
-    assert told.counts.tolist() == [250.0, 160.0, 400.0, 500.0]
+def test_positions_and_counts_are_means_over_the_repeats():
+    fused = fuse_repeats(build_cloud())
+    assert list(zip(fused.approach.tolist(), fused.taxel.tolist(), strict=True)) == [(0, 7), (0, 8), (1, 7), (1, 9)]
+    assert fused.points.tolist() == [[0.0, 0.0, 0.001], [0.1, 0.0, 0.0], [0.0, 0.0, 0.004], [0.2, 0.0, 0.0]]
+    assert fused.counts.tolist() == [250.0, 160.0, 400.0, 500.0]
 
 
-def test_a_contact_that_too_few_repeats_have_goes():
-    assert fused(cloud(), 0.5).taxel.tolist() == [7, 7, 9]  # two of three repeats of "side"
-    assert fused(cloud(), 0.7).taxel.tolist() == [7, 9]
-    assert fused(cloud(), 1.0).taxel.tolist() == [7, 9]
+def test_contact_of_too_few_repeats_is_left_out():
+    assert fuse_repeats(build_cloud(), 0.5).taxel.tolist() == [7, 7, 9]  # two of three repeats of "side"
+    assert fuse_repeats(build_cloud(), 0.7).taxel.tolist() == [7, 9]
+    assert fuse_repeats(build_cloud(), 1.0).taxel.tolist() == [7, 9]
 
 
-def test_silent_taxels_and_grasps_stay():
-    told = fused(cloud())
-    assert told.grasps == ("a", "b", "c", "d")
-    assert (told.quiet == POINTS[:2]).all()
-    assert told.of_approach("top").taxel.tolist() == [7, 9]
+def test_inactive_taxels_and_grasps_are_not_changed():
+    fused = fuse_repeats(build_cloud())
+    assert fused.grasps == ("a", "b", "c", "d")
+    assert (fused.inactive_points == POINTS[:2]).all()
+    assert fused.select_approach("top").taxel.tolist() == [7, 9]
 
 
-def test_fusing_twice_is_fusing_once(surface_cloud):
-    once = fused(surface_cloud("cone"))
-    twice = fused(once)
+def test_fusing_a_fused_cloud_does_not_change_it(surface_cloud):
+    once = fuse_repeats(surface_cloud("cone"))
+    twice = fuse_repeats(once)
     assert len(once) < 400
     assert twice.points == pytest.approx(once.points)
 
 
-def test_an_empty_cloud_stays_empty():
-    assert len(fused(cloud().take(np.zeros(5, bool)))) == 0
+def test_fused_empty_cloud_is_empty():
+    assert len(fuse_repeats(build_cloud().select(np.zeros(5, bool)))) == 0

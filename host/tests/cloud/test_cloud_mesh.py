@@ -1,4 +1,4 @@
-"""A mesh is a closed surface, or it is refused with one line."""
+"""Triangle meshes: checks of the surface, nearest points, built-in shapes."""
 
 from __future__ import annotations
 
@@ -7,71 +7,73 @@ import pytest
 
 from taxel.cloud.errors import MeshError
 from taxel.cloud.mesh import TriangleMesh
-from taxel.cloud.models import chosen_models, model, models
+from taxel.cloud.models import get_builtin_models, load_model, load_models
 from taxel.grasp.shapes import ConvexPolytope
 
 VERTICES, FACES = ConvexPolytope.box(0.06, 0.04, 0.1).mesh()
 
 
-def box(vertices=VERTICES, faces=FACES) -> TriangleMesh:
+def build_box(vertices=VERTICES, faces=FACES) -> TriangleMesh:
     return TriangleMesh("box", vertices, faces)
 
 
 def test_areas_and_bounds_of_a_box():
-    mesh = box()
+    mesh = build_box()
     assert mesh.areas.sum() == pytest.approx(2 * (0.06 * 0.04 + 0.06 * 0.1 + 0.04 * 0.1))
     assert mesh.bounds == pytest.approx(np.array([[-0.03, -0.02, 0.0], [0.03, 0.02, 0.1]]))
 
 
-def test_a_mesh_that_is_wound_inward_is_turned_around():
-    mesh = box(faces=FACES[:, ::-1])
-    assert mesh.signed_distance(np.array([[0.0, 0.0, 0.05]])) == pytest.approx(-0.02)
-    assert (mesh.normals == box().normals).all()
+def test_mesh_with_inward_faces_is_reversed():
+    mesh = build_box(faces=FACES[:, ::-1])
+    assert mesh.compute_signed_distance(np.array([[0.0, 0.0, 0.05]])) == pytest.approx(-0.02)
+    assert (mesh.normals == build_box().normals).all()
 
 
-def test_a_hole_is_one_line():
+def test_hole_is_refused_in_one_line():
     with pytest.raises(MeshError, match="box: faces: expected a closed surface, found 3 edges of one face only; close"):
-        box(faces=FACES[1:])
+        build_box(faces=FACES[1:])
 
 
-def test_faces_wound_against_each_other_are_one_line():
+def test_faces_of_opposite_orientation_are_refused_in_one_line():
     faces = FACES.copy()
     faces[0] = faces[0][::-1]
-    with pytest.raises(MeshError, match="expected faces wound alike, found 3 edges between faces wound against"):
-        box(faces=faces)
+    with pytest.raises(
+        MeshError, match="expected faces of consistent orientation, found 3 edges between faces of opposite"
+    ):
+        build_box(faces=faces)
 
 
-def test_an_edge_of_more_than_two_faces_is_one_line():
-    with pytest.raises(MeshError, match="expected edges of two faces, found 18 edges of more"):
-        box(faces=np.concatenate([FACES, FACES]))
+def test_edge_of_more_than_two_faces_is_refused_in_one_line():
+    with pytest.raises(MeshError, match="expected edges of two faces, found 18 edges of more faces"):
+        build_box(faces=np.concatenate([FACES, FACES]))
 
 
-def test_a_nan_is_one_line():
+def test_nan_is_refused_in_one_line():
     vertices = VERTICES.copy()
     vertices[2, 1] = np.nan
     with pytest.raises(MeshError, match="box: vertices: expected finite coordinates, found 1 with NaN or infinity"):
-        box(vertices)
+        build_box(vertices)
 
 
 @pytest.mark.parametrize("faces", [np.array([[0, 1, 8]]), np.array([[0, 1, -1]])])
-def test_a_face_of_a_vertex_that_is_not_there_is_one_line(faces):
+def test_vertex_number_out_of_range_is_refused_in_one_line(faces):
     with pytest.raises(MeshError, match="faces: expected vertex numbers from 0 to 7"):
-        box(faces=faces)
+        build_box(faces=faces)
 
 
-def test_a_surface_without_a_volume_is_one_line():
+def test_surface_without_a_volume_is_refused_in_one_line():
     flat = VERTICES * [1.0, 1.0, 0.0]
     with pytest.raises(MeshError, match="expected a solid with a volume, found a flat surface"):
-        box(flat)
+        build_box(flat)
 
 
-def test_no_face_is_no_mesh():
+def test_mesh_without_faces_is_refused_in_one_line():
     with pytest.raises(MeshError, match="faces: expected triangles, found none"):
-        box(faces=np.empty((0, 3), int))
+        build_box(faces=np.empty((0, 3), int))
 
 
-def test_samples_are_even_and_the_same_each_time():
-    mesh = box()
+def test_samples_are_uniform_and_determined_by_the_seed():
+    mesh = build_box()
     points = mesh.sample(20_000, seed=7)
     assert (points == mesh.sample(20_000, seed=7)).all()
     on_top = (points[:, 2] > 0.1 - 1e-12).mean()
@@ -79,41 +81,43 @@ def test_samples_are_even_and_the_same_each_time():
 
 
 def test_nearest_points_on_faces_edges_and_corners():
-    mesh = box()
-    near = mesh.closest(np.array([[0.05, 0.003, 0.041], [0.04, 0.03, 0.04], [0.04, 0.03, 0.12], [0.03, 0.0, 0.053]]))
-    edge, along, corner = mesh.on_edges(near)
+    mesh = build_box()
+    closest = mesh.find_closest(
+        np.array([[0.05, 0.003, 0.041], [0.04, 0.03, 0.04], [0.04, 0.03, 0.12], [0.03, 0.0, 0.053]])
+    )
+    edge, direction, corner = mesh.find_edges_and_corners(closest)
     assert edge.tolist() == [1]
-    assert np.abs(along[0]) == pytest.approx([0.0, 0.0, 1.0])
+    assert np.abs(direction[0]) == pytest.approx([0.0, 0.0, 1.0])
     assert corner.tolist() == [2]
-    assert near.normal[0] == pytest.approx([1.0, 0.0, 0.0])
-    assert near.normal[3] == pytest.approx([1.0, 0.0, 0.0])  # on the surface: that of its face
-    assert near.distance[3] < 1e-15
+    assert closest.normal[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert closest.normal[3] == pytest.approx([1.0, 0.0, 0.0])  # a point on the surface has the normal of its face
+    assert closest.distance[3] < 1e-15
 
 
-@pytest.mark.parametrize("name", models())
-def test_built_in_shapes_stand_on_the_ground_upright(name):
-    low, high = models()[name].bounds
+@pytest.mark.parametrize("name", get_builtin_models())
+def test_built_in_shapes_stand_upright_on_the_origin(name):
+    low, high = get_builtin_models()[name].bounds
     assert low[2] == pytest.approx(0.0, abs=1e-12)
     assert high[2] > 0.05
     assert low[:2] + high[:2] == pytest.approx([0.0, high[1] + low[1]], abs=1e-12)
 
 
-def test_shapes_have_the_volumes_of_their_formulas():
-    parts = {name: mesh.vertices[mesh.faces] for name, mesh in models().items()}
-    volume = {name: np.linalg.det(corners).sum() / 6.0 for name, corners in parts.items()}
+def test_volumes_of_shapes_equal_their_formulas():
+    triangles = {name: mesh.vertices[mesh.faces] for name, mesh in get_builtin_models().items()}
+    volume = {name: np.linalg.det(corners).sum() / 6.0 for name, corners in triangles.items()}
     assert volume["sphere"] == pytest.approx(4.0 / 3.0 * np.pi * 0.035**3, rel=0.01)
     assert volume["cone"] == pytest.approx(np.pi * 0.035**2 * 0.13 / 3.0, rel=0.01)
     assert volume["hexagonal_prism"] == pytest.approx(1.5 * np.sqrt(3.0) * 0.03**2 * 0.13, rel=0.01)
     assert volume["cylinder"] == pytest.approx(np.pi * 0.021**2 * 0.13, rel=0.01)
 
 
-def test_a_name_that_is_neither_a_shape_nor_a_file_is_one_line():
+def test_name_that_is_neither_a_shape_nor_a_file_is_refused_in_one_line():
     with pytest.raises(
         MeshError, match=r"mug: model: expected a mesh file or one of rectangular_prism, cylinder, .* neither"
     ):
-        model("mug")
+        load_model("mug")
 
 
-def test_models_are_chosen_by_name_and_file_or_all(tmp_path):
-    assert list(chosen_models([])) == list(models())
-    assert list(chosen_models(["cone", "sphere", "cone"])) == ["cone", "sphere"]
+def test_models_are_loaded_by_name_and_without_names_all_are():
+    assert list(load_models([])) == list(get_builtin_models())
+    assert list(load_models(["cone", "sphere", "cone"])) == ["cone", "sphere"]

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.cloud.models import models
+from taxel.cloud.models import get_builtin_models
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "cloud"
 NAMES = ("cloudcompare", "compare_cloudcompare", "candidates", "compare_libraries", "measure_fusion")
@@ -69,13 +69,13 @@ def test_a_broken_bound_is_told(tool):
 @pytest.mark.parametrize("name", ["taxel.cloud", "own: SciPy and NumPy", "small_gicp", "libigl"])
 def test_candidates_answer_the_same_questions_alike(tool, name):
     answers = next(one for one in tool.candidates.CANDIDATES if one.name == name).load()
-    mesh = models()["triangular_prism"]
+    mesh = get_builtin_models()["triangular_prism"]
     points = mesh.sample(300, seed=3) + 0.001
     if answers.align is not None:
         transform = answers.align(points, mesh.sample(300, seed=3))
         assert transform[:3, 3] == pytest.approx([-0.001] * 3, abs=1e-6)
     if answers.measure is not None:
-        exact = mesh.closest(points).distance
+        exact = mesh.find_closest(points).distance
         assert answers.measure(points, mesh.vertices, mesh.faces) == pytest.approx(exact, abs=1e-9)
 
 

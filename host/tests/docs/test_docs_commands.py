@@ -32,7 +32,7 @@ ELSEWHERE = ("taxel bench", "taxel flash", "taxel import", "taxel cloud convert"
 NEEDS_ROS = ("taxel ros",)
 
 STAND_INS = (
-    ("taxel grasp --source both ", "taxel grasp --source both --objects cylinder --grasps 12 --overwrite "),
+    ("taxel grasp --source both ", "taxel grasp --source both --object cylinder --grasps 12 --overwrite "),
     ("--grasps 10 ", "--grasps 4 --overwrite "),
     ("--grasps 100000 ", "--grasps 6 "),
     ("--worlds 24", "--worlds 1"),

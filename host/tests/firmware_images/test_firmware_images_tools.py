@@ -146,17 +146,16 @@ def test_an_invalid_call_table_is_reported_in_one_line(tools, tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[project]\nversion = '1.2.0rc1'", "three numbers to 255, such as 1.2.0, found '1.2.0rc1'"),
-        ("[project]\nversion = '1.2.300'", "three numbers to 255"),
-        ("[project]", "project.version: expected a version, found none"),
-        ("[", "project.version: expected a version, found none"),
+        ('VERSION = "1.2.0rc1"', "three numbers to 255, such as 1.2.0, found '1.2.0rc1'"),
+        ('VERSION = "1.2.300"', "three numbers to 255"),
+        ("", "VERSION: expected a version, found none"),
     ],
 )
 def test_a_version_beyond_the_header_format_is_reported_in_one_line(tools, tmp_path, text, message):
-    project = tmp_path / "pyproject.toml"
-    project.write_text(text)
+    version_file = tmp_path / "version.py"
+    version_file.write_text(text)
     with pytest.raises(ValueError, match=re.escape(message)):
-        tools.firmware_image.read_project_version(project)
+        tools.firmware_image.read_project_version(version_file)
 
 
 def build_linked_image(tools, content: bytes, address: int = 0x1000, **symbols: int) -> SimpleNamespace:

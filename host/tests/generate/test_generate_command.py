@@ -27,7 +27,7 @@ def test_the_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
     Path("out/gap").mkdir(parents=True)
     shutil.copy(REPORT, "out/gap/report.json")
     words = ["2" if word == "100000" else word for word in example()]
-    assert exit_status(*words, "--workers", "1") == 0
+    assert exit_status(*words, "--jobs", "1") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "out/synthetic: 2 grasps in 1 shards, effects: contact propagation, noise"
     assert lines[1].startswith("made now: 2 in ")
@@ -41,15 +41,15 @@ def test_the_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
     [
         (["--grasps", "-1"], "taxel: --grasps: expected 0 to 1000000000, found -1"),
         (["--seed", "-2"], "taxel: --seed: expected 0 or more (-1: as the recipe says), found -2"),
-        (["--shard", "20000"], "taxel: --shard: expected 0 to 10000, found 20000"),
+        (["--grasps-per-shard", "20000"], "taxel: --shard: expected 0 to 10000, found 20000"),
         (["--fidelity", "best"], "taxel: --fidelity: expected quick, full, found 'best'"),
-        (["--workers", "-1"], "taxel: --workers: expected 0 (one a core) or more, found -1"),
-        (["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"], "taxel: --workers: expected none beside --scheduler"),
+        (["--jobs", "-1"], "taxel: --workers: expected 0 (one a core) or more, found -1"),
+        (["--jobs", "2", "--scheduler", "tcp://127.0.0.1:9"], "taxel: --workers: expected none beside --scheduler"),
         (["--unit", "inch", "--mesh", "a.stl"], "taxel: --unit: expected m, cm, mm, found 'inch'"),
         (["--mesh", "a.step"], "taxel: a.step: name: expected a mesh that ends in .ply, .stl, .obj, found .step"),
         (["--mesh", "a.stl"], "taxel: a.stl: No such file or directory"),
         (
-            ["--effects", "missing.json"],
+            ["--gap-report", "missing.json"],
             "taxel: missing.json: expected a report.json of taxel gap diagnose, found nothing",
         ),
         (["--recipe", "missing.toml"], "taxel: missing.toml: No such file or directory"),

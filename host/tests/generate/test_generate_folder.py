@@ -110,7 +110,18 @@ def test_a_cut_run_goes_on_and_the_bytes_are_those_of_an_uncut_one(whole, files_
 def test_a_killed_run_of_two_processes_goes_on_to_the_same_bytes(whole, files_of, tmp_path):
     out = tmp_path / "killed"
     recipe = whole.recipe
-    options = ["--grasps", recipe.grasps, "--seed", recipe.seed, "--grasps-per-shard", recipe.shard, "--jobs", 2, "--out", out]
+    options = [
+        "--grasps",
+        recipe.grasps,
+        "--seed",
+        recipe.seed,
+        "--grasps-per-shard",
+        recipe.shard,
+        "--jobs",
+        2,
+        "--out",
+        out,
+    ]
     program = [sys.executable, "-c", "from taxel.cli.main import main; main()", "generate", *map(str, options)]
     run = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     end = time.monotonic() + PATIENCE_S

@@ -7,7 +7,7 @@ import pytest
 
 from taxel.cloud.files import write_mesh
 from taxel.cloud.mesh import TriangleMesh
-from taxel.cloud.models import sphere
+from taxel.cloud.models import build_sphere
 from taxel.generate.draws import draw_grasp, draw_sensor
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range, fixed
@@ -54,7 +54,7 @@ share = 0.5
 
 @pytest.fixture
 def folder(tmp_path):
-    ball = sphere(0.03)
+    ball = build_sphere(0.03)
     write_mesh(
         TriangleMesh("ball", 1e3 * ball.vertices + np.array([5.0, 5.0, 50.0]), ball.faces), tmp_path / "ball.stl"
     )

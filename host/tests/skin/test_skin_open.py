@@ -11,7 +11,7 @@ import pytest
 import taxel
 from taxel.errors import TaxelError
 from taxel.hand import Board, BoardKind, Hand, UnknownBoardError
-from taxel.hand.world import WorldSettings, world_text
+from taxel.hand.world import WorldSettings, format_world
 from taxel.link import EmulatorLink, LinkError, write_stimulus
 from taxel.skin import BoardMismatchError, Skin
 from taxel.stream import HubError, VersionError, hub_client
@@ -37,7 +37,7 @@ def test_every_packaged_hand_streams(name):
         assert skin.bytes_discarded < 600  # the frame that the end of the emulation cut
         for frame in frames:
             assert frame.raw_counts.dtype == np.uint16
-            assert len(frame.raw_counts) == skin.hand.board(frame.address).kind.taxel_count
+            assert len(frame.raw_counts) == skin.hand.get_board(frame.address).kind.taxel_count
 
 
 def test_frames_of_a_board_come_in_order_and_once():
@@ -81,7 +81,7 @@ def test_a_senseless_rate_is_refused_in_one_line(rate_hz):
 def without(hand, *addresses):
     """The world of a hand whose boards at these addresses are not plugged in."""
     boards = tuple(board for board in hand.boards if board.address not in addresses)
-    return world_text(Hand(hand.name, hand.description, hand.pitch_m, hand.size_m, boards))
+    return format_world(Hand(hand.name, hand.description, hand.pitch_m, hand.size_m, boards))
 
 
 def test_a_board_that_is_not_there_is_named_and_the_others_stream(allegro):
@@ -93,7 +93,7 @@ def test_a_board_that_is_not_there_is_named_and_the_others_stream(allegro):
 
 
 def test_a_skin_without_any_board_can_be_opened_and_says_so(flat8, allegro):
-    world = world_text(flat8, WorldSettings(faults=("0.0 unplug 0x40",)))
+    world = format_world(flat8, WorldSettings(faults=("0.0 unplug 0x40",)))
     skin = Skin(EmulatorLink(world, fast=True, duration_s=3.0), flat8)
     assert skin.missing_boards == ["flat8"]
     assert list(skin) == []
@@ -103,14 +103,14 @@ def test_a_skin_without_any_board_can_be_opened_and_says_so(flat8, allegro):
 
 
 def test_a_board_that_starts_slowly_is_waited_for(flat8):
-    skin = Skin(EmulatorLink(world_text(flat8, WorldSettings(boot_ms=400.0)), fast=True, duration_s=3.0), flat8)
+    skin = Skin(EmulatorLink(format_world(flat8, WorldSettings(boot_ms=400.0)), fast=True, duration_s=3.0), flat8)
     assert skin.missing_boards == []
     skin.close()
 
 
 def test_a_board_that_the_hand_does_not_have_is_named(allegro, flat8):
     with pytest.raises(UnknownBoardError, match=r"hand 'flat8' has no board 0x\w\w") as caught:
-        Skin(EmulatorLink(world_text(allegro)), flat8)
+        Skin(EmulatorLink(format_world(allegro)), flat8)
     one_line(caught.value)
 
 
@@ -132,27 +132,27 @@ def test_a_board_of_another_design_is_named(flat8, change):
         there = flat8
     hand = Hand("mine", "", 0.005, 0.003, (Board("patch", BoardKind("k", 8, wanted), 0x40),))
     with pytest.raises(BoardMismatchError, match=r"board 0x40 .* hand 'mine' has patch .* there") as caught:
-        Skin(EmulatorLink(world_text(there)), hand)
+        Skin(EmulatorLink(format_world(there)), hand)
     one_line(caught.value)
 
 
 def test_a_failed_opening_leaves_no_thread_behind(allegro, flat8):
     before = set(threading.enumerate())
     with pytest.raises(UnknownBoardError):
-        Skin(EmulatorLink(world_text(allegro)), flat8)
+        Skin(EmulatorLink(format_world(allegro)), flat8)
     assert set(threading.enumerate()) <= before
 
 
 def test_a_port_on_which_nobody_answers_is_one_line(silence, monkeypatch):
     monkeypatch.setattr(hub_client, "REPLY_TIMEOUT_S", 0.1)
-    with pytest.raises(HubError, match=r"no answer from a hub after \d attempts.*1000000") as caught:
+    with pytest.raises(HubError, match=r"no reply from a hub after \d attempts.*1000000") as caught:
         taxel.open(silence, "flat8")
     assert silence.removeprefix("serial://") in one_line(caught.value)
 
 
 def test_a_port_that_only_echoes_is_no_hub(monkeypatch):
     monkeypatch.setattr(hub_client, "REPLY_TIMEOUT_S", 0.1)
-    with pytest.raises(HubError, match="no answer from a hub"):
+    with pytest.raises(HubError, match="no reply from a hub"):
         taxel.open("loop://", "flat8")
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the test engine share: plans, phases that do what they are told, and whole records."""
+"""Fixtures for the tests of the test framework: plans, phases and complete records."""
 
 from __future__ import annotations
 
@@ -9,87 +9,89 @@ from typing import Any
 
 import pytest
 
-from taxel_tools.testing.engine import PhaseLog, run_test
+from taxel_tools.testing.engine import DeviceUnderTest, PhaseLog, RunConditions, run_test
 from taxel_tools.testing.plan import Options, Plan, parse_plan
 from taxel_tools.testing.record import TestRecord
 
-HEAD = 'taxel_test_plan = 1\nname = "boards"\nversion = "1"\n'
+PLAN_HEAD = 'taxel_test_plan = 1\nname = "boards"\nversion = "1"\n'
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d4948445200000001000000010806000000"
     "1f15c4890000000d49444154789c6360f8cfc000000301010018dd8db00000000049454e44ae426082"
-)  # a PNG of one pixel
+)  # PNG image with one pixel.
 
 
-class ToldPhase:
-    """A phase that does what it is given, and knows the limits that it is given."""
+class FakePhase:
+    """A phase that calls a function, with given limits."""
 
     def __init__(
         self,
         name: str,
-        does: Callable[[Any, Options, PhaseLog], None] = lambda context, options, log: None,
+        measure: Callable[[Any, Options, PhaseLog], None] = lambda context, options, log: None,
         limits: tuple[str, ...] = (),
-        unmet: str = "",
-        automatic: bool = True,
+        requirement: str = "",
+        is_automatic: bool = True,
     ) -> None:
         self.name = name
         self.title = name.capitalize()
-        self.automatic = automatic
+        self.is_automatic = is_automatic
         self.limit_names = frozenset(limits)
-        self._does = does
-        self._unmet = unmet
+        self._measure = measure
+        self._requirement = requirement
 
-    def unmet(self, context: Any) -> str:
-        return self._unmet
+    def unmet_requirement(self, context: Any) -> str:
+        return self._requirement
 
     def run(self, context: Any, options: Options, log: PhaseLog) -> None:
-        self._does(context, options, log)
+        self._measure(context, options, log)
 
 
 @pytest.fixture
-def plan_of() -> Callable[[str], Plan]:
-    """A plan from what follows its head."""
-    return lambda text: parse_plan((HEAD + text).encode(), "plan.toml")
+def make_plan() -> Callable[[str], Plan]:
+    """Factory of plans from the text after the head."""
+    return lambda text: parse_plan((PLAN_HEAD + text).encode(), "plan.toml")
 
 
 @pytest.fixture
-def phase() -> type[ToldPhase]:
-    return ToldPhase
+def phase() -> type[FakePhase]:
+    return FakePhase
 
 
 @pytest.fixture
 def run() -> Callable[..., TestRecord]:
-    """Run phases on a clock that takes a second for each look at it."""
+    """Runs phases with a clock that advances by 1 s at each reading."""
     clock = itertools.count()
 
-    def run_with(plan: Plan, phases: list[ToldPhase], kind: str = "any", **changes: Any) -> TestRecord:
-        arguments: dict[str, Any] = {
-            "serial_number": "AB-0001",
-            "operator": "Zoë",
-            "station": "bench 1",
-            "device": {"kind": kind, "address": "0x21"},
-            "software_version": "0.1.0",
-            "now_s": lambda: float(next(clock)),
-        }
-        return run_test(plan, kind, phases, "the device", **(arguments | changes))
+    def run_with(
+        plan: Plan,
+        phases: list[FakePhase],
+        kind: str = "any",
+        serial_number: str = "AB-0001",
+        operator: str = "Zoë",
+        now_s: Callable[[], float] = lambda: float(next(clock)),
+        **options: Any,
+    ) -> TestRecord:
+        device = DeviceUnderTest(kind, serial_number, {"kind": kind, "address": "0x21"})
+        conditions = RunConditions(operator, "bench 1", "0.1.0", now_s)
+        return run_test(plan, phases, "the device", device, conditions, **options)
 
     return run_with
 
 
 @pytest.fixture
-def record_of(plan_of, phase, run) -> Callable[..., TestRecord]:
-    """A record of one phase "noise" whose limits are white <= 8 and gain 5 to 20; `does` fills it."""
+def make_record(make_plan, phase, run) -> Callable[..., TestRecord]:
+    """Factory of records of one phase "noise" with the limits white <= 8 and gain 5 to 20; `measure` fills its log."""
 
-    def make(does: Callable[[PhaseLog], None] = lambda log: None, **changes: Any) -> TestRecord:
-        plan = plan_of("[phases.noise.limits]\nwhite = { max = 8 }\ngain = { min = 5, max = 20 }\n")
-        noise = phase("noise", lambda context, options, log: does(log), ("white", "gain"))
-        return run(plan, [noise], **changes)
+    def make(measure: Callable[[PhaseLog], None] = lambda log: None, **options: Any) -> TestRecord:
+        plan = make_plan("[phases.noise.limits]\nwhite = { max = 8 }\ngain = { min = 5, max = 20 }\n")
+        noise = phase("noise", lambda context, options, log: measure(log), ("white", "gain"))
+        return run(plan, [noise], **options)
 
     return make
 
 
 @pytest.fixture
-def full_record(plan_of, phase, run) -> TestRecord:
-    """Every outcome, odd values and odd text."""
+def full_record(make_plan, phase, run) -> TestRecord:
+    """A record with every outcome, with unusual values and texts."""
 
     def identity(context, options, log):
         log.measure("firmware", "0.3.1", "")
@@ -100,11 +102,11 @@ def full_record(plan_of, phase, run) -> TestRecord:
         log.measure("white", 4.0, "counts", "TX 4")
         log.measure("white", math.nan, "counts", "TX 5")
         log.measure("white", None, "counts", "TX 6")
-        log.finding("noisy TX line", "TX 3", "lift the solder joint J1.4", 4.2)
-        log.finding("open TX line", "TX 5", "check the trace", math.inf)
+        log.add_finding("noisy TX line", "TX 3", "lift the solder joint J1.4", 4.2)
+        log.add_finding("open TX line", "TX 5", "check the trace", math.inf)
         log.attach("noise.png", "image/png", PIXEL, "White noise")
         log.attach("raw.bin", "application/octet-stream", bytes(range(256)))
-        log.note('a <script>alert("note")</script> & an "ü"')
+        log.add_note('a <script>alert("note")</script> & an "ü"')
 
     def bus(context, options, log):
         raise OSError(5, "Input/output error", "/dev/bus")
@@ -114,6 +116,6 @@ def full_record(plan_of, phase, run) -> TestRecord:
         phase("identity", identity),
         phase("noise", noise, ("white",)),
         phase("bus", bus),
-        phase("touch", unmet="nobody is at the bench", automatic=False),
+        phase("touch", requirement="no operator at the bench", is_automatic=False),
     ]
-    return run(plan_of(tables), phases)
+    return run(make_plan(tables), phases)

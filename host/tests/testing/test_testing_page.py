@@ -1,4 +1,4 @@
-"""The page: what it shows first, what it folds, and that nothing in a record can harm who reads it."""
+"""HTML page of a test record: content, folding, and safety against hostile text."""
 
 from __future__ import annotations
 
@@ -14,106 +14,107 @@ from hypothesis import strategies as st
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.history import History
 from taxel_tools.testing.page import page_text, write_page
-from taxel_tools.testing.page.bars import axis_of, value_bar
-from taxel_tools.testing.page.figures import figure, seconds_words, time_words
+from taxel_tools.testing.page.bars import build_axis, value_bar
+from taxel_tools.testing.page.figures import format_duration, format_figure, format_time
 from taxel_tools.testing.record import Attachment, Finding, Limit, Measurement, Outcome, PhaseRecord, TestRecord
 
 
-def tree(page):
-    """The page as XML, which it is too."""
+def parse_page(page):
+    """The page parsed as XML, because the page is also well-formed XML."""
     return ET.fromstring(page.removeprefix("<!DOCTYPE html>\n"))
 
 
-def words(element):
+def text_of(element):
     return " ".join("".join(element.itertext()).replace("\u00a0", " ").split())
 
 
-def section(page, title):
-    return next(one for one in tree(page).iter("section") if words(one.find("h2")).startswith(title))
+def find_section(page, title):
+    return next(node for node in parse_page(page).iter("section") if text_of(node.find("h2")).startswith(title))
 
 
-def test_the_verdict_and_what_to_do_come_first(full_record):
-    header = tree(page_text(full_record)).find("body/header")
-    assert words(header.find("h1")) == "AB-0001 could not be tested to the end: 2 faults found"
-    items = [words(one) for one in header.find("ol")]
+def test_the_header_shows_the_verdict_and_the_problems(full_record):
+    header = parse_page(page_text(full_record)).find("body/header")
+    assert text_of(header.find("h1")) == "AB-0001 could not be tested completely: 2 faults found"
+    items = [text_of(node) for node in header.find("ol")]
     assert items[0] == "open TX line TX 5 check the trace"
     assert items[1] == "noisy TX line TX 3 lift the solder joint J1.4"
     assert items[2] == "Bus ended with an error: /dev/bus: Input/output error"
-    assert "Touch: cannot run here: nobody is at the bench" in words(header)
+    assert "Touch: cannot run: no operator at the bench" in text_of(header)
 
 
-def test_a_passed_board_has_nothing_to_do(record_of):
-    page = page_text(record_of(lambda log: log.measure("white", 4.0, "counts")))
-    assert "AB-0001 passed" in words(tree(page).find("body/header/h1"))
+def test_a_passed_board_has_no_problem_list(make_record):
+    page = page_text(make_record(lambda log: log.measure("white", 4.0, "counts")))
+    assert "AB-0001 passed" in text_of(parse_page(page).find("body/header/h1"))
     assert "What to do" not in page
 
 
-def test_the_one_fault_is_in_the_title(record_of):
-    record = record_of(lambda log: log.finding("open TX line", "TX 3", "mend it", 2.0))
-    assert words(tree(page_text(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
+def test_a_single_fault_is_in_the_title(make_record):
+    record = make_record(lambda log: log.add_finding("open TX line", "TX 3", "fix it", 2.0))
+    assert text_of(parse_page(page_text(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
 
 
-def test_a_limit_that_no_finding_explains_is_told_by_its_worst_place(record_of):
-    def does(log):
-        for place, value in enumerate([9.0, 24.0, 12.0]):
-            log.measure("white", value, "counts", f"TX {place}")
+def test_a_violated_limit_without_a_finding_is_listed_with_its_worst_place(make_record):
+    def measure(log):
+        for line, value in enumerate([9.0, 24.0, 12.0]):
+            log.measure("white", value, "counts", f"TX {line}")
 
-    header = words(tree(page_text(record_of(does))).find("body/header"))
+    header = text_of(parse_page(page_text(make_record(measure))).find("body/header"))
     assert "Noise, white: 3 places beyond the limit, the worst 24 counts at TX 1 (allowed ≤ 8)" in header
 
 
-def test_many_things_to_do_are_folded(record_of):
-    def does(log):
-        for place in range(30):
-            log.finding("open TX line", f"TX {place}", "mend it", float(place))
+def test_a_long_problem_list_is_folded(make_record):
+    def measure(log):
+        for line in range(30):
+            log.add_finding("open TX line", f"TX {line}", "fix it", float(line))
 
-    header = tree(page_text(record_of(does))).find("body/header")
+    header = parse_page(page_text(make_record(measure))).find("body/header")
     assert len(header.find("ol")) == 10
-    assert words(header.find("details/summary")) == "20 more"
+    assert text_of(header.find("details/summary")) == "20 more"
     assert len(header.find("details/ol")) == 20
 
 
-def test_the_identity_is_told(full_record):
-    listed = {
-        words(one.find("dt")): words(one.find("dd")) for one in tree(page_text(full_record)).find("body/header/dl")
+def test_the_header_contains_the_identity(full_record):
+    entries = {
+        text_of(node.find("dt")): text_of(node.find("dd"))
+        for node in parse_page(page_text(full_record)).find("body/header/dl")
     }
-    assert listed["serial number"] == "AB-0001"
-    assert listed["operator"] == "Zoë"
-    assert listed["address"] == "0x21"
-    assert listed["tested"].endswith("UTC")
+    assert entries["serial number"] == "AB-0001"
+    assert entries["operator"] == "Zoë"
+    assert entries["address"] == "0x21"
+    assert entries["tested"].endswith("UTC")
 
 
-def test_values_stand_beside_their_limits(full_record):
-    rows = [[words(cell) for cell in row] for row in section(page_text(full_record), "Noise").find(".//tbody")]
+def test_each_value_is_shown_with_its_limit(full_record):
+    rows = [[text_of(cell) for cell in row] for row in find_section(page_text(full_record), "Noise").find(".//tbody")]
     assert rows[0] == ["white", "TX 3", "9.50 counts", "≤ 8", "", "fail"]
     assert rows[2] == ["white", "TX 5", "NaN", "≤ 8", "", "fail"]
     assert rows[3] == ["white", "TX 6", "no value", "≤ 8", "", "fail"]
 
 
-def test_columns_that_would_be_empty_are_left_out(full_record):
-    heads = [words(one) for one in section(page_text(full_record), "Identity").find(".//thead/tr")]
-    assert heads == ["measurement", "value"]
+def test_empty_columns_are_omitted(full_record):
+    headings = [text_of(node) for node in find_section(page_text(full_record), "Identity").find(".//thead/tr")]
+    assert headings == ["measurement", "value"]
 
 
-def test_many_measurements_are_folded_and_the_failing_ones_shown(record_of):
-    def does(log):
-        for place in range(300):
-            log.measure("white", 9.0 if place in (7, 80) else 4.0 + place / 1000, "counts", f"taxel {place}")
+def test_many_measurements_are_folded_except_the_failing_ones(make_record):
+    def measure(log):
+        for taxel in range(300):
+            log.measure("white", 9.0 if taxel in (7, 80) else 4.0 + taxel / 1000, "counts", f"taxel {taxel}")
 
-    page = page_text(record_of(does))
-    noise = section(page, "Noise")
+    page = page_text(make_record(measure))
+    noise = find_section(page, "Noise")
     summary, failing = (table for table in noise.findall("div/table"))
-    assert [words(cell) for cell in summary.find("tbody/tr")][:7] == [
+    assert [text_of(cell) for cell in summary.find("tbody/tr")][:7] == [
         "white, counts", "300", "2", "4", "4.15", "9", "≤ 8",
     ]  # fmt: skip
-    assert [words(row[1]) for row in failing.find("tbody")] == ["taxel 7", "taxel 80"]
-    assert words(noise.find("details/summary")) == "All 300 measurements"
+    assert [text_of(row[1]) for row in failing.find("tbody")] == ["taxel 7", "taxel 80"]
+    assert text_of(noise.find("details/summary")) == "All 300 measurements"
     assert len(noise.find("details//tbody")) == 300
     assert len(page) < 300_000
 
 
-def test_pictures_are_inside_the_page_and_files_can_be_saved(full_record):
-    noise = section(page_text(full_record), "Noise")
+def test_pictures_and_files_are_embedded_in_the_page(full_record):
+    noise = find_section(page_text(full_record), "Noise")
     assert noise.find(".//img").get("src").startswith("data:image/png;base64,iVBOR")
     assert noise.find(".//img").get("alt") == "White noise"
     link = noise.find(".//a[@download]")
@@ -122,33 +123,33 @@ def test_pictures_are_inside_the_page_and_files_can_be_saved(full_record):
 
 
 @pytest.mark.parametrize("media_type", ["text/html", "image/jpeg", 'image/png" onload="x', "IMAGE/SVG+XML"])
-def test_only_known_pictures_are_shown(record_of, media_type):
-    record = record_of(lambda log: log.attach("x", media_type, b"<script>alert(1)</script>"))
+def test_only_known_picture_types_are_shown(make_record, media_type):
+    record = make_record(lambda log: log.attach("x", media_type, b"<script>alert(1)</script>"))
     page = page_text(record)
     assert "<img" not in page
     assert "data:application/octet-stream;base64," in page
     assert media_type not in page
 
 
-def test_a_picture_that_holds_a_script_is_only_a_picture(record_of):
-    record = record_of(lambda log: log.attach("x.svg", "image/svg+xml", b"<svg><script>alert(1)</script></svg>"))
+def test_a_script_in_a_picture_is_not_part_of_the_page(make_record):
+    record = make_record(lambda log: log.attach("x.svg", "image/svg+xml", b"<svg><script>alert(1)</script></svg>"))
     assert "<script" not in page_text(record)
-    assert section(page_text(record), "Noise").find(".//img") is not None
+    assert find_section(page_text(record), "Noise").find(".//img") is not None
 
 
-def test_a_traceback_can_be_read_on_the_page(plan_of, phase, run):
-    def does(context, options, log):
+def test_a_traceback_is_shown_on_the_page(make_plan, phase, run):
+    def measure(context, options, log):
         raise ValueError("<no index>")
 
-    page = page_text(run(plan_of("[phases.a]\n"), [phase("a", does)]))
-    pre = section(page, "A").find(".//pre")
+    page = page_text(run(make_plan("[phases.a]\n"), [phase("a", measure)]))
+    pre = find_section(page, "A").find(".//pre")
     assert pre.text.startswith("Traceback (most recent call last):\n  File")
     assert "ValueError: <no index>" in pre.text
 
 
-def test_the_policy_forbids_everything_but_its_own_style_and_pictures(full_record):
+def test_the_content_security_policy_permits_only_embedded_style_and_pictures(full_record):
     page = page_text(full_record)
-    policy = tree(page).find("head/meta[@http-equiv='Content-Security-Policy']").get("content")
+    policy = parse_page(page).find("head/meta[@http-equiv='Content-Security-Policy']").get("content")
     assert policy == "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
     assert not re.search(r"""(?:src|href)="(?!data:|#)""", page)
     assert "url(" not in page
@@ -184,7 +185,7 @@ def test_no_text_of_a_record_becomes_markup(text):
     record = TestRecord(text, text, text, text, text, text, {text: text}, text, text, Outcome.ERROR, [phase], 1.0)
     page = page_text(record)
     assert "<script" not in page
-    allowed = {
+    allowed_tags = {
         "html",
         "head",
         "meta",
@@ -200,7 +201,7 @@ def test_no_text_of_a_record_becomes_markup(text):
         "p",
         "b",
     }
-    allowed |= {
+    allowed_tags |= {
         "ul",
         "ol",
         "li",
@@ -217,7 +218,7 @@ def test_no_text_of_a_record_becomes_markup(text):
         "tbody",
         "tr",
     }
-    allowed |= {
+    allowed_tags |= {
         "th",
         "td",
         "svg",
@@ -232,54 +233,54 @@ def test_no_text_of_a_record_becomes_markup(text):
         "summary",
         "pre",
     }
-    assert {one.tag for one in tree(page).iter()} <= allowed
-    assert not any(name.startswith("on") for one in tree(page).iter() for name in one.attrib)
+    assert {node.tag for node in parse_page(page).iter()} <= allowed_tags
+    assert not any(name.startswith("on") for node in parse_page(page).iter() for name in node.attrib)
 
 
-def test_earlier_tests_and_what_moved_are_shown(record_of, tmp_path):
+def test_earlier_tests_and_moved_values_are_shown(make_record, tmp_path):
     with History(tmp_path / "h.sqlite") as history:
         for white in (4.0, 4.1):
-            history.add(record_of(lambda log, white=white: log.measure("white", white, "counts", "TX 3")))
-        record = record_of(lambda log: log.measure("white", 7.5, "counts", "TX 3"))
-        page = page_text(record, history.compare(record), history.earlier("AB-0001"))
-    earlier = section(page, "Earlier tests")
+            history.add(make_record(lambda log, white=white: log.measure("white", white, "counts", "TX 3")))
+        record = make_record(lambda log: log.measure("white", 7.5, "counts", "TX 3"))
+        page = page_text(record, history.compare(record), history.list_earlier("AB-0001"))
+    earlier = find_section(page, "Earlier tests")
     changes, runs = earlier.findall("div/table")
-    assert [words(cell) for cell in changes.find("tbody/tr")] == [
+    assert [text_of(cell) for cell in changes.find("tbody/tr")] == [
         "white Noise", "TX 3", "7.50 counts", "4.10", "4.05", "2", "moved",
     ]  # fmt: skip
     assert len(runs.find("tbody")) == 2
 
 
-def test_what_moved_most_comes_first(record_of, tmp_path):
-    def test_of(*values):
-        def does(log):
-            for place, value in enumerate(values):
-                log.measure("white", value, "counts", f"TX {place}")
+def test_moved_values_are_sorted_by_shift(make_record, tmp_path):
+    def make_values_record(*values):
+        def measure(log):
+            for line, value in enumerate(values):
+                log.measure("white", value, "counts", f"TX {line}")
 
-        return record_of(does)
+        return make_record(measure)
 
     with History(tmp_path / "h.sqlite") as history:
-        history.add(test_of(4.0, 4.0, 4.0))
-        page = page_text(test_of(5.5, 4.1, 7.5), history.compare(test_of(5.5, 4.1, 7.5)))
-    moved = section(page, "Earlier tests").find("div/table/tbody")
-    assert [words(row[1]) for row in moved] == ["TX 2", "TX 0"]
+        history.add(make_values_record(4.0, 4.0, 4.0))
+        page = page_text(make_values_record(5.5, 4.1, 7.5), history.compare(make_values_record(5.5, 4.1, 7.5)))
+    rows = find_section(page, "Earlier tests").find("div/table/tbody")
+    assert [text_of(row[1]) for row in rows] == ["TX 2", "TX 0"]
 
 
-def test_without_a_history_there_is_no_such_section(full_record):
+def test_without_a_history_the_section_is_missing(full_record):
     assert "Earlier tests" not in page_text(full_record)
 
 
-def test_a_test_without_phases_still_has_a_page(plan_of, run, phase):
-    page = page_text(run(plan_of("[phases.a]\nenabled = false\n"), [phase("a")], serial_number=""))
-    assert "A device without serial number was not tested" in words(tree(page).find("body/header/h1"))
+def test_a_test_without_phases_has_a_page(make_plan, run, phase):
+    page = page_text(run(make_plan("[phases.a]\nenabled = false\n"), [phase("a")], serial_number=""))
+    assert "A device without serial number was not tested" in text_of(parse_page(page).find("body/header/h1"))
     assert "The plan has no phase for this kind of device." in page
 
 
-def test_the_same_record_gives_the_same_page(full_record):
+def test_equal_records_give_equal_pages(full_record):
     assert page_text(full_record) == page_text(dataclasses.replace(full_record))
 
 
-def test_a_page_that_is_there_is_kept(full_record, tmp_path):
+def test_an_existing_page_is_not_overwritten(full_record, tmp_path):
     write_page(full_record, tmp_path / "r.html")
     with pytest.raises(ResultFileError, match="an existing one"):
         write_page(full_record, tmp_path / "r.html")
@@ -305,8 +306,8 @@ def test_a_page_that_is_there_is_kept(full_record, tmp_path):
         ("<b>", None, "&lt;b&gt;"),
     ],
 )
-def test_a_value_shows_on_which_side_of_its_limit_it_is(value, limit, text):
-    assert figure(value, limit) == text
+def test_the_digits_of_a_value_show_on_which_side_of_the_limit_it_lies(value, limit, text):
+    assert format_figure(value, limit) == text
 
 
 @settings(deadline=None)
@@ -315,9 +316,9 @@ def test_a_value_shows_on_which_side_of_its_limit_it_is(value, limit, text):
     high=st.none() | st.floats(-1e6, 1e6),
     values=st.lists(st.floats() | st.none(), min_size=1, max_size=4),
 )
-def test_a_bar_shows_its_bounds_whatever_the_values(low, high, values):
+def test_a_bar_shows_its_bounds_for_any_values(low, high, values):
     limit = Limit(low, high) if None in (low, high) else Limit(min(low, high), max(low, high))
-    axis = axis_of(limit, values)
+    axis = build_axis(limit, values)
     assert axis.low < axis.high
     for bound in (limit.minimum, limit.maximum):
         assert bound is None or axis.low <= bound <= axis.high
@@ -325,16 +326,20 @@ def test_a_bar_shows_its_bounds_whatever_the_values(low, high, values):
         ET.fromstring(value_bar(axis, limit, value, Outcome.PASS))
 
 
-def test_a_value_far_outside_is_an_arrow_at_the_end():
+def test_a_value_far_outside_is_shown_as_an_arrow():
     limit = Limit(250.0, 420.0)
-    axis = axis_of(limit, [300.0, 1e6])
+    axis = build_axis(limit, [300.0, 1e6])
     assert axis.high < 1000.0
     for value, inside in ((300.0, True), (1e6, False), (-math.inf, False)):
         bar = value_bar(axis, limit, value, Outcome.FAIL)
         assert ("<circle" in bar, "<path" in bar) == (inside, not inside)
 
 
-def test_times_and_durations_read_as_people_say_them():
-    assert time_words("2026-01-31T09:30:00.125Z") == "2026-01-31 09:30:00\u00a0UTC"
-    assert time_words("<soon>") == "&lt;soon&gt;"
-    assert [seconds_words(one) for one in (4.25, 200.0, math.nan)] == ["4.2\u00a0s", "3\u00a0min 20\u00a0s", "–"]
+def test_times_and_durations_are_formatted():
+    assert format_time("2026-01-31T09:30:00.125Z") == "2026-01-31 09:30:00\u00a0UTC"
+    assert format_time("<soon>") == "&lt;soon&gt;"
+    assert [format_duration(seconds) for seconds in (4.25, 200.0, math.nan)] == [
+        "4.2\u00a0s",
+        "3\u00a0min 20\u00a0s",
+        "–",
+    ]

@@ -1,4 +1,4 @@
-"""Limits, and how outcomes follow from what was measured."""
+"""Limits, and outcomes of measurements, phases and tests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxel_tools.testing.record import Finding, Limit, Outcome, outcome_of_phase, outcome_of_test, outcome_of_value
+from taxel_tools.testing.record import Finding, Limit, Outcome, judge_phase, judge_test, judge_value
 
 BOUNDS = st.none() | st.floats(-1e6, 1e6)
 
@@ -25,21 +25,21 @@ BOUNDS = st.none() | st.floats(-1e6, 1e6)
         (Limit(None, 1234567.0), "<= 1234567"),
     ],
 )
-def test_a_limit_reads_as_people_write_it(limit, text):
+def test_a_limit_is_formatted_with_mathematical_signs(limit, text):
     assert str(limit) == text
 
 
 @pytest.mark.parametrize("value", [math.nan, None, "5"])
-def test_what_is_no_number_never_holds(value):
+def test_a_value_that_is_not_a_number_is_never_within_a_limit(value):
     for limit in (Limit(None, 8.0), Limit(0.0, None), Limit(None, None)):
-        assert not limit.holds(value)
+        assert not limit.contains(value)
         assert limit.severity(value) == math.inf
 
 
-def test_a_bound_itself_is_allowed():
-    assert Limit(5.0, 20.0).holds(5.0)
-    assert Limit(5.0, 20.0).holds(20.0)
-    assert not Limit(5.0, 20.0).holds(math.nextafter(20.0, 21.0))
+def test_bounds_are_included_in_the_limit():
+    assert Limit(5.0, 20.0).contains(5.0)
+    assert Limit(5.0, 20.0).contains(20.0)
+    assert not Limit(5.0, 20.0).contains(math.nextafter(20.0, 21.0))
 
 
 @pytest.mark.parametrize(
@@ -64,44 +64,44 @@ def test_a_bound_itself_is_allowed():
         (None, 8.0, -math.inf, 0.0),
     ],
 )
-def test_severity_says_how_many_times_beyond_the_bound(low, high, value, severity):
+def test_severity_is_the_factor_beyond_the_bound(low, high, value, severity):
     assert Limit(low, high).severity(value) == pytest.approx(severity)
 
 
 @given(BOUNDS, BOUNDS, st.floats(allow_nan=False))
-def test_severity_is_above_1_exactly_where_the_limit_does_not_hold(first, second, value):
+def test_severity_is_above_1_exactly_outside_the_limit(first, second, value):
     low, high = (min(first, second), max(first, second)) if None not in (first, second) else (first, second)
     limit = Limit(low, high)
-    assert (limit.severity(value) <= 1.0) == limit.holds(value)
+    assert (limit.severity(value) <= 1.0) == limit.contains(value)
     assert limit.severity(value) >= 0.0
 
 
 @pytest.mark.parametrize("bound", [1.0, math.nextafter(2.0, 0.0), 3.0, 5e-324])
-def test_the_next_value_beyond_a_bound_is_above_1(bound):
+def test_the_severity_of_the_next_float_beyond_a_bound_is_above_1(bound):
     assert Limit(None, bound).severity(math.nextafter(bound, math.inf)) > 1.0
     assert Limit(None, bound).severity(math.nextafter(bound, 0.0)) < 1.0
     assert Limit(bound, None).severity(math.nextafter(bound, 0.0)) > 1.0
 
 
 @pytest.mark.parametrize(("low", "high"), [(2.0, 1.0), (math.nan, None), (None, math.nan)])
-def test_a_limit_that_nothing_can_keep_is_refused(low, high):
-    with pytest.raises(ValueError, match="holds nothing"):
+def test_an_empty_limit_is_refused(low, high):
+    with pytest.raises(ValueError, match="expected a lower bound below the upper bound"):
         Limit(low, high)
 
 
-def test_without_a_limit_anything_passes():
-    assert outcome_of_value(math.nan, None) is Outcome.PASS
-    assert outcome_of_value(math.nan, Limit(None, 8.0)) is Outcome.FAIL
+def test_any_value_passes_without_a_limit():
+    assert judge_value(math.nan, None) is Outcome.PASS
+    assert judge_value(math.nan, Limit(None, 8.0)) is Outcome.FAIL
 
 
-def test_one_finding_fails_a_phase():
-    assert outcome_of_phase([], []) is Outcome.PASS
-    assert outcome_of_phase([], [Finding("open line", "TX 3", "mend it", 2.0)]) is Outcome.FAIL
+def test_a_finding_fails_a_phase():
+    assert judge_phase([], []) is Outcome.PASS
+    assert judge_phase([], [Finding("open line", "TX 3", "fix it", 2.0)]) is Outcome.FAIL
 
 
-def test_a_test_that_ran_no_phase_did_not_pass():
-    assert outcome_of_test([]) is Outcome.SKIP
+def test_a_test_without_phases_is_skipped():
+    assert judge_test([]) is Outcome.SKIP
 
 
-def test_findings_come_the_most_severe_first(full_record):
-    assert [found.place for found in full_record.findings()] == ["TX 5", "TX 3"]
+def test_findings_are_sorted_by_severity(full_record):
+    assert [finding.place for finding in full_record.findings()] == ["TX 5", "TX 3"]

@@ -189,7 +189,7 @@ def test_flash_of_the_hub_that_fails_ends_with_the_error_of_the_hub(run, files):
 
 def test_provision_assigns_an_address_to_a_blank_board(run):
     status, out, err = run(
-        "provision", BLANK, "--address", "0x50", "--kind", "1", "--serial", "FT-7", "--idac", "16,17"
+        "provision", BLANK, "--new-address", "0x50", "--kind", "1", "--serial", "FT-7", "--idac", "16,17"
     )
     assert status == 0
     assert "boards at 0x77 restart into their bootloaders" in err
@@ -202,7 +202,9 @@ def test_provision_search_and_dry_run_write_nothing(run):
     search_output = run("provision", f"{BLANK}&word=blank 0x51", "--search")[1]
     assert "2 boards found, 0 changed" in search_output
     identity = search_output.splitlines()[1].split()[0]
-    dry_run = run("provision", f"{BLANK}&word=blank 0x51", "--id", identity, "--address", "0x30", "--dry-run", "--json")
+    dry_run = run(
+        "provision", f"{BLANK}&word=blank 0x51", "--id", identity, "--new-address", "0x30", "--dry-run", "--json"
+    )
     document = json.loads(dry_run[1])
     assert (document["written"], document["changes"][0]["configuration"]["address"]) == (False, 0x30)
 
@@ -210,15 +212,15 @@ def test_provision_search_and_dry_run_write_nothing(run):
 @pytest.mark.parametrize(
     ("url", "arguments", "expected_text"),
     [
-        (URL, ["--address", "0x30"], "board 0x77: no board answers at this address; check power and address"),
-        (BLANK, ["--address", "0x51"], "board 0x51: the address is in use already"),
+        (URL, ["--new-address", "0x30"], "board 0x77: no board answers at this address; check power and address"),
+        (BLANK, ["--new-address", "0x51"], "board 0x51: the address is in use already"),
         (BLANK, [], "provision: expected values to write"),
-        (BLANK, ["--address", "0x99"], "--address: expected an I2C address from 0x08 to 0x77, found '0x99'"),
+        (BLANK, ["--new-address", "0x99"], "--new-address: expected an I2C address from 0x08 to 0x77, found '0x99'"),
         (BLANK, ["--kind", "999"], "provision: --kind: expected 0 to 255, found 999"),
         (BLANK, ["--idac", "1,x"], "provision: --idac_codes: expected at most 16 numbers"),
         (BLANK, ["--plan", "none.toml"], "none.toml: No such file"),
         (BLANK, ["--plan", "none.toml", "--kind", "1"], "--plan: expected no other values"),
-        (f"{BLANK}&word=blank 0x51", ["--address", "0x30"], "board 0x77: 2 boards answer ("),
+        (f"{BLANK}&word=blank 0x51", ["--new-address", "0x30"], "board 0x77: 2 boards answer ("),
     ],
 )
 def test_provision_refuses_invalid_values_and_missing_boards(run, url, arguments, expected_text):

@@ -55,15 +55,15 @@ static void report_unexpected(void)
     end();
 }
 
-void on_nmi(void) __attribute__((weak, alias("unexpected")));
-void on_hard_fault(void) __attribute__((weak, alias("unexpected")));
-void on_svcall(void) __attribute__((weak, alias("unexpected")));
-void on_pendsv(void) __attribute__((weak, alias("unexpected")));
-void on_systick(void) __attribute__((weak, alias("unexpected")));
-void on_irq0(void) __attribute__((weak, alias("unexpected")));
-void on_irq1(void) __attribute__((weak, alias("unexpected")));
-void on_irq2(void) __attribute__((weak, alias("unexpected")));
-void on_irq3(void) __attribute__((weak, alias("unexpected")));
+void on_nmi(void) __attribute__((weak, alias("report_unexpected")));
+void on_hard_fault(void) __attribute__((weak, alias("report_unexpected")));
+void on_svcall(void) __attribute__((weak, alias("report_unexpected")));
+void on_pendsv(void) __attribute__((weak, alias("report_unexpected")));
+void on_systick(void) __attribute__((weak, alias("report_unexpected")));
+void on_irq0(void) __attribute__((weak, alias("report_unexpected")));
+void on_irq1(void) __attribute__((weak, alias("report_unexpected")));
+void on_irq2(void) __attribute__((weak, alias("report_unexpected")));
+void on_irq3(void) __attribute__((weak, alias("report_unexpected")));
 
 __attribute__((section(".vectors"), used)) static handler *const vectors[48] = {
     (handler *)&stack_top, start, on_nmi, on_hard_fault, [11] = on_svcall, [14] = on_pendsv, on_systick,

@@ -1,1 +1,1 @@
-"""One sensor board on a bench: what is measured of it, and which faults that names."""
+"""Test of one sensor board: measurements and named faults."""

@@ -1,4 +1,4 @@
-"""Pictures for a test report, as PNG bytes."""
+"""Pictures of a test report, as PNG bytes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from taxel.hand import BoardKind
+from taxel.types import BoolArray, FloatArray
 from taxel_tools.bench.analysis.curve import Curve
 
 INK: Final = "#1b1d22"
@@ -24,29 +24,29 @@ TICK_PT: Final = 8
 WIDTH_IN: Final = 5.4
 CELL_IN: Final = 0.34
 BINS_PER_DECADE: Final = 20
-NARROWEST_IN: Final = 3.4
-"""A title of some 40 letters has room in it."""
+WIDTH_MIN_IN: Final = 3.4
+"""Space for a title of about 40 letters."""
 
 
-def png(figure: Figure) -> bytes:
-    """The picture's bytes."""
+def render_png(figure: Figure) -> bytes:
+    """PNG bytes of a figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()
 
 
-def board_map(
-    kind: BoardKind, values: NDArray[np.float64], label: str, marked: NDArray[np.bool_] | None = None
-) -> bytes:
-    """Values of taxels where their crossings are: TX lines down, RX lines right; marked taxels have a red frame."""
+def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: BoolArray | None = None) -> bytes:
+    """Values of taxels at their crossings: TX lines down, RX lines to the right; marked taxels have a red frame."""
     grid = np.full(kind.crossings.shape, np.nan)
     grid[kind.crossings] = values
     rows, columns = kind.tx_count, kind.rx_count
-    width = max(CELL_IN * columns + 1.6, NARROWEST_IN)
+    width = max(CELL_IN * columns + 1.6, WIDTH_MIN_IN)
     figure = Figure(figsize=(width, CELL_IN * rows + 0.9), layout="constrained")
     axes = figure.add_subplot()
     image = axes.imshow(grid, cmap="viridis", interpolation="nearest")
-    figure.suptitle(label, x=0.02, ha="left", fontsize=LABEL_PT)  # over the figure's width: a board may be narrow
+    figure.suptitle(
+        label, x=0.02, ha="left", fontsize=LABEL_PT
+    )  # The title has the width of the figure, because a board may be narrow.
     axes.set_xticks(range(columns))
     axes.set_yticks(range(rows))
     axes.set_xlabel("RX line", fontsize=LABEL_PT)
@@ -60,7 +60,7 @@ def board_map(
     bar = figure.colorbar(image, ax=axes, shrink=0.9, fraction=0.06)
     bar.ax.tick_params(labelsize=TICK_PT)
     bar.outline.set_visible(False)
-    return png(figure)
+    return render_png(figure)
 
 
 def _frame(x: int, y: int) -> Rectangle:
@@ -80,37 +80,37 @@ def _axes(x: str, y: str, height: float = 3.2) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def spectrum(frequency_hz: NDArray[np.float64], density: NDArray[np.float64], white: float, rate_hz: float) -> bytes:
+def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, rate_hz: float) -> bytes:
     """Spectrum of an untouched board, counts^2/Hz, mean over taxels, and the level of white noise of `white` counts."""
     figure, axes = _axes("frequency (Hz)", "counts² / Hz")
-    place = np.floor(BINS_PER_DECADE * np.log10(frequency_hz))
-    bins = [place == one for one in np.unique(place)]
-    centres, levels = ([float(values[one].mean()) for one in bins] for values in (frequency_hz, density))
+    bin_index = np.floor(BINS_PER_DECADE * np.log10(frequency_hz))
+    bins = [bin_index == index for index in np.unique(bin_index)]
+    centres, levels = ([float(values[mask].mean()) for mask in bins] for values in (frequency_hz, density))
     axes.loglog(centres, levels, color=BLUE, linewidth=1.2, label="mean over taxels")
     axes.axhline(
         white**2 / (rate_hz / 2.0),
         color=RED,
         linewidth=1.2,
         linestyle="--",
-        label=f"each taxel's own white noise: {white:.2f} counts",
+        label=f"white noise of each taxel: {white:.2f} counts",
     )
     _legend(axes)
-    return png(figure)
+    return render_png(figure)
 
 
-def course(time_s: NDArray[np.float64], counts: NDArray[np.float64], slope_min: float) -> bytes:
-    """Counts over time, f64[k], as changes from the first; and their slope, counts a minute."""
+def draw_time_course(time_s: FloatArray, counts: FloatArray, slope_per_min: float) -> bytes:
+    """Changes of counts over time, f64[k], relative to the first value, and their slope in counts/min."""
     figure, axes = _axes("time (s)", "change (counts)", height=2.8)
     change = counts - counts[0]
     axes.plot(time_s, change, color=BLUE, marker="o", markersize=3, linewidth=1.0)
-    line = slope_min / 60.0 * (time_s - time_s.mean()) + change.mean()
-    axes.plot(time_s, line, color=RED, linestyle="--", linewidth=1.2, label=f"{slope_min:+.1f} counts a minute")
+    line = slope_per_min / 60.0 * (time_s - time_s.mean()) + change.mean()
+    axes.plot(time_s, line, color=RED, linestyle="--", linewidth=1.2, label=f"{slope_per_min:+.1f} counts/min")
     _legend(axes)
-    return png(figure)
+    return render_png(figure)
 
 
-def loading_curve(curve: Curve) -> bytes:
-    """Loading and unloading, mean over taxels and shaded standard deviation, as in the thesis's Figure 2.5."""
+def draw_loading_curve(curve: Curve) -> bytes:
+    """Loading and unloading curve, mean over taxels with shaded standard deviation, as in Figure 2.5 of the thesis."""
     figure, axes = _axes("force (N)", "count over count at rest", height=3.6)
     for branch, style, name in ((curve.loading, "-", "loading"), (curve.unloading, "--", "unloading")):
         mean = branch.mean(axis=0)
@@ -118,20 +118,20 @@ def loading_curve(curve: Curve) -> bytes:
         axes.plot(curve.force_n, mean, style, color=BLUE, linewidth=1.6, label=name)
         axes.fill_between(curve.force_n, mean - spread, mean + spread, color=BLUE, alpha=0.15, linewidth=0.0)
     _legend(axes, f"mean of {len(curve.loading)} taxels; shaded: standard deviation")
-    return png(figure)
+    return render_png(figure)
 
 
-def small_forces(
-    force_n: NDArray[np.float64], signal: NDArray[np.float64], error: float, visible_n: float, sigmas: float
+def draw_small_forces(
+    force_n: FloatArray, signal: FloatArray, error: float, detectable_n: float, sigmas: float
 ) -> bytes:
-    """Signals under small forces, f64[k], and the noise of one frame that they must stand out of, counts."""
+    """Signals under small forces, f64[k], and the noise of one frame, in counts."""
     figure, axes = _axes("force (N)", "signal (counts)", height=3.0)
     axes.errorbar(force_n, signal, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)
     axes.axhline(sigmas * error, color=RED, linestyle="--", linewidth=1.2, label=f"{sigmas:g} standard deviations")
-    if np.isfinite(visible_n):
-        axes.axvline(visible_n, color=EDGE, linewidth=1.2, label=f"visible from {visible_n:.3f} N")
+    if np.isfinite(detectable_n):
+        axes.axvline(detectable_n, color=EDGE, linewidth=1.2, label=f"detectable from {detectable_n:.3f} N")
     _legend(axes)
-    return png(figure)
+    return render_png(figure)
 
 
 def _legend(axes: Any, title: str | None = None) -> None:

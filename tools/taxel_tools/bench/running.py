@@ -1,4 +1,4 @@
-"""From a URL and a plan to a test record: the wire, the board, the probe, the test."""
+"""Test of a board, from a URL and a plan to a record: opens the bus and the board, and runs the phases."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from typing import Final
 
 from taxel.errors import TaxelError
 from taxel_tools.application import firmware_version
-from taxel_tools.bench.phases import PHASES
-from taxel_tools.bench.probe import ManualProbe, NoProbe, Probe
-from taxel_tools.bench.probe.emulated import EmulatedProbe
-from taxel_tools.bench.probe.gcode import open_gcode
-from taxel_tools.bench.station import Station
+from taxel_tools.bench import registry
+from taxel_tools.bench.board_under_test import BoardUnderTest
+from taxel_tools.bench.probe import Probe, ProbeRequest
 from taxel_tools.errors import PlanError
 from taxel_tools.firmware_update import format_version
 from taxel_tools.open_wire import EmulatedBench, open_emulated, open_wire
 from taxel_tools.scan import scan_bus
-from taxel_tools.testing.engine import Report, check_plan, run_test
+from taxel_tools.testing.engine import DeviceUnderTest, Phase, Report, RunConditions, check_plan, run_test
 from taxel_tools.testing.operator import Operator
 from taxel_tools.testing.plan import Plan, parse_plan
 from taxel_tools.testing.record import TestRecord
@@ -27,65 +25,66 @@ from taxel_tools.wires import BoardWire
 
 DEFAULT_PLAN: Final = "default.toml"
 DEFAULT_PITCH_M: Final = 0.005
-"""Between taxels, where no hand description says it (thesis, conclusion: four taxels a square centimetre)."""
-SHARED_RECORD: Final = ("electrical", "rest", "noise", "drift")
-"""Phases that look at one record of the untouched board; it is as long as the longest of them asks for."""
-NAMING: Final = "faults"
-"""The phase that names what the others have seen: without it, a short would pass."""
+"""Pitch of taxels for a board without a hand description (thesis, conclusion: four taxels per square centimetre)."""
+REST_RECORD_PHASES: Final = ("electrical", "rest", "noise", "drift")
+"""Phases that share one record of the untouched board; the record has the longest duration that they request."""
+MERGING_PHASE: Final = "faults"
+"""The phase that reports the faults detected by the other phases; without it, a board with a short would pass."""
 
 
 @dataclass(frozen=True)
-class Who:
-    """Whose test it is."""
+class RecordLabels:
+    """Serial number of the board, operator, and name of the station."""
 
     serial_number: str
     operator: str
     station: str
 
 
-def default_plan() -> Plan:
-    """The plan that comes with the package."""
+def load_default_plan() -> Plan:
+    """The plan that is part of the package."""
     data = (resources.files("taxel_tools.bench") / "plans" / DEFAULT_PLAN).read_bytes()
     return parse_plan(data, DEFAULT_PLAN)
 
 
-def only(plan: Plan, phases: Sequence[str]) -> Plan:
-    """The plan with nothing but these phases and the one that names faults, in its own order, whether enabled or not.
+def select_phases(plan: Plan, phases: Sequence[str]) -> Plan:
+    """The plan with only these phases and the merging phase, in the order of the plan, and all of them enabled.
 
-    Raises `TaxelError`.
+    Raises `TaxelError` for a phase that the plan does not have.
     """
     unknown = [name for name in phases if name not in plan.phases]
     if unknown:
-        raise TaxelError(f"--phase: {plan.source} has no phase '{unknown[0]}'; it has {', '.join(plan.phases)}")
-    wanted = {*phases, NAMING}
-    kept = {name: replace(table, enabled=True) for name, table in plan.phases.items() if name in wanted}
+        raise TaxelError(f"--phase: expected a phase of {plan.source} ({', '.join(plan.phases)}), found '{unknown[0]}'")
+    selected = {*phases, MERGING_PHASE}
+    tables = {name: replace(table, enabled=True) for name, table in plan.phases.items() if name in selected}
     kinds = {
-        kind: {name: replace(table, enabled=None) for name, table in tables.items() if name in wanted}
-        for kind, tables in plan.kinds.items()
+        kind: {name: replace(table, enabled=None) for name, table in kind_tables.items() if name in selected}
+        for kind, kind_tables in plan.kinds.items()
     }
-    return replace(plan, phases=kept, kinds=kinds)
+    return replace(plan, phases=tables, kinds=kinds)
 
 
-def check_fit(plan: Plan, kinds: Iterable[str] = ()) -> None:
-    """Hold a plan against the phases, and against the kinds of boards that there are if any are given.
+def load_plan_phases(plan: Plan, kinds: Iterable[str] = ()) -> tuple[Phase, ...]:
+    """Load the phases of a plan and check the plan against them, and against `kinds` of boards if any are given.
 
-    Raises `PlanError`.
+    Raises `PlanError` for an invalid plan, `PluginError` for a phase of another package that cannot be used.
     """
-    check_plan(plan, PHASES)
-    if known := set(kinds):
-        plan.check_kinds(known)
+    phases = registry.load_phases(plan.phases)
+    check_plan(plan, phases, registry.phase_names())
+    if known_kinds := set(kinds):
+        plan.check_kinds(known_kinds)
     for kind in ("", *plan.kinds):
-        running = [one.name for one in plan.for_kind(kind)]
-        if NAMING not in running[-1:]:
-            found = f"'{running[-1]}'" if running else "none"
-            raise PlanError(
-                plan.source, "phases", f"'{NAMING}' as the last phase", found, f"add [phases.{NAMING}] at the end"
-            )
+        enabled = [phase.name for phase in plan.enabled_phases(kind)]
+        if MERGING_PHASE not in enabled[-1:]:
+            found = f"'{enabled[-1]}'" if enabled else "none"
+            remedy = f"add [phases.{MERGING_PHASE}] at the end"
+            raise PlanError(plan.source, "phases", f"'{MERGING_PHASE}' as the last phase", found, remedy)
+    return phases
 
 
 @contextmanager
 def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
-    """A wire, and the emulated bench behind it if it is one. Raises `TaxelError`."""
+    """Open a bus, and the emulated bench of an emulated bus. Raises `TaxelError`."""
     if url.startswith("emulator:"):
         with open_emulated(url) as (wire, bench):
             yield wire, bench
@@ -94,63 +93,48 @@ def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
             yield wire, None
 
 
-def only_board(wire: BoardWire) -> int:
-    """The address of the one application on the bus. Raises `TaxelError` if there is none, or more than one."""
-    found = [one for one in scan_bus(wire) if one.runs == "application"]
-    if len(found) == 1:
-        return found[0].address
-    if not found:
-        raise TaxelError(f"{wire.name}: no board with an application answers; taxel scan shows what is there")
-    addresses = ", ".join(f"0x{one.address:02X}" for one in found)
-    raise TaxelError(f"{wire.name}: {len(found)} boards answer ({addresses}); name one with --board")
+def find_single_board(wire: BoardWire) -> int:
+    """Address of the only application on the bus. Raises `TaxelError` for none or several."""
+    addresses = [device.address for device in scan_bus(wire) if device.runs == "application"]
+    if len(addresses) == 1:
+        return addresses[0]
+    if not addresses:
+        raise TaxelError(f"{wire.name}: expected a board with an application, found none; run taxel scan")
+    address_list = ", ".join(f"0x{address:02X}" for address in addresses)
+    raise TaxelError(
+        f"{wire.name}: expected one board, found {len(addresses)} ({address_list}); select one with --board"
+    )
 
 
-def open_probe(text: str | None, station: Station, emulated: EmulatedBench | None, person: Operator) -> Probe:
-    """The probe that `text` names; without it the emulated one on an emulated board, else none. Raises `TaxelError`."""
-    pitch_m = station.hand.pitch_m if station.hand else DEFAULT_PITCH_M
-    name = text if text is not None else ("emulated" if emulated else "none")
-    if name == "none":
-        return NoProbe()
-    if name == "operator":
-        return ManualProbe(station.kind, person)
-    if name == "emulated":
-        if emulated is None:
-            raise TaxelError("--probe: 'emulated' presses emulated boards only; this one is on a wire")
-        first = emulated.hand.get_slice(station.address).start
-        return EmulatedProbe(emulated.world, station.kind, first, pitch_m)
-    if name.startswith("gcode:"):
-        return open_gcode(name, station.kind, pitch_m, person)
-    raise TaxelError(f"--probe: expected none, operator, emulated or gcode:///dev/..., found '{name}'")
+def open_probe(url: str | None, board: BoardUnderTest, emulated: EmulatedBench | None, operator: Operator) -> Probe:
+    """Open the probe of `--probe`; by default `emulated` for an emulated board, else `none`. Raises `TaxelError`."""
+    pitch_m = board.hand.pitch_m if board.hand else DEFAULT_PITCH_M
+    default = "emulated" if emulated else "none"
+    request = ProbeRequest(default if url is None else url, board.kind, pitch_m, operator, board.address, emulated)
+    return registry.open_probe(request)
 
 
-def test_board(plan: Plan, station: Station, who: Who, report: Report) -> TestRecord:
-    """Run the plan on a board. Raises `TaxelError` if the plan does not fit; then nothing has run."""
-    check_fit(plan)
-    wanted = [one.options.get("seconds", 0.0) for one in plan.for_kind(station.kind.name) if one.name in SHARED_RECORD]
-    station.untouched_s = max([station.untouched_s, *map(float, wanted)])
-    identity = station.identity
-    station.readout.begin()
+def run_board_test(plan: Plan, board: BoardUnderTest, labels: RecordLabels, report: Report) -> TestRecord:
+    """Run the plan on a board. Raises `TaxelError` for an invalid plan; no phase has run then."""
+    phases = load_plan_phases(plan)
+    kind = board.kind.name
+    durations = [
+        phase.options.get("seconds", 0.0) for phase in plan.enabled_phases(kind) if phase.name in REST_RECORD_PHASES
+    ]
+    board.rest_record_s = max([board.rest_record_s, *map(float, durations)])
+    properties = {
+        "address": f"0x{board.address:02X}",
+        "kind": kind,
+        "unique id": board.identity["unique_id"].hex(),
+        "firmware": format_version(firmware_version(board.identity)),
+        "wire": board.wire.name,
+        "probe": board.probe.name,
+    }
+    device = DeviceUnderTest(kind, labels.serial_number, properties)
+    conditions = RunConditions(labels.operator, labels.station, metadata.version("taxel"), board.wire.now_s)
+    board.readout.start()
     try:
-        return run_test(
-            plan,
-            station.kind.name,
-            PHASES,
-            station,
-            serial_number=who.serial_number,
-            operator=who.operator,
-            station=who.station,
-            device={
-                "address": f"0x{station.address:02X}",
-                "kind": station.kind.name,
-                "unique id": identity["unique_id"].hex(),
-                "firmware": format_version(firmware_version(identity)),
-                "wire": station.wire.name,
-                "probe": station.probe.name,
-            },
-            software_version=metadata.version("taxel"),
-            now_s=station.wire.now_s,
-            report=report,
-        )
+        return run_test(plan, phases, board, device, conditions, report)
     finally:
-        with suppress(TaxelError, EOFError):  # a hub that is gone has ended the phases already
-            station.readout.end()
+        with suppress(TaxelError, EOFError):  # After the loss of the hub, the phases have already ended.
+            board.readout.stop()

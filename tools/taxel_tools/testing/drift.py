@@ -1,14 +1,14 @@
-"""Whether a value has moved, judged by the earlier values of the same device.
+"""Comparison of a value with the earlier values of the same device.
 
-- With `MANY_RUNS` earlier values or more: the device's own spread is known. A value has moved if it is more than
-  `MOVED_DEVIATIONS` robust standard deviations from the median; a robust standard deviation is 1.4826 times the median
-  absolute deviation (Rousseeuw and Croux 1993). It is taken as at least `LEAST_SPREAD` of the median, because earlier
-  values that are all alike (a count, or a rounded figure) would else make any other value unusual.
-- With fewer: the limit is the only scale. A value has moved if it went from the median by more than `MOVED_SHARE` of
-  the way from the median to the bound that it moved towards, or, where there is none on that side, to the other one.
-  Close to a bound that way is short, so at least `LEAST_WIDTH` of the limit's own width counts (of its size, if it has
-  one bound). Without a limit nothing is said.
-- What is no finite number now, and was one before, has moved.
+- With at least `OWN_SPREAD_RUNS` earlier values, the spread of the device itself is known. A value has moved if it is
+  more than `MOVED_DEVIATIONS` robust standard deviations from the median; a robust standard deviation is 1.4826 times
+  the median absolute deviation (Rousseeuw and Croux 1993). It is at least `SPREAD_MIN` of the median, because identical
+  earlier values (a count, or a rounded figure) would otherwise make any other value significant.
+- With fewer values, the limit is the only scale. A value has moved if its distance from the median is more than
+  `MOVED_SHARE` of the distance between the median and the bound on this side or, without a bound on this side, the
+  other bound. This distance is at least `WIDTH_MIN` of the width of the limit (of its magnitude with one bound),
+  because it vanishes near a bound. Without a limit there is no comparison.
+- A value that is not finite, after finite earlier values, has moved.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from typing import Final
 
 from taxel_tools.testing.record import Limit, Measurement
 
-MANY_RUNS: Final = 5
+OWN_SPREAD_RUNS: Final = 5
 MOVED_DEVIATIONS: Final = 5.0
 ROBUST_SD_PER_MAD: Final = 1.4826
-LEAST_SPREAD: Final = 0.01
+SPREAD_MIN: Final = 0.01
 MOVED_SHARE: Final = 0.25
-LEAST_WIDTH: Final = 0.1
+WIDTH_MIN: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A number now and before.
+    """A value of this test and of earlier tests.
 
-    value: None where nothing was measured now. last, median: of `runs` earlier finite values, 1 or more. shift: how far
-    it went from the median, in units of what is still usual; 0 where nothing says what is. moved: shift above 1.
+    `value` is None if nothing was measured now. `last` and `median`: of `runs` earlier finite values, at least one.
+    `shift`: distance from the median, in permitted distances; 0 without a scale. `has_moved`: shift above 1.
     """
 
     phase: str
@@ -45,15 +45,15 @@ class Change:
     median: float
     runs: int
     shift: float
-    moved: bool
+    has_moved: bool
 
 
-def change_of(phase: str, measurement: Measurement, earlier: list[float]) -> Change:
-    """Compare a measurement with the earlier finite values of the same thing, oldest first, at least one."""
+def compare_value(phase: str, measurement: Measurement, earlier: list[float]) -> Change:
+    """Compare a measurement with its earlier finite values, oldest first, at least one. Raises TypeError for text."""
     if isinstance(measurement.value, str):
-        raise TypeError("text has no drift")
-    middle = median(earlier)
-    shift = _shift(measurement.value, middle, earlier, measurement.limit)
+        raise TypeError("expected a number, found text")
+    centre = median(earlier)
+    shift = _shift(measurement.value, centre, earlier, measurement.limit)
     return Change(
         phase=phase,
         measurement=measurement.name,
@@ -61,31 +61,31 @@ def change_of(phase: str, measurement: Measurement, earlier: list[float]) -> Cha
         unit=measurement.unit,
         value=measurement.value,
         last=earlier[-1],
-        median=middle,
+        median=centre,
         runs=len(earlier),
         shift=shift,
-        moved=shift > 1.0,
+        has_moved=shift > 1.0,
     )
 
 
-def _shift(value: float | None, middle: float, earlier: list[float], limit: Limit | None) -> float:
+def _shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
     if value is None or not math.isfinite(value):
         return math.inf
-    usual: float | None
-    if len(earlier) >= MANY_RUNS:
-        deviation = ROBUST_SD_PER_MAD * median(abs(one - middle) for one in earlier)
-        usual = MOVED_DEVIATIONS * max(deviation, LEAST_SPREAD * abs(middle))
+    permitted: float | None
+    if len(earlier) >= OWN_SPREAD_RUNS:
+        deviation = ROBUST_SD_PER_MAD * median(abs(other - centre) for other in earlier)
+        permitted = MOVED_DEVIATIONS * max(deviation, SPREAD_MIN * abs(centre))
     else:
-        width = None if limit is None else _width(value > middle, middle, limit)
-        usual = None if width is None else MOVED_SHARE * width
-    if usual is None or value == middle:
+        width = None if limit is None else _width(value > centre, centre, limit)
+        permitted = None if width is None else MOVED_SHARE * width
+    if permitted is None or value == centre:
         return 0.0
-    return abs(value - middle) / usual if usual > 0 else math.inf
+    return abs(value - centre) / permitted if permitted > 0 else math.inf
 
 
-def _width(upwards: bool, middle: float, limit: Limit) -> float | None:
+def _width(is_above: bool, centre: float, limit: Limit) -> float | None:
     low, high = limit.minimum, limit.maximum
     if low is not None and high is not None:
-        return max(abs((high if upwards else low) - middle), LEAST_WIDTH * (high - low))
+        return max(abs((high if is_above else low) - centre), WIDTH_MIN * (high - low))
     bound = high if low is None else low
-    return None if bound is None else max(abs(bound - middle), LEAST_WIDTH * abs(bound))
+    return None if bound is None else max(abs(bound - centre), WIDTH_MIN * abs(bound))

@@ -1,9 +1,10 @@
-"""Run a test: the phases of a plan in their order, and what becomes of the test when one of them goes wrong."""
+"""Execution of a hardware test: runs the phases of a plan in order and records results and errors."""
 
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Final, Protocol, runtime_checkable
 
@@ -13,177 +14,204 @@ from taxel_tools.errors import PlanError
 from taxel_tools.testing.errors import FatalTestError
 from taxel_tools.testing.log import PhaseLog, Report
 from taxel_tools.testing.plan import Options, PhasePlan, Plan
-from taxel_tools.testing.record import Outcome, PhaseRecord, TestRecord, outcome_of_test
+from taxel_tools.testing.record import Outcome, PhaseRecord, TestRecord, judge_test
 
-__all__ = ["ChecksOptions", "FatalTestError", "Phase", "PhaseLog", "Report", "check_plan", "run_test"]
+__all__ = [
+    "DeviceUnderTest",
+    "FatalTestError",
+    "Phase",
+    "PhaseLog",
+    "Report",
+    "RunConditions",
+    "SupportsOptionCheck",
+    "check_plan",
+    "run_test",
+]
 
 STOPPED: Final = "stopped from the keyboard"
 
 
+@runtime_checkable
 class Phase(Protocol):
-    """One part of a test. What it works on, `context`, is the bench's own and passes through here unseen."""
+    """One part of a test. `context` is the object under test; the engine passes it on without using it."""
 
     @property
     def name(self) -> str:
-        """As plans call it."""
+        """Name in plans."""
 
     @property
     def title(self) -> str:
-        """As people call it."""
+        """Name in reports."""
 
     @property
-    def automatic(self) -> bool:
-        """Whether it needs no operator."""
+    def is_automatic(self) -> bool:
+        """Whether the phase runs without an operator."""
 
     @property
     def limit_names(self) -> frozenset[str]:
-        """The measurements on which a plan may set a limit."""
+        """Names of the measurements for which a plan may set a limit."""
 
-    def unmet(self, context: Any) -> str:
-        """Empty, or one line that says why the phase cannot run here."""
+    def unmet_requirement(self, context: Any, /) -> str:
+        """Reason why the phase cannot run, in one line; empty if it can run."""
 
-    def run(self, context: Any, options: Options, log: PhaseLog) -> None:
-        """Measure. Takes its options first, and calls `options.done()` before anything is done to the device."""
+    def run(self, context: Any, options: Options, log: PhaseLog, /) -> None:
+        """Measure, and write the results to `log`.
+
+        Reads all options first, then calls `options.refuse_unknown_keys()` before anything is done to the device.
+        """
 
 
 @runtime_checkable
-class ChecksOptions(Protocol):
-    """A phase that can read its options without running, so that a mistake in them is found before the test begins."""
+class SupportsOptionCheck(Protocol):
+    """A phase that can check its options without running, so that errors are found before the test starts."""
 
-    def check_options(self, options: Options) -> None:
-        """Take every option as `run` does. Raises `PlanError`."""
+    def check_options(self, options: Options, /) -> None:
+        """Read every option as `run` does. Raises `PlanError`."""
 
 
-def check_plan(plan: Plan, phases: Sequence[Phase]) -> None:
-    """Hold a plan against the phases that there are: for all kinds, also where a phase is not enabled.
+@dataclass(frozen=True, slots=True)
+class DeviceUnderTest:
+    """Device under test.
 
-    Raises `PlanError` for an unknown phase or limit, and, where phases check them (`ChecksOptions`), wrong options.
+    `kind` selects the limits and options that the plan sets for a kind of device. `serial_number` is empty for a device
+    without one. `properties`: further properties for the record, by name.
+    """
+
+    kind: str
+    serial_number: str = ""
+    properties: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RunConditions:
+    """Circumstances of a test run: operator, name of the station, version of the test software, clock in seconds."""
+
+    operator: str
+    station: str
+    software_version: str
+    now_s: Callable[[], float]
+
+
+def check_plan(plan: Plan, phases: Sequence[Phase], phase_names: Collection[str] = ()) -> None:
+    """Check a plan against the available phases, for all kinds and also for phases that are not enabled.
+
+    `phase_names`: names of phases that exist but are not loaded, for suggestions. Raises `PlanError` for an unknown
+    phase, an unknown limit and, if the phase supports the check (`SupportsOptionCheck`), invalid options.
     """
     by_name = {phase.name: phase for phase in phases}
     for kind in ("", *plan.kinds):
-        for _, planned in plan.every_phase(kind):
-            place = f"phases.{planned.name}"
+        for _, planned in plan.all_phases(kind):
             if planned.name not in by_name:
-                remedy = suggest_name(planned.name, by_name)
-                raise PlanError(plan.source, place, "the name of a phase", "an unknown one", remedy)
+                remedy = suggest_name(planned.name, {*by_name, *phase_names})
+                field_name = f"phases.{planned.name}"
+                raise PlanError(plan.source, field_name, "the name of a phase", "an unknown one", remedy)
             _check_phase(plan, by_name[planned.name], planned)
 
 
 def _check_phase(plan: Plan, phase: Phase, planned: PhasePlan) -> None:
     for limit in planned.limits:
         if limit not in phase.limit_names:
-            known = suggest_name(limit, phase.limit_names) if phase.limit_names else "this phase has no limits"
-            place = planned.places[f"limits.{limit}"]
-            raise PlanError(plan.source, place, "a measurement of this phase", "an unknown one", known)
-    if isinstance(phase, ChecksOptions):
-        options = plan.options(planned)
+            remedy = suggest_name(limit, phase.limit_names) if phase.limit_names else "this phase has no limits"
+            location = planned.locations[f"limits.{limit}"]
+            raise PlanError(plan.source, location, "a measurement of this phase", "an unknown one", remedy)
+    if isinstance(phase, SupportsOptionCheck):
+        options = plan.build_options(planned)
         phase.check_options(options)
-        options.done()
+        options.refuse_unknown_keys()
 
 
 def run_test(
     plan: Plan,
-    kind: str,
     phases: Sequence[Phase],
     context: Any,
-    *,
-    serial_number: str,
-    operator: str,
-    station: str,
-    device: Mapping[str, str],
-    software_version: str,
-    now_s: Callable[[], float],
+    device: DeviceUnderTest,
+    conditions: RunConditions,
     report: Report = lambda phase, fraction: None,
 ) -> TestRecord:
-    """Run the phases that the plan has for this kind of device, in the plan's order.
+    """Run the phases that the plan enables for this kind of device, in the order of the plan.
 
-    A phase that raises a `TaxelError`, or anything else, ends with an error and the others go on; after a
-    `FatalTestError`, after Ctrl-C, and where the plan stops at failures, the rest is skipped with a note.
+    An exception in a phase ends this phase with an error, and the next phase runs. After a `FatalTestError`, after
+    Ctrl-C, and after a failure if the plan stops at failures, the remaining phases are skipped with a note.
 
     Args:
-        plan: what to run, and its limits.
-        kind: of the device, for what the plan says of it alone.
-        phases: all that there are; those that the plan does not name do not run.
-        context: handed to each phase.
-        serial_number: of the device; empty if it has none.
-        operator: who tests.
-        station: where.
-        device: what else is known of it, in words.
-        software_version: of what tests.
-        now_s: the bench's clock, seconds.
-        report: told of progress.
+        plan: phases, options and limits.
+        phases: all available phases; phases that the plan does not name do not run.
+        context: object passed to each phase.
+        device: device under test.
+        conditions: operator, station, software version and clock.
+        report: called with the progress.
 
     Raises:
-        PlanError: the plan does not fit the phases. Nothing has run then.
-        SerialNumberError: the plan does not allow this serial number. Nothing has run then.
+        PlanError: the plan does not fit the phases; no phase has run.
+        SerialNumberError: the plan does not allow this serial number; no phase has run.
     """
     check_plan(plan, phases)
-    plan.check_serial(serial_number)
-    started, begin = datetime.now(UTC), now_s()
-    records = _run_all(plan, kind, {phase.name: phase for phase in phases}, context, now_s, report)
+    plan.check_serial_number(device.serial_number)
+    started, start_s = datetime.now(UTC), conditions.now_s()
+    records = _run_phases(plan, device.kind, {phase.name: phase for phase in phases}, context, conditions.now_s, report)
     return TestRecord(
-        serial_number=serial_number,
-        operator=operator,
-        station=station,
+        serial_number=device.serial_number,
+        operator=conditions.operator,
+        station=conditions.station,
         plan_name=plan.name,
         plan_version=plan.version,
         plan_sha256=plan.sha256,
-        device=dict(device),
-        software_version=software_version,
+        device=dict(device.properties),
+        software_version=conditions.software_version,
         started_utc=started.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-        outcome=outcome_of_test(records),
+        outcome=judge_test(records),
         phases=records,
-        seconds=now_s() - begin,
+        seconds=conditions.now_s() - start_s,
     )
 
 
-def _run_all(
+def _run_phases(
     plan: Plan, kind: str, phases: Mapping[str, Phase], context: Any, now_s: Callable[[], float], report: Report
 ) -> list[PhaseRecord]:
     records: list[PhaseRecord] = []
-    ended = ""  # why no further phase runs
-    for planned in plan.for_kind(kind):
+    end_reason = ""  # Reason why no further phase runs.
+    for planned in plan.enabled_phases(kind):
         phase = phases[planned.name]
         log = PhaseLog(phase.name, planned.limits, report)
-        if ended:
-            log.note(f"not run: {ended}")
-            records.append(log.close(phase.title, phase.automatic, 0.0, skipped=True, problem=""))
+        if end_reason:
+            log.add_note(f"not run: {end_reason}")
+            records.append(log.close(phase.title, phase.is_automatic, 0.0, is_skipped=True, problem=""))
             continue
-        begin = now_s()
-        skipped, problem, ended = _run_phase(phase, context, plan.options(planned), log)
-        record = log.close(phase.title, phase.automatic, now_s() - begin, skipped, problem)
+        start_s = now_s()
+        is_skipped, problem, end_reason = _run_phase(phase, context, plan.build_options(planned), log)
+        record = log.close(phase.title, phase.is_automatic, now_s() - start_s, is_skipped, problem)
         records.append(record)
-        if plan.stop_at_failure and not ended and record.outcome in (Outcome.FAIL, Outcome.ERROR):
-            ended = f"{phase.title} did not pass, and the plan stops at the first failure"
+        if plan.stop_at_failure and not end_reason and record.outcome in (Outcome.FAIL, Outcome.ERROR):
+            end_reason = f"{phase.title} did not pass, and the plan stops at the first failure"
     return records
 
 
 def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> tuple[bool, str, str]:
-    """Whether it was skipped, why it ended with an error, and why the test ends with it."""
+    """Whether the phase was skipped, the error that ended it, and the reason why the whole test ends."""
     try:
-        log.progress(0.0)
-        unmet = phase.unmet(context)
-        if unmet:
-            log.note(f"cannot run here: {_one_line(unmet)}")
+        log.report_progress(0.0)
+        requirement = phase.unmet_requirement(context)
+        if requirement:
+            log.add_note(f"cannot run: {_join_lines(requirement)}")
             return True, "", ""
         phase.run(context, options, log)
-        options.done()
+        options.refuse_unknown_keys()
         for name in log.unused_limits():
-            log.note(f"nothing was held against the limit of '{name}': no measurement of that name was made")
-        log.progress(1.0)
+            log.add_note(f"limit of '{name}' not checked: the phase made no measurement of this name")
+        log.report_progress(1.0)
     except KeyboardInterrupt:
         return False, STOPPED, "the test was stopped"
     except FatalTestError as error:
-        return False, _one_line(str(error)), f"{phase.title} ended the test: {_one_line(str(error))}"
+        return False, _join_lines(str(error)), f"{phase.title} ended the test: {_join_lines(str(error))}"
     except TaxelError as error:
-        return False, _one_line(str(error)), ""
+        return False, _join_lines(str(error)), ""
     except OSError as error:
-        return False, _one_line(f"{error.filename}: {error.strerror}" if error.filename else str(error)), ""
-    except Exception as error:  # a record of ten good minutes is worth more than a traceback
-        log.attach("traceback.txt", "text/plain", traceback.format_exc().encode("utf-8", "replace"), "The defect")
-        return False, _one_line(f"a defect of this phase: {type(error).__name__}: {error}; report it"), ""
+        return False, _join_lines(f"{error.filename}: {error.strerror}" if error.filename else str(error)), ""
+    except Exception as error:  # A defect of one phase must not discard the measurements of the other phases.
+        log.attach("traceback.txt", "text/plain", traceback.format_exc().encode("utf-8", "replace"), "Traceback")
+        return False, _join_lines(f"a defect of this phase: {type(error).__name__}: {error}; report it"), ""
     return False, "", ""
 
 
-def _one_line(text: str) -> str:
+def _join_lines(text: str) -> str:
     return " ".join(text.split()) or "no reason given"

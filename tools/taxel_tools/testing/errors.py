@@ -1,4 +1,4 @@
-"""The errors of this room: each prints as one line and carries its data."""
+"""Errors of the test framework. Each prints as one line and stores its data."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from taxel.errors import FieldError, TaxelError
 
 
 class FatalTestError(TaxelError):
-    """Raised by a phase after which the others make no sense. Its text is one line: what and what to do."""
+    """Error of a phase that makes the remaining phases meaningless. One line: the problem and the remedy."""
 
 
 class OperatorNeededError(TaxelError):
-    """Somebody was asked and nobody is there to answer. `question`: what was asked."""
+    """An instruction or a question without an operator to answer. `question`: its text."""
 
     def __init__(self, question: str) -> None:
         super().__init__(question)
         self.question = question
 
     def __str__(self) -> str:
-        return f"nobody is there to answer '{self.question}'; run the test at a terminal, or without this phase"
+        return f"no operator to answer '{self.question}'; run the test at a terminal, or without this phase"
 
 
 class SerialNumberError(TaxelError, ValueError):
-    """A serial number that no board of the plan can have. `found`: what was given; `expected`: in words."""
+    """A serial number that the plan does not allow. `found`: the number; `expected`: description of a valid one."""
 
     def __init__(self, found: str, expected: str) -> None:
         super().__init__(found, expected)
@@ -33,11 +33,11 @@ class SerialNumberError(TaxelError, ValueError):
 
 
 class ResultFileError(FieldError, ValueError):
-    """A result file that cannot be read or written; `field` is the place in it."""
+    """A result file that cannot be read or written; `field` is the position in the file."""
 
 
 class HistoryError(TaxelError):
-    """A history that cannot be used. `path`: its file; `problem`: what and what to do."""
+    """A history that cannot be used. `path`: its file; `problem`: the problem and the remedy."""
 
     def __init__(self, path: str, problem: str) -> None:
         super().__init__(path, problem)

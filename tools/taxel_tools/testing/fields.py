@@ -1,4 +1,4 @@
-"""A value of a result file together with its place in it: what has the wrong type is refused with one clear line."""
+"""Checked access to the values of a result file: a value of the wrong type gives one error line with its position."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from taxel.hand.checks import suggest_name
 from taxel.hand.errors import format_value
 from taxel_tools.testing.errors import ResultFileError
 
-REMEDY = "take the file as the test wrote it"
+REMEDY = "use the file as the test wrote it"
 
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
-def written(value: float) -> float | dict[str, str]:
-    """A number for a JSON file, which has none that are not finite: those are `{"not_finite": "nan"}`."""
+def encode_number(value: float) -> float | dict[str, str]:
+    """A number for JSON, which has no infinite values and no NaN: these become `{"not_finite": "nan"}`."""
     return value if math.isfinite(value) else {"not_finite": str(value)}
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A value as `json.loads` gives it, and where it stands. Every method raises `ResultFileError`."""
+    """A value as `json.loads` returns it, and its position. Every method raises `ResultFileError`."""
 
     file: str
     content: object
     path: str = ""
 
     def fail(self, expected: str, remedy: str = REMEDY, found: str = "") -> NoReturn:
-        """Refuse this place."""
+        """Raise `ResultFileError` for this position."""
         raise ResultFileError(self.file, self.path or "file", expected, found or format_value(self.content), remedy)
 
     def table(self, keys: Collection[str]) -> dict[str, Field]:
-        """A table of exactly these keys."""
+        """A table with exactly these keys."""
         fields = dict(self.entries())
         for key, field in fields.items():
             if key not in keys:
@@ -45,7 +45,7 @@ class Field:
         return fields
 
     def entries(self) -> Iterator[tuple[str, Field]]:
-        """The keys of a table and their values."""
+        """Keys and values of a table."""
         if not isinstance(self.content, dict):
             self.fail("a table")
         for key, content in self.content.items():
@@ -53,7 +53,7 @@ class Field:
             yield key, Field(self.file, content, f"{self.path}.{name}" if self.path else name)
 
     def items(self) -> list[Field]:
-        """The elements of a list."""
+        """Elements of a list."""
         if not isinstance(self.content, list):
             self.fail("a list")
         return [Field(self.file, item, f"{self.path}[{index}]") for index, item in enumerate(self.content)]
@@ -71,14 +71,14 @@ class Field:
         return self.content
 
     def number(self) -> float:
-        """A number, finite or as `written` writes those that are not."""
+        """A number, finite or as `encode_number` writes it."""
         content = self.content
         if isinstance(content, dict) and list(content) == ["not_finite"]:
-            word = content["not_finite"]
-            if not isinstance(word, str) or word not in _NOT_FINITE:
+            name = content["not_finite"]
+            if not isinstance(name, str) or name not in _NOT_FINITE:
                 self.fail(f"not_finite to be one of {', '.join(_NOT_FINITE)}")
-            return _NOT_FINITE[word]
-        # An integer of many digits would overflow; and 1e999 is read as infinite.
+            return _NOT_FINITE[name]
+        # An integer of many digits would overflow, and 1e999 is parsed as infinite.
         if isinstance(content, bool) or not isinstance(content, int | float) or not abs(content) < 2**1023 * 2:
             self.fail("a finite number")
         return float(content)

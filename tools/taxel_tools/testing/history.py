@@ -1,4 +1,4 @@
-"""All tests of a bench in one SQLite file: what the same device showed before, and what has moved since."""
+"""History of all tests of a station in one SQLite file: earlier results of the same device, and changes since."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from types import TracebackType
 from typing import Final, Self
 
 from taxel.hand.errors import format_path
-from taxel_tools.testing.drift import Change, change_of
+from taxel_tools.testing.drift import Change, compare_value
 from taxel_tools.testing.errors import HistoryError
-from taxel_tools.testing.record import Outcome, TestRecord
+from taxel_tools.testing.record import Measurement, Outcome, TestRecord
 from taxel_tools.testing.result_file import json_bytes
 
 __all__ = ["Change", "History", "Summary"]
 
 SCHEMA_VERSION: Final = 1
 APPLICATION_ID: Final = 0x54585452
-"""Of the database's header: the characters TXTR. So another program's database is not taken for a history."""
-PATIENCE_S: Final = 30.0
-"""How long a station waits for another that writes, which takes milliseconds."""
+"""Application id in the database header, the characters TXTR; distinguishes a history from other databases."""
+LOCK_TIMEOUT_S: Final = 30.0
+"""Longest wait for another station that writes; a write takes milliseconds."""
 
 _SCHEMA = (
     """CREATE TABLE run (id INTEGER PRIMARY KEY, digest TEXT NOT NULL UNIQUE, serial_number TEXT NOT NULL,
@@ -45,7 +45,7 @@ _SCHEMA = (
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One earlier test. faults: "fault, place" of each finding, the most severe first."""
+    """An earlier test. `faults`: "fault, place" of each finding, in order of decreasing severity."""
 
     started_utc: str
     outcome: Outcome
@@ -57,16 +57,17 @@ class Summary:
 
 
 class History:
-    """A history file, made if it is not there. Several stations may use one at a time; use it as a context manager.
+    """A history file, created if it does not exist. Several stations may share it; use it as a context manager.
 
-    Every method raises `HistoryError` of one line: no such database, of a newer release, damaged, or not to be written.
+    Every method raises `HistoryError` as one line for a file that is no history, of a newer release, damaged, or not
+    writable.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        with self._told():
-            # Transactions are begun by hand: sqlite3 would begin them too late to keep another station out.
-            self._connection = sqlite3.connect(self.path, timeout=PATIENCE_S, isolation_level=None)
+        with self._translated_errors():
+            # Explicit transactions: sqlite3 would start them too late to exclude another station.
+            self._connection = sqlite3.connect(self.path, timeout=LOCK_TIMEOUT_S, isolation_level=None)
         try:
             self._open()
         except BaseException:
@@ -86,130 +87,135 @@ class History:
         self._connection.close()
 
     def add(self, record: TestRecord) -> bool:
-        """Keep a test. False if this very record is kept already."""
-        with self._told(), self._writing():
+        """Store a test. False if the same record is stored already."""
+        with self._translated_errors(), self._transaction():
             cursor = self._connection.execute(
                 "INSERT INTO run (digest, serial_number, started_utc, outcome, operator, station, plan_name,"
                 " plan_version, software_version, seconds) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
                 " ON CONFLICT (digest) DO NOTHING",
                 (
-                    _digest(record),
-                    _text(record.serial_number),
-                    _text(record.started_utc),
+                    _compute_digest(record),
+                    _to_utf8(record.serial_number),
+                    _to_utf8(record.started_utc),
                     record.outcome.value,
-                    _text(record.operator),
-                    _text(record.station),
-                    _text(record.plan_name),
-                    _text(record.plan_version),
-                    _text(record.software_version),
+                    _to_utf8(record.operator),
+                    _to_utf8(record.station),
+                    _to_utf8(record.plan_name),
+                    _to_utf8(record.plan_version),
+                    _to_utf8(record.software_version),
                     record.seconds,
                 ),
             )
             if cursor.rowcount == 0:
                 return False
-            self._add_parts(cursor.lastrowid, record)
+            self._add_details(cursor.lastrowid, record)
             return True
 
-    def earlier(self, serial_number: str) -> list[Summary]:
-        """The tests of a serial number, the newest first; none for an empty one, which may be anything."""
+    def list_earlier(self, serial_number: str) -> list[Summary]:
+        """Tests of a serial number, newest first; empty for an empty number, which identifies no device."""
         if not serial_number:
             return []
-        with self._told():
+        with self._translated_errors():
             rows = self._connection.execute(
                 "SELECT id, started_utc, outcome, operator, station, plan_name, plan_version FROM run"
                 " WHERE serial_number = ? ORDER BY id DESC",
-                (_text(serial_number),),
+                (_to_utf8(serial_number),),
             ).fetchall()
             return [
-                Summary(str(begun), Outcome(outcome), str(who), str(where), str(plan), str(version), self._faults(run))
-                for run, begun, outcome, who, where, plan, version in rows
+                Summary(
+                    str(started),
+                    Outcome(outcome),
+                    str(operator),
+                    str(station),
+                    str(plan),
+                    str(version),
+                    self._list_faults(run),
+                )
+                for run, started, outcome, operator, station, plan, version in rows
             ]
 
     def compare(self, record: TestRecord) -> list[Change]:
-        """Each number of a record beside those of the earlier tests of its serial number, as `drift` judges them.
+        """Compare each number of a record with the earlier tests of its serial number; see `drift`.
 
-        Earlier are those that were added before the record, or all if it was not added: clocks of stations differ.
-        Text is left out, and what was not measured before in that unit.
+        Earlier tests are those added before the record, or all if the record was not added: the clocks of stations may
+        differ. Text and quantities without an earlier value in the same unit are omitted.
         """
         if not record.serial_number:
             return []
-        with self._told():
+        with self._translated_errors():
             rows = self._connection.execute(
                 "SELECT phase, name, place, unit, value FROM measurement JOIN run ON measurement.run = run.id"
                 " WHERE serial_number = ? AND typeof(value) = 'real'"
                 " AND run.id < ifnull((SELECT id FROM run WHERE digest = ?), 9223372036854775807) ORDER BY run.id",
-                (_text(record.serial_number), _digest(record)),
+                (_to_utf8(record.serial_number), _compute_digest(record)),
             ).fetchall()
-        before: dict[tuple[str, ...], list[float]] = {}
+        earlier: dict[tuple[str, ...], list[float]] = {}
         for *key, value in rows:
             if math.isfinite(value):
-                before.setdefault(tuple(key), []).append(value)
+                earlier.setdefault(tuple(key), []).append(value)
         return [
-            change_of(phase.name, one, before[same])
+            compare_value(phase.name, measurement, earlier[quantity])
             for phase in record.phases
-            for one in phase.measurements
-            if not isinstance(one.value, str)
-            and (same := tuple(map(_text, (phase.name, one.name, one.place, one.unit)))) in before
+            for measurement in phase.measurements
+            if not isinstance(measurement.value, str) and (quantity := _quantity(phase.name, measurement)) in earlier
         ]
 
-    def _faults(self, run: int) -> list[str]:
+    def _list_faults(self, run: int) -> list[str]:
         rows = self._connection.execute(
             "SELECT fault, place FROM finding WHERE run = ? ORDER BY severity DESC, rowid", (run,)
         )
         return [f"{fault}, {place}" if place else fault for fault, place in rows]
 
-    def _add_parts(self, run: int | None, record: TestRecord) -> None:
+    def _add_details(self, run: int | None, record: TestRecord) -> None:
         self._connection.executemany(
             "INSERT INTO measurement VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             [
                 (
                     run,
-                    _text(phase.name),
-                    _text(one.name),
-                    _text(one.place),
-                    _text(one.unit),
-                    None if isinstance(one.value, str) else one.value,
-                    _text(one.value) if isinstance(one.value, str) else None,
-                    one.outcome.value,
+                    _to_utf8(phase.name),
+                    _to_utf8(measurement.name),
+                    _to_utf8(measurement.place),
+                    _to_utf8(measurement.unit),
+                    None if isinstance(measurement.value, str) else measurement.value,
+                    _to_utf8(measurement.value) if isinstance(measurement.value, str) else None,
+                    measurement.outcome.value,
                 )
                 for phase in record.phases
-                for one in phase.measurements
+                for measurement in phase.measurements
             ],
         )
         self._connection.executemany(
             "INSERT INTO finding VALUES (?, ?, ?, ?, ?)",
             [
-                (run, _text(phase.name), _text(one.fault), _text(one.place), one.severity)
+                (run, _to_utf8(phase.name), _to_utf8(finding.fault), _to_utf8(finding.place), finding.severity)
                 for phase in record.phases
-                for one in phase.findings
+                for finding in phase.findings
             ],
         )
 
     def _open(self) -> None:
-        with self._told():
+        with self._translated_errors():
             if self._is_new():
-                with self._writing():
-                    if self._is_new():  # another station may have made it meanwhile
+                with self._transaction():
+                    if self._is_new():  # Another station may have created the tables meanwhile.
                         for statement in _SCHEMA:
                             self._connection.execute(statement)
-            application, version = self._pragma("application_id"), self._pragma("user_version")
+            application, version = self._read_pragma("application_id"), self._read_pragma("user_version")
         if application != APPLICATION_ID:
-            self._fail("expected a history of tests, found another program's database; name another file")
+            self._fail("expected a history of tests, found the database of another program; choose another file")
         if version != SCHEMA_VERSION:
-            self._fail(
-                f"expected a history of version {SCHEMA_VERSION}, found version {version}; use a release that knows it"
-            )
+            self._fail(f"expected a history of version {SCHEMA_VERSION}, found version {version}; use a newer release")
 
     def _is_new(self) -> bool:
         tables = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-        return not (tables or self._pragma("application_id") or self._pragma("user_version"))
+        return not (tables or self._read_pragma("application_id") or self._read_pragma("user_version"))
 
-    def _pragma(self, name: str) -> int:
+    def _read_pragma(self, name: str) -> int:
         return int(self._connection.execute(f"PRAGMA {name}").fetchone()[0])
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """A transaction that holds the file from its begin; undone where it is left by an exception."""
+    def _transaction(self) -> Iterator[None]:
+        """Transaction that locks the file from its start; rolled back after an exception."""
         self._connection.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -220,24 +226,29 @@ class History:
             raise
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _translated_errors(self) -> Iterator[None]:
         try:
             yield
         except sqlite3.OperationalError as error:
             reason = " ".join(str(error).split())
-            self._fail(f"cannot be used: {reason}; check its folder, its permissions, and who else holds it")
+            remedy = "check the folder, the permissions, and whether another program locks the file"
+            self._fail(f"cannot be used: {reason}; {remedy}")
         except (sqlite3.Error, ValueError) as error:
             reason = " ".join(str(error).split())
-            self._fail(f"expected a history of tests, found: {reason}; check the file, or name another")
+            self._fail(f"expected a history of tests, found: {reason}; check the file, or choose another")
 
     def _fail(self, problem: str) -> None:
         raise HistoryError(format_path(self.path), problem) from None
 
 
-def _digest(record: TestRecord) -> str:
+def _quantity(phase: str, measurement: Measurement) -> tuple[str, ...]:
+    return tuple(map(_to_utf8, (phase, measurement.name, measurement.place, measurement.unit)))
+
+
+def _compute_digest(record: TestRecord) -> str:
     return hashlib.sha256(json_bytes(record)).hexdigest()
 
 
-def _text(text: str) -> str:
-    """Text that a database can hold: a lone surrogate has no UTF-8."""
+def _to_utf8(text: str) -> str:
+    """Text that the database can store: UTF-8 cannot encode a lone surrogate."""
     return text.encode("utf-8", "replace").decode("utf-8")

@@ -1,4 +1,4 @@
-"""A test record as JUnit XML, which CI servers show: one test case for each limit and each finding."""
+"""A test record as JUnit XML for CI servers: one test case for each limit and each finding."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from collections import Counter
 from taxel_tools.testing.record import Finding, Measurement, Outcome, PhaseRecord, TestRecord
 from taxel_tools.testing.whole_file import write_whole
 
-# All that XML 1.0 cannot hold, section 2.2.
+# Characters outside section 2.2 of XML 1.0.
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def write_junit(record: TestRecord, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-    """Write the XML file. Raises `ResultFileError`: the file exists, or cannot be written."""
+    """Write the XML file. Raises `ResultFileError` if the file exists or is not writable."""
     write_whole(path, junit_bytes(record), overwrite)
 
 
 def junit_bytes(record: TestRecord) -> bytes:
-    """One test suite: a case for each measurement that has a limit and for each finding.
+    """One test suite with a case for each measurement that has a limit and for each finding.
 
-    A phase that ended with an error or was skipped is a case of its own, and so is one that holds nothing against a
-    limit, so that none is lost. Characters that XML cannot hold become U+FFFD.
+    A phase that ended with an error, was skipped, or has no limits is an additional case, so that every phase is
+    listed. Characters that XML cannot contain become U+FFFD.
     """
-    cases = [case for phase in record.phases for case in _cases(record, phase)]
+    cases = [case for phase in record.phases for case in _build_cases(record, phase)]
     counts = Counter(child.tag for case in cases for child in case)
     totals = {
-        "name": _clean(" ".join(word for word in (record.plan_name, record.serial_number) if word)),
+        "name": _replace_invalid(" ".join(part for part in (record.plan_name, record.serial_number) if part)),
         "tests": str(len(cases)),
         "failures": str(counts["failure"]),
         "errors": str(counts["error"]),
@@ -37,11 +37,11 @@ def junit_bytes(record: TestRecord) -> bytes:
     }
     root = ET.Element("testsuites", totals)
     suite = ET.SubElement(root, "testsuite", totals)
-    suite.set("timestamp", _clean(record.started_utc))
-    suite.set("hostname", _clean(record.station))
+    suite.set("timestamp", _replace_invalid(record.started_utc))
+    suite.set("hostname", _replace_invalid(record.station))
     properties = ET.SubElement(suite, "properties")
     for name, value in _properties(record).items():
-        ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
+        ET.SubElement(properties, "property", name=_replace_invalid(name), value=_replace_invalid(value))
     suite.extend(cases)
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -62,44 +62,46 @@ def _properties(record: TestRecord) -> dict[str, str]:
     }
 
 
-def _cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
+def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
     kind = f"{record.plan_name}.{phase.name}".replace(" ", "_")
-    cases = [_measured(kind, one) for one in phase.measurements if one.limit is not None]
-    cases += [_found(kind, one) for one in phase.findings]
+    cases = [
+        _measurement_case(kind, measurement) for measurement in phase.measurements if measurement.limit is not None
+    ]
+    cases += [_finding_case(kind, finding) for finding in phase.findings]
     if phase.outcome in (Outcome.ERROR, Outcome.SKIP) or not cases:
-        whole = _case(kind, phase.title)
+        phase_case = _build_case(kind, phase.title)
         if phase.outcome is Outcome.ERROR:
-            _add(whole, "error", phase.problem)
+            _add_result(phase_case, "error", phase.problem)
         elif phase.outcome is Outcome.SKIP:
-            _add(whole, "skipped", "; ".join(phase.notes))
-        cases.append(whole)
-    # The time is the phase's, and its cases share it: readers add them up.
+            _add_result(phase_case, "skipped", "; ".join(phase.notes))
+        cases.append(phase_case)
+    # The cases share the time of the phase, because readers add up the times of all cases.
     for case in cases:
         case.set("time", f"{phase.seconds / len(cases):.3f}")
     return cases
 
 
-def _measured(kind: str, one: Measurement) -> ET.Element:
-    case = _case(kind, f"{one.name} at {one.place}" if one.place else one.name)
-    if one.outcome is Outcome.FAIL:
-        value = "no value" if one.value is None else f"{one.value} {one.unit}".strip()
-        _add(case, "failure", f"{value}, allowed {one.limit}")
+def _measurement_case(kind: str, measurement: Measurement) -> ET.Element:
+    case = _build_case(kind, f"{measurement.name} at {measurement.place}" if measurement.place else measurement.name)
+    if measurement.outcome is Outcome.FAIL:
+        value = "no value" if measurement.value is None else f"{measurement.value} {measurement.unit}".strip()
+        _add_result(case, "failure", f"{value}, allowed {measurement.limit}")
     return case
 
 
-def _found(kind: str, one: Finding) -> ET.Element:
-    case = _case(kind, f"{one.fault} at {one.place}" if one.place else one.fault)
-    _add(case, "failure", one.text or one.fault)
+def _finding_case(kind: str, finding: Finding) -> ET.Element:
+    case = _build_case(kind, f"{finding.fault} at {finding.place}" if finding.place else finding.fault)
+    _add_result(case, "failure", finding.text or finding.fault)
     return case
 
 
-def _case(kind: str, name: str) -> ET.Element:
-    return ET.Element("testcase", classname=_clean(kind), name=_clean(name))
+def _build_case(kind: str, name: str) -> ET.Element:
+    return ET.Element("testcase", classname=_replace_invalid(kind), name=_replace_invalid(name))
 
 
-def _add(case: ET.Element, tag: str, message: str) -> None:
-    ET.SubElement(case, tag, message=_clean(message)).text = _clean(message)
+def _add_result(case: ET.Element, tag: str, message: str) -> None:
+    ET.SubElement(case, tag, message=_replace_invalid(message)).text = _replace_invalid(message)
 
 
-def _clean(text: str) -> str:
+def _replace_invalid(text: str) -> str:
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)

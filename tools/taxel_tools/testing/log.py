@@ -1,4 +1,4 @@
-"""What a phase writes into while it runs: measurements are held against their limits here."""
+"""Log of a running phase: receives measurements, findings and attachments, and checks the measurements' limits."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from taxel_tools.testing.record import (
     Measurement,
     Outcome,
     PhaseRecord,
-    outcome_of_phase,
-    outcome_of_value,
+    judge_phase,
+    judge_value,
 )
 
 Report = Callable[[str, float], None]
-"""Called with a phase's name and the share of it that is done, 0 to 1."""
+"""Called with the name of a phase and its progress, 0 to 1."""
 
 
 class PhaseLog:
-    """The record of one phase in the making.
+    """Results of one phase while it runs.
 
-    limits: of the plan, by name of measurement. report: told of progress.
+    `limits`: limits of the plan, by name of the measurement. `report`: called with the progress.
     """
 
     def __init__(self, phase: str, limits: Mapping[str, Limit], report: Report = lambda phase, fraction: None) -> None:
@@ -35,58 +35,58 @@ class PhaseLog:
         self._attachments: list[Attachment] = []
         self._notes: list[str] = []
 
-    def limit(self, name: str) -> Limit | None:
-        """The limit that the plan sets on a measurement; None if none."""
+    def get_limit(self, name: str) -> Limit | None:
+        """The limit that the plan sets for a measurement; None without a limit."""
         return self._limits.get(name)
 
     def measure(self, name: str, value: SupportsFloat | str | None, unit: str, place: str = "") -> Measurement:
-        """Record a value and hold it against its limit. None: it could not be measured, which no limit allows.
+        """Record a value and check its limit. None: the value could not be measured, which violates every limit.
 
-        Raises ValueError if that was measured at that place already: a phase says one thing once.
+        Raises ValueError for a second measurement of the same name and place.
         """
         if (name, place) in self._measurements:
             raise ValueError(f"{name} at '{place}' is measured twice in phase {self._phase}")
-        plain = value if value is None or isinstance(value, str) else float(value)
+        number_or_text = value if value is None or isinstance(value, str) else float(value)
         limit = self._limits.get(name)
-        measurement = Measurement(name, plain, unit, limit, place, outcome_of_value(plain, limit))
+        measurement = Measurement(name, number_or_text, unit, limit, place, judge_value(number_or_text, limit))
         self._measurements[name, place] = measurement
         return measurement
 
-    def finding(self, fault: str, place: str, text: str, severity: float) -> Finding:
-        """Name a fault, where it is and what to do about it; the phase fails by it."""
-        found = Finding(fault, place, text, float(severity))
-        self._findings.append(found)
-        return found
+    def add_finding(self, fault: str, place: str, text: str, severity: float) -> Finding:
+        """Record a named fault, its place and the remedy; the phase fails."""
+        finding = Finding(fault, place, text, float(severity))
+        self._findings.append(finding)
+        return finding
 
     def attach(self, name: str, media_type: str, data: bytes, caption: str = "") -> None:
-        """Keep bytes with the phase."""
+        """Store bytes with the phase."""
         self._attachments.append(Attachment(name, media_type, bytes(data), caption))
 
-    def note(self, text: str) -> None:
-        """A sentence for who reads the record."""
+    def add_note(self, text: str) -> None:
+        """Add a sentence for readers of the record."""
         self._notes.append(text)
 
-    def progress(self, fraction: float) -> None:
-        """How far the phase is, 0 to 1."""
+    def report_progress(self, fraction: float) -> None:
+        """Report the progress of the phase, 0 to 1."""
         self._report(self._phase, min(max(float(fraction), 0.0), 1.0))
 
     def unused_limits(self) -> list[str]:
-        """The limits against which nothing was held."""
+        """Names of the limits without a measurement."""
         measured = {name for name, _ in self._measurements}
         return [name for name in self._limits if name not in measured]
 
-    def close(self, title: str, automatic: bool, seconds: float, skipped: bool, problem: str) -> PhaseRecord:
-        """The finished record. problem: why the phase did not run to its end, else empty."""
+    def close(self, title: str, is_automatic: bool, seconds: float, is_skipped: bool, problem: str) -> PhaseRecord:
+        """Record of the finished phase. `problem`: the error that ended the phase, else empty."""
         measurements = list(self._measurements.values())
         if problem:
             outcome = Outcome.ERROR
         else:
-            outcome = Outcome.SKIP if skipped else outcome_of_phase(measurements, self._findings)
+            outcome = Outcome.SKIP if is_skipped else judge_phase(measurements, self._findings)
         return PhaseRecord(
             name=self._phase,
             title=title,
             outcome=outcome,
-            automatic=automatic,
+            automatic=is_automatic,
             seconds=seconds,
             measurements=measurements,
             findings=list(self._findings),

@@ -1,4 +1,4 @@
-"""A phase's own keys of a plan: each taken by name, and what nobody took is refused."""
+"""Options of a phase in a plan: each is read by name, and keys that the phase does not read are refused."""
 
 from __future__ import annotations
 
@@ -12,32 +12,33 @@ from taxel_tools.errors import PlanError
 
 
 class Options:
-    """What a plan says for one phase.
+    """Options of one phase.
 
-    values: keys as TOML gives them. source: the plan's file; places: where in it each key stands; both for errors.
-    Every `take_...` raises `PlanError` that names the key where the value is of another type or out of range.
+    `values`: keys and values as TOML returns them. `source`: file of the plan, and `locations`: position of each key in
+    the file, both for error messages. Every `take_...` method raises `PlanError` that names the key for a value of the
+    wrong type or out of range.
     """
 
     def __init__(
-        self, values: Mapping[str, Any], source: str = "options", places: Mapping[str, str] | None = None
+        self, values: Mapping[str, Any], source: str = "options", locations: Mapping[str, str] | None = None
     ) -> None:
         self._values = dict(values)
         self._source = source
-        self._places = places or {}
-        self._taken: set[str] = set()
+        self._locations = locations or {}
+        self._read_keys: set[str] = set()
 
     def take_number(self, key: str, default: float, minimum: float = -math.inf, maximum: float = math.inf) -> float:
         """A finite number from `minimum` to `maximum`, both included."""
         value = self._take(key, default)
         if not (is_number(value) and minimum <= value <= maximum):
-            self._fail(key, f"a number{_range(minimum, maximum)}", value)
+            self._fail(key, f"a number{_format_range(minimum, maximum)}", value)
         return float(value)
 
-    def take_whole(self, key: str, default: int, minimum: float = -math.inf, maximum: float = math.inf) -> int:
-        """A whole number from `minimum` to `maximum`, both included."""
+    def take_integer(self, key: str, default: int, minimum: float = -math.inf, maximum: float = math.inf) -> int:
+        """An integer from `minimum` to `maximum`, both included."""
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or not minimum <= value <= maximum:
-            self._fail(key, f"a whole number{_range(minimum, maximum)}", value)
+            self._fail(key, f"an integer{_format_range(minimum, maximum)}", value)
         return value
 
     def take_flag(self, key: str, default: bool) -> bool:
@@ -54,30 +55,32 @@ class Options:
             self._fail(key, "text" if choices is None else f"one of {', '.join(sorted(choices))}", value)
         return value
 
-    def done(self) -> None:
-        """Call after the last `take_...`, before anything is measured. Raises `PlanError` for a key left over."""
+    def refuse_unknown_keys(self) -> None:
+        """Raise `PlanError` for a key that was not read. Call after the last `take_...`, before any measurement."""
         for key in self._values:
-            if key not in self._taken:
-                known = suggest_name(key, self._taken) if self._taken else "this phase has no options; take it out"
-                raise PlanError(self._source, self._place(key), "an option of this phase", "an unknown key", known)
+            if key not in self._read_keys:
+                remedy = "this phase has no options; remove the key"
+                if self._read_keys:
+                    remedy = suggest_name(key, self._read_keys)
+                raise PlanError(self._source, self._location(key), "an option of this phase", "an unknown key", remedy)
 
     def _take(self, key: str, default: Any) -> Any:
-        self._taken.add(key)
+        self._read_keys.add(key)
         return self._values.get(key, default)
 
-    def _place(self, key: str) -> str:
-        return self._places.get(key, key)
+    def _location(self, key: str) -> str:
+        return self._locations.get(key, key)
 
     def _fail(self, key: str, expected: str, value: object) -> NoReturn:
-        raise PlanError(self._source, self._place(key), expected, format_value(value), "correct it, or leave it out")
+        raise PlanError(self._source, self._location(key), expected, format_value(value), "correct or remove the value")
 
 
 def is_number(value: object) -> bool:
-    """Whether a value of a file is a finite number; true and false are none, nor is an integer that no float holds."""
+    """Whether a value of a file is a finite number; not a boolean, and not an integer beyond the range of a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
 
 
-def _range(minimum: float, maximum: float) -> str:
+def _format_range(minimum: float, maximum: float) -> str:
     if math.isinf(minimum) and math.isinf(maximum):
         return ""
     if math.isinf(maximum):

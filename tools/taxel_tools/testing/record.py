@@ -1,4 +1,4 @@
-"""What a test leaves behind: measurements with limits, named faults, attachments, phase by phase."""
+"""Record of a test: measurements with limits, named faults and attachments, phase by phase."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 Value = float | str | None
-"""Of a measurement: a number, which may be NaN or infinite; text; or None where nothing could be measured."""
+"""Value of a measurement: a number, including NaN and infinity; text; or None if nothing could be measured."""
 
 
 class Outcome(StrEnum):
-    """How a measurement, a phase or a test came out."""
+    """Result of a measurement, a phase or a test."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -22,9 +22,9 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a value may be, the bounds included. None: no bound on that side.
+    """Range of permitted values, bounds included. None: no bound on this side.
 
-    Raises ValueError for bounds that no value can lie between.
+    Raises ValueError if no value lies between the bounds.
     """
 
     minimum: float | None
@@ -33,24 +33,24 @@ class Limit:
     def __post_init__(self) -> None:
         low, high = self.bounds
         if not low <= high:
-            raise ValueError(f"a limit from {low} to {high} holds nothing")
+            raise ValueError(f"expected a lower bound below the upper bound, found {low} and {high}")
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Both bounds as numbers; infinite where there is none."""
+        """Both bounds as numbers; infinite without a bound."""
         low = -math.inf if self.minimum is None else self.minimum
         return low, math.inf if self.maximum is None else self.maximum
 
-    def holds(self, value: Value) -> bool:
-        """Whether the value lies within. What is no number never does."""
+    def contains(self, value: Value) -> bool:
+        """Whether the value lies within the limit; always False for text, None and NaN."""
         low, high = self.bounds
         return isinstance(value, int | float) and low <= value <= high
 
     def severity(self, value: Value) -> float:
-        """How many times beyond the bound a value is: at most 1 within, above 1 beyond.
+        """Factor by which a value exceeds the limit: at most 1 within, above 1 beyond the limit.
 
-        value / maximum above a positive maximum, minimum / value below a positive minimum; where signs differ, one of
-        them is 0, or the value is no number, there is no such ratio: infinite beyond, 0 within.
+        value / maximum above a positive maximum, minimum / value below a positive minimum. Without such a ratio
+        (different signs, a zero, no number) the severity is infinite beyond the limit and 0 within.
         """
         if not isinstance(value, int | float) or math.isnan(value):
             return math.inf
@@ -69,16 +69,16 @@ class Limit:
 
 
 def _times_above(value: float, bound: float) -> float:
-    # Of two negative numbers the one nearer to 0 is the higher, hence the ratio turned round.
+    # Of two negative numbers, the number nearer to 0 is the larger one, so the ratio is inverted.
     part, whole = (value, bound) if bound > 0 else (-bound, -value)
     if part < 0 or whole <= 0 or math.isinf(whole):
         return 0.0 if value <= bound else math.inf
-    return part / whole  # of unequal floats it never rounds to 1
+    return part / whole  # The ratio of unequal floats never rounds to 1.
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One value at one place ("TX 3", or empty for the whole board), and the limit that it was held against."""
+    """A value at a place ("TX 3", or empty for the whole board), and the limit of the plan."""
 
     name: str
     value: Value
@@ -90,7 +90,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A named fault at a place, and what to do about it. severity: 1 is a limit just broken; higher is worse."""
+    """A named fault, its place and the remedy. `severity`: 1 at the limit, larger beyond the limit."""
 
     fault: str
     place: str
@@ -110,7 +110,7 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True)
 class PhaseRecord:
-    """What one phase did. automatic: without an operator; problem: why it ended with an error, else empty."""
+    """Result of one phase. `automatic`: without an operator; `problem`: the error that ended the phase, else empty."""
 
     name: str
     title: str
@@ -126,9 +126,12 @@ class PhaseRecord:
 
 @dataclass(frozen=True, slots=True)
 class TestRecord:
-    """A whole test of one device. device: what it says of itself, in words; started_utc: ISO 8601 with a Z."""
+    """Result of a test of one device.
 
-    __test__ = False  # pytest would else take it for a class of tests
+    `device`: properties of the device by name; `started_utc`: ISO 8601 with a Z.
+    """
+
+    __test__ = False  # Otherwise pytest collects this class as a class of tests.
 
     serial_number: str
     operator: str
@@ -144,24 +147,24 @@ class TestRecord:
     seconds: float
 
     def findings(self) -> list[Finding]:
-        """All faults, the most severe first."""
-        found = [finding for phase in self.phases for finding in phase.findings]
-        return sorted(found, key=lambda finding: -finding.severity)
+        """All findings, in order of decreasing severity."""
+        findings = [finding for phase in self.phases for finding in phase.findings]
+        return sorted(findings, key=lambda finding: -finding.severity)
 
 
-def outcome_of_value(value: Value, limit: Limit | None) -> Outcome:
-    """Pass where there is no limit."""
-    return Outcome.PASS if limit is None or limit.holds(value) else Outcome.FAIL
+def judge_value(value: Value, limit: Limit | None) -> Outcome:
+    """PASS within the limit or without a limit, else FAIL."""
+    return Outcome.PASS if limit is None or limit.contains(value) else Outcome.FAIL
 
 
-def outcome_of_phase(measurements: Iterable[Measurement], findings: Iterable[Finding]) -> Outcome:
-    """Of a phase that ran to its end: it fails by one measurement or one finding."""
-    failed = any(one.outcome is Outcome.FAIL for one in measurements) or any(True for _ in findings)
-    return Outcome.FAIL if failed else Outcome.PASS
+def judge_phase(measurements: Iterable[Measurement], findings: Iterable[Finding]) -> Outcome:
+    """Result of a completed phase: FAIL with at least one failed measurement or finding."""
+    has_failed = any(measurement.outcome is Outcome.FAIL for measurement in measurements) or any(True for _ in findings)
+    return Outcome.FAIL if has_failed else Outcome.PASS
 
 
-def outcome_of_test(phases: Iterable[PhaseRecord]) -> Outcome:
-    """The worst of its phases: error, fail, pass. Skip where no phase ran: nothing was tested, so nothing passed."""
+def judge_test(phases: Iterable[PhaseRecord]) -> Outcome:
+    """Worst result of the phases: ERROR, FAIL, PASS; SKIP if no phase ran, because nothing was tested."""
     outcomes = {phase.outcome for phase in phases}
     order = (Outcome.ERROR, Outcome.FAIL, Outcome.PASS)
     return next((outcome for outcome in order if outcome in outcomes), Outcome.SKIP)

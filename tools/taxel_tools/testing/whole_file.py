@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, also after a power cut."""
+"""Files that are written completely or not at all, also in a power cut."""
 
 from __future__ import annotations
 
@@ -12,43 +12,45 @@ from taxel_tools.testing.errors import ResultFileError
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes, overwrite: bool) -> None:
-    """Write under another name, wait for the disk, then give the file its name in one step.
+    """Write a temporary file, wait until it is on the disk, then give it the final name in one step.
 
-    Raises `ResultFileError`: the name is taken and `overwrite` is false, or the system refuses; what stood there stays.
+    Raises `ResultFileError` if the file exists and `overwrite` is False, or if the system refuses; an existing file
+    stays unchanged.
     """
     target = Path(path)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     if target.is_dir() or (target.exists() and not overwrite):
-        _taken(target)
+        _refuse_existing(target)
     try:
-        with part.open("wb") as stream:
+        with temporary.open("wb") as stream:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        _put_in_place(part, target, overwrite)
-        _wait_for_folder(target.parent)
+        _rename(temporary, target, overwrite)
+        _sync_folder(target.parent)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise ResultFileError(format_path(path), "file", "a file that can be written", reason, "mend that") from None
+        remedy = "check the folder and its permissions"
+        raise ResultFileError(format_path(path), "file", "a writable file", reason, remedy) from None
     finally:
         with suppress(OSError):
-            part.unlink()
+            temporary.unlink()
 
 
-def _put_in_place(part: Path, target: Path, overwrite: bool) -> None:
+def _rename(temporary: Path, target: Path, overwrite: bool) -> None:
     if not overwrite:
         try:
-            os.link(part, target)  # unlike a rename, this refuses a name that was taken meanwhile
+            os.link(temporary, target)  # Unlike a rename, a link fails if the target was created meanwhile.
             return
         except FileExistsError:
-            _taken(target)
+            _refuse_existing(target)
         except OSError:
-            pass  # a file system without hard links
-    os.replace(part, target)
+            pass  # The file system has no hard links.
+    os.replace(temporary, target)
 
 
-def _wait_for_folder(folder: Path) -> None:
-    """The new name is on the disk only once its folder is; not every file system can be asked."""
+def _sync_folder(folder: Path) -> None:
+    """Write the folder to the disk, because the new name is stored there; not every file system supports this."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -57,7 +59,6 @@ def _wait_for_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def _taken(target: Path) -> NoReturn:
-    raise ResultFileError(
-        format_path(target), "file", "a new file", "an existing one", "choose another name, or ask to overwrite it"
-    )
+def _refuse_existing(target: Path) -> NoReturn:
+    remedy = "choose another name, or permit overwriting"
+    raise ResultFileError(format_path(target), "file", "a new file", "an existing one", remedy)

@@ -1,4 +1,4 @@
-"""Clouds and meshes in files, by the ending of the file's name."""
+"""Readers and writers of clouds and meshes; the suffix of the file name selects the format."""
 
 from __future__ import annotations
 
@@ -15,80 +15,88 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.types import FloatArray, IntArray
 
 PathLike = str | os.PathLike[str]
-Found = TypeVar("Found")
+Handler = TypeVar("Handler")
 
 CLOUD_READERS: Final[Mapping[str, Callable[[Source], ContactCloud]]] = {
     ".ply": ply.read_cloud,
-    ".pcd": pcd.read,
-    ".xyz": xyz.read,
-    ".asc": xyz.read,
-    ".txt": xyz.read,
+    ".pcd": pcd.read_cloud,
+    ".xyz": xyz.read_cloud,
+    ".asc": xyz.read_cloud,
+    ".txt": xyz.read_cloud,
 }
 CLOUD_WRITERS: Final[Mapping[str, Callable[[ContactCloud], bytes]]] = {
-    ".ply": ply.cloud_bytes,
-    ".pcd": pcd.to_bytes,
-    ".xyz": xyz.to_bytes,
-    ".asc": xyz.to_bytes,
-    ".txt": xyz.to_bytes,
+    ".ply": ply.encode_cloud,
+    ".pcd": pcd.encode_cloud,
+    ".xyz": xyz.encode_cloud,
+    ".asc": xyz.encode_cloud,
+    ".txt": xyz.encode_cloud,
 }
 MESH_READERS: Final[Mapping[str, Callable[[Source], tuple[FloatArray, IntArray]]]] = {
     ".ply": ply.read_mesh,
-    ".stl": stl.read,
-    ".obj": obj.read,
+    ".stl": stl.read_mesh,
+    ".obj": obj.read_mesh,
 }
 MESH_WRITERS: Final[Mapping[str, Callable[[TriangleMesh], bytes]]] = {
-    ".ply": ply.mesh_bytes,
-    ".stl": stl.to_bytes,
-    ".obj": obj.to_bytes,
+    ".ply": ply.encode_mesh,
+    ".stl": stl.encode_mesh,
+    ".obj": obj.encode_mesh,
 }
 
 
 def read_cloud(path: PathLike) -> ContactCloud:
-    """The cloud of a PLY, PCD or XYZ file, metres. Raises CloudFileError; OSError if there is no such file."""
-    return _of(path, CLOUD_READERS, "a cloud")(Source.open(path))
+    """The cloud of a PLY, PCD or XYZ file, metres.
+
+    Raises CloudFileError for a malformed file, CloudError for points that are not finite, OSError.
+    """
+    return _select_handler(path, CLOUD_READERS, "a cloud")(Source.open(path))
 
 
 def read_mesh(path: PathLike, unit_m: float = 1.0) -> TriangleMesh:
-    """The mesh of an STL, OBJ or PLY file. unit_m: metres that 1 is in the file.
+    """The mesh of an STL, OBJ or PLY file. unit_m: length unit of the file in metres.
 
-    Raises CloudFileError for a file that is not as its format says, MeshError for a mesh with holes or NaN, OSError.
+    Raises CloudFileError for a malformed file, MeshError for a mesh with holes or NaN, OSError.
     """
-    vertices, faces = _of(path, MESH_READERS, "a mesh")(Source.open(path))
+    vertices, faces = _select_handler(path, MESH_READERS, "a mesh")(Source.open(path))
     return TriangleMesh(str(path), unit_m * vertices, faces)
 
 
 def write_cloud(cloud: ContactCloud, path: PathLike, *, overwrite: bool = False) -> None:
-    """Write a cloud. Counts, grasps and approaches where the format can hold them. Raises CloudFileError, OSError."""
-    _write(path, _of(path, CLOUD_WRITERS, "a cloud")(cloud), overwrite)
+    """Write a cloud; PLY and PCD store counts, grasps and approaches, too.
+
+    Raises CloudFileError for an unknown suffix or an existing file, OSError.
+    """
+    _write(path, _select_handler(path, CLOUD_WRITERS, "a cloud")(cloud), overwrite)
 
 
 def write_mesh(mesh: TriangleMesh, path: PathLike, *, overwrite: bool = False) -> None:
-    """Write a mesh, metres. Raises CloudFileError for an unknown ending or a file that is there already; OSError."""
-    _write(path, _of(path, MESH_WRITERS, "a mesh")(mesh), overwrite)
+    """Write a mesh, metres. Raises CloudFileError for an unknown suffix or an existing file, OSError."""
+    _write(path, _select_handler(path, MESH_WRITERS, "a mesh")(mesh), overwrite)
 
 
-def holds_mesh(path: PathLike) -> bool:
-    """Whether a file is of triangles: an STL or OBJ, or a PLY with faces. Raises CloudFileError, OSError."""
-    ending = Path(path).suffix.lower()
-    if ending == ".ply":
+def has_triangles(path: PathLike) -> bool:
+    """Whether a file contains triangles: an STL or OBJ, or a PLY with faces. Raises CloudFileError, OSError."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".ply":
         return ply.has_faces(Source.open(path))
-    return ending in MESH_READERS
+    return suffix in MESH_READERS
 
 
-def require_free(path: PathLike, overwrite: bool) -> None:
-    """Refuse a file that exists already, unless it may be replaced."""
+def require_new_file(path: PathLike, overwrite: bool) -> None:
+    """Raise CloudFileError for a file that exists, unless it may be overwritten."""
     if Path(path).exists() and not overwrite:
         raise CloudFileError(str(path), "file", "a new file", "one that exists", "choose another name or --overwrite")
 
 
-def _of(path: PathLike, table: Mapping[str, Found], what: str) -> Found:
-    ending = Path(path).suffix.lower()
-    if ending not in table:
-        known = ", ".join(table)
-        raise CloudFileError(str(path), "name", f"{what} that ends in {known}", ending or "no ending", "rename it")
-    return table[ending]
+def _select_handler(path: PathLike, table: Mapping[str, Handler], content: str) -> Handler:
+    suffix = Path(path).suffix.lower()
+    if suffix not in table:
+        suffixes = ", ".join(table)
+        raise CloudFileError(
+            str(path), "name", f"{content} that ends in {suffixes}", suffix or "no suffix", "rename it"
+        )
+    return table[suffix]
 
 
 def _write(path: PathLike, content: bytes, overwrite: bool) -> None:
-    require_free(path, overwrite)
+    require_new_file(path, overwrite)
     Path(path).write_bytes(content)

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices and faces; everything else, other files above all, is passed over."""
+"""Wavefront OBJ: vertices and faces. All other lines are ignored; no other file is opened."""
 
 from __future__ import annotations
 
@@ -6,43 +6,45 @@ from itertools import pairwise
 
 import numpy as np
 
-from taxel.cloud.files.source import Source, natural, shown
-from taxel.cloud.files.xyz import lines_of
+from taxel.cloud.files.source import Source, parse_natural, quote
+from taxel.cloud.files.xyz import format_rows
 from taxel.cloud.mesh import TriangleMesh
 from taxel.types import FloatArray, IntArray
 
 
-def read(source: Source) -> tuple[FloatArray, IntArray]:
-    """Vertices f64[v, 3] and triangles i64[f, 3]; a face of more corners becomes a fan about its first."""
-    places: list[str] = []
+def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
+    """Vertices f64[v, 3] and triangles i64[f, 3]; a face of more corners is split into a fan about its first corner."""
+    vertex_lines: list[str] = []
     triangles: list[tuple[int, int, int]] = []
-    for number, line in enumerate(source.text().splitlines(), 1):
-        key, _, rest = line.strip().partition(" ")
+    for number, line in enumerate(source.decode_text().splitlines(), 1):
+        key, _, remainder = line.strip().partition(" ")
         if key == "v":
-            words = rest.split()
+            words = remainder.split()
             if len(words) < 3:
-                source.fail(f"line {number}", "v and three numbers", shown(line), "correct it")
-            places.append(" ".join(words[:3]))
+                source.fail(f"line {number}", "v and three numbers", quote(line), "correct it")
+            vertex_lines.append(" ".join(words[:3]))
         elif key == "f":
-            corners = [_corner(source, word, len(places), number) for word in rest.split()]
+            corners = [_parse_corner(source, word, len(vertex_lines), number) for word in remainder.split()]
             if len(corners) < 3:
-                source.fail(f"line {number}", "f and three corners or more", shown(line), "correct it")
+                source.fail(f"line {number}", "f and three corners or more", quote(line), "correct it")
             triangles += [(corners[0], a, b) for a, b in pairwise(corners[1:])]
-    vertices = source.table("\n".join(places), 3, "v")
+    vertices = source.parse_table("\n".join(vertex_lines), 3, "v")
     return vertices, np.array(triangles, np.int64).reshape(-1, 3)
 
 
-def to_bytes(mesh: TriangleMesh) -> bytes:
-    """As text; vertices count from 1."""
-    vertices = "".join(f"v {line}\n" for line in lines_of(mesh.vertices).splitlines())
+def encode_mesh(mesh: TriangleMesh) -> bytes:
+    """The file as text; OBJ counts vertices from 1."""
+    vertices = "".join(f"v {line}\n" for line in format_rows(mesh.vertices).splitlines())
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     return (vertices + faces).encode()
 
 
-def _corner(source: Source, word: str, known: int, line: int) -> int:
-    """Number of a vertex from 0; in the file from 1, or backwards from the last. Textures and normals follow a /."""
+def _parse_corner(source: Source, word: str, vertices: int, line: int) -> int:
+    """Vertex number from 0. The file counts from 1, or backwards from the last vertex; texture and normal follow a
+    /.
+    """
     text = word.partition("/")[0]
-    value = natural(text.removeprefix("-"))
+    value = parse_natural(text.removeprefix("-"))
     if value is None:
-        source.fail(f"line {line}", "numbers of vertices", shown(word), "correct it")
-    return known - value if text.startswith("-") else value - 1
+        source.fail(f"line {line}", "vertex numbers", quote(word), "correct it")
+    return vertices - value if text.startswith("-") else value - 1

@@ -1,4 +1,4 @@
-"""PCD of the Point Cloud Library, version 0.7: text or binary, not compressed."""
+"""PCD of the Point Cloud Library, version 0.7, as text or as uncompressed binary."""
 
 from __future__ import annotations
 
@@ -8,46 +8,46 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.files.extras import cloud_of_columns, comments_of, extra_columns, names_of
-from taxel.cloud.files.source import LONGEST_HEADER, Source, natural, shown
-from taxel.cloud.files.xyz import lines_of
+from taxel.cloud.files.cloud_metadata import build_cloud, build_columns, format_comments, parse_comments
+from taxel.cloud.files.source import MAX_HEADER_BYTES, Source, parse_natural, quote
+from taxel.cloud.files.xyz import format_rows
 
 TYPES: Final = {
     **{("F", size): f"<f{size}" for size in (4, 8)},
     **{("I", size): f"<i{size}" for size in (1, 2, 4, 8)},
     **{("U", size): f"<u{size}" for size in (1, 2, 4, 8)},
 }
-"""By TYPE and SIZE."""
+"""NumPy types by TYPE and SIZE."""
 
 
-def read(source: Source) -> ContactCloud:
-    """Fields x, y, z, and counts, grasp, taxel where they are there; others are not read."""
-    header, comments, start = _header(source)
+def read_cloud(source: Source) -> ContactCloud:
+    """The cloud of the fields x, y, z, and counts, grasp, taxel if present; other fields are ignored."""
+    header, comments, start = _read_header(source)
     fields = header.get("FIELDS", [])
-    count = _count(source, header)
-    repeats = [natural(word) for word in header.get("COUNT", ["1"] * len(fields))]
+    count = _read_point_count(source, header)
+    repeats = [parse_natural(word) for word in header.get("COUNT", ["1"] * len(fields))]
     if not fields or len(repeats) != len(fields) or set(repeats) - {1}:
         source.fail("COUNT", "1 for each of the FIELDS", " ".join(header.get("COUNT", ["nothing"])), "rewrite the file")
-    kind = " ".join(header.get("DATA", ["nothing"]))
-    if kind == "ascii":
-        table = source.table(source.data[start:].decode("latin-1"), len(fields), "points")
+    encoding = " ".join(header.get("DATA", ["nothing"]))
+    if encoding == "ascii":
+        table = source.parse_table(source.data[start:].decode("latin-1"), len(fields), "points")
         columns = dict(zip(fields, table.T, strict=True))
-    elif kind == "binary":
-        columns = _binary(source, header, fields, count, start)
+    elif encoding == "binary":
+        columns = _read_binary(source, header, fields, count, start)
     else:
-        source.fail("DATA", "ascii or binary", shown(kind), "write it without compression")
+        source.fail("DATA", "ascii or binary", quote(encoding), "write it without compression")
     if any(len(column) != count for column in columns.values()):
         found = str(len(next(iter(columns.values()))))
-        source.fail("points", f"{count}, as POINTS says", found, "use the whole file")
-    return cloud_of_columns(source, columns, names_of(source, comments))
+        source.fail("points", f"{count}, the value of POINTS", found, "use the whole file")
+    return build_cloud(source, columns, parse_comments(source, comments))
 
 
-def to_bytes(cloud: ContactCloud) -> bytes:
-    """As text; x, y, z and counts, grasp, taxel where they are known."""
-    names, table = extra_columns(cloud)
+def encode_cloud(cloud: ContactCloud) -> bytes:
+    """The file as text, with x, y, z, and counts, grasp, taxel if they are known."""
+    names, table = build_columns(cloud)
     header = [
         "# .PCD v0.7 - Point Cloud Data file format",
-        *(f"# {line}" for line in comments_of(cloud)),
+        *(f"# {line}" for line in format_comments(cloud)),
         "VERSION 0.7",
         f"FIELDS {' '.join(names)}",
         f"SIZE {' '.join(['8'] * 3 + ['4'] * (len(names) - 3))}",
@@ -59,18 +59,18 @@ def to_bytes(cloud: ContactCloud) -> bytes:
         f"POINTS {len(cloud)}",
         "DATA ascii",
     ]
-    return ("\n".join(header) + "\n" + lines_of(table)).encode()
+    return ("\n".join(header) + "\n" + format_rows(table)).encode()
 
 
-def _header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
-    """Words of each line by the first, the comments, and where the points begin."""
+def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
+    """Words of each header line by their first word, the comments, and the offset of the points."""
     header: dict[str, list[str]] = {}
     comments = []
     start = 0
     while "DATA" not in header:
-        end = source.data.find(b"\n", start, LONGEST_HEADER)
+        end = source.data.find(b"\n", start, MAX_HEADER_BYTES)
         if end < 0:
-            source.fail("header", "lines up to DATA", "none", "use a PCD file")
+            source.fail("header", "lines up to DATA", "no line DATA", "use a PCD file")
         line = source.data[start:end].decode("latin-1").strip()
         start = end + 1
         if line.startswith("#"):
@@ -81,27 +81,27 @@ def _header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
     return header, comments, start
 
 
-def _count(source: Source, header: dict[str, list[str]]) -> int:
+def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
     words = header.get("POINTS") or header.get("WIDTH") or ["nothing"]
-    count = natural(words[0])
+    count = parse_natural(words[0])
     if count is None or count > len(source.data):
-        source.fail("POINTS", "a number of points that the file can hold", shown(words[0]), "correct it")
+        source.fail("POINTS", "a number of points that the file can hold", quote(words[0]), "correct it")
     return count
 
 
-def _binary(
+def _read_binary(
     source: Source, header: dict[str, list[str]], fields: list[str], count: int, start: int
 ) -> dict[str, npt.NDArray[np.float64]]:
     sizes, kinds = header.get("SIZE", []), header.get("TYPE", [])
     if len(sizes) != len(fields) or len(kinds) != len(fields) or len(set(fields)) != len(fields):
-        source.fail("FIELDS", "different names, each with a SIZE and a TYPE", shown(" ".join(fields)), "correct it")
-    types = [TYPES.get((kind, natural(size) or 0), "") for kind, size in zip(kinds, sizes, strict=True)]
+        source.fail("FIELDS", "different names, each with a SIZE and a TYPE", quote(" ".join(fields)), "correct it")
+    types = [TYPES.get((kind, parse_natural(size) or 0), "") for kind, size in zip(kinds, sizes, strict=True)]
     if "" in types:
-        source.fail("TYPE", "F, I or U of 1 to 8 bytes", shown(" ".join(kinds + sizes)), "correct it")
+        source.fail("TYPE", "F, I or U of 1 to 8 bytes", quote(" ".join(kinds + sizes)), "correct it")
     record = np.dtype(list(zip(fields, types, strict=True)))
-    left = len(source.data) - start
-    if count * record.itemsize > left:
-        source.fail("points", f"{count * record.itemsize} bytes", str(left), "use the whole file")
+    available = len(source.data) - start
+    if count * record.itemsize > available:
+        source.fail("points", f"{count * record.itemsize} bytes", str(available), "use the whole file")
     rows = np.frombuffer(source.data, record, count, start)
-    with np.errstate(invalid="ignore"):  # a signalling NaN; the cloud refuses it
+    with np.errstate(invalid="ignore"):  # a signalling NaN: the check of the cloud refuses it
         return {name: rows[name].astype(np.float64) for name in fields}

@@ -1,4 +1,4 @@
-"""STL: triangles, binary or text. Corners that are the same to the last bit become one vertex."""
+"""STL: triangles, as binary or as text. Corners that are equal to the last bit become one vertex."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("at
 VERTEX: Final = re.compile(r"^\s*vertex\s+(\S+\s+\S+\s+\S+)\s*$", re.MULTILINE | re.IGNORECASE)
 
 
-def read(source: Source) -> tuple[FloatArray, IntArray]:
-    """Vertices f64[v, 3] and triangles i64[f, 3]."""
+def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
+    """Vertices f64[v, 3] and triangles i64[f, 3]. A file is binary if its size agrees with its number of triangles."""
     count = int.from_bytes(source.data[HEADER_BYTES - 4 : HEADER_BYTES], "little")
     if len(source.data) >= HEADER_BYTES and len(source.data) == HEADER_BYTES + count * RECORD.itemsize:
         single = np.frombuffer(source.data, RECORD, count, HEADER_BYTES)["corners"].reshape(-1, 3)
-        with np.errstate(invalid="ignore"):  # a signalling NaN; the mesh refuses it
+        with np.errstate(invalid="ignore"):  # a signalling NaN: the check of the mesh refuses it
             corners = single.astype(np.float64)
     elif source.data.lstrip()[:5].lower() == b"solid":
-        corners = source.table("\n".join(VERTEX.findall(source.text())), 3, "vertex")
+        corners = source.parse_table("\n".join(VERTEX.findall(source.decode_text())), 3, "vertex")
     else:
-        expected = (
-            f"{HEADER_BYTES + count * RECORD.itemsize} bytes for {count} triangles, or text that begins with solid"
-        )
+        size = HEADER_BYTES + count * RECORD.itemsize
+        expected = f"{size} bytes for {count} triangles, or text that begins with solid"
         source.fail("file", expected, f"{len(source.data)} bytes", "use the whole file")
     if len(corners) % 3 or not len(corners):
         source.fail("vertex", "three for each triangle", str(len(corners)), "correct it")
@@ -37,9 +36,9 @@ def read(source: Source) -> tuple[FloatArray, IntArray]:
     return vertices, index.reshape(-1, 3).astype(np.int64)
 
 
-def to_bytes(mesh: TriangleMesh) -> bytes:
-    """Binary, in single precision: the format has no other."""
+def encode_mesh(mesh: TriangleMesh) -> bytes:
+    """The file as binary, in single precision: the binary format has no other."""
     rows = np.zeros(len(mesh.faces), RECORD)
     rows["normal"], rows["corners"] = mesh.normals, mesh.vertices[mesh.faces]
-    header = b"taxel".ljust(HEADER_BYTES - 4, b" ")  # not "solid": that is how a text begins
+    header = b"taxel".ljust(HEADER_BYTES - 4, b" ")  # not "solid", with which a text file begins
     return header + len(rows).to_bytes(4, "little") + rows.tobytes()

@@ -1,4 +1,4 @@
-"""XYZ: a point a line, x y z in metres, and the counts as a fourth number where they are known."""
+"""XYZ: one point per line, x y z in metres, with the counts as a fourth number if they are known."""
 
 from __future__ import annotations
 
@@ -6,38 +6,42 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.cloud.contact_cloud import ContactCloud
-from taxel.cloud.files.source import Source, shown
+from taxel.cloud.files.source import Source, quote
 
-COMMENT = ("#", "//")
+COMMENT_MARKS = ("#", "//")
 
 
-def read(source: Source) -> ContactCloud:
-    """Columns may be apart by blanks, commas or semicolons; those after the fourth are not read."""
-    lines = [line for line in source.text().splitlines() if line.strip() and not line.lstrip().startswith(COMMENT)]
+def read_cloud(source: Source) -> ContactCloud:
+    """The cloud of columns that are separated by blanks, commas or semicolons; columns after the fourth are ignored."""
+    lines = [
+        line
+        for line in source.decode_text().splitlines()
+        if line.strip() and not line.lstrip().startswith(COMMENT_MARKS)
+    ]
     if not lines:
-        source.fail("points", "lines of x y z", "none", "use another file")
+        source.fail("points", "lines of x y z", "no line", "use another file")
     rows = [line.replace(",", " ").replace(";", " ") for line in lines]
     columns = len(rows[0].split())
     if columns < 3:
-        source.fail("line 1", "x y z, and counts if known", shown(lines[0]), "correct it")
+        source.fail("line 1", "x y z, and counts if known", quote(lines[0]), "correct it")
     for number, row in enumerate(rows, 1):
         if len(row.split()) != columns:
-            source.fail(f"line {number}", f"{columns} numbers as in the first", shown(row), "correct it")
-    table = source.table("\n".join(rows), columns, "points")
-    return ContactCloud.of_points(table[:, :3], table[:, 3] if columns > 3 else None, source.name)
+            source.fail(f"line {number}", f"{columns} numbers as in line 1", quote(row), "correct it")
+    table = source.parse_table("\n".join(rows), columns, "points")
+    return ContactCloud.from_points(table[:, :3], table[:, 3] if columns > 3 else None, source.name)
 
 
-def to_bytes(cloud: ContactCloud) -> bytes:
-    """Counts are left out if any is unknown."""
-    known = bool(len(cloud)) and not np.isnan(cloud.counts).any()
-    table = np.column_stack([cloud.points, cloud.counts]) if known else cloud.points
-    return lines_of(table).encode()
+def encode_cloud(cloud: ContactCloud) -> bytes:
+    """The file as text, without the column of counts if any of them is unknown."""
+    is_known = bool(len(cloud)) and not np.isnan(cloud.counts).any()
+    table = np.column_stack([cloud.points, cloud.counts]) if is_known else cloud.points
+    return format_rows(table).encode()
 
 
-def lines_of(table: npt.NDArray[np.float64]) -> str:
-    """Rows of numbers as text, each as short as it can be without losing anything."""
-    return "".join(" ".join(map(_shortest, row)) + "\n" for row in table.tolist())
+def format_rows(table: npt.NDArray[np.float64]) -> str:
+    """Rows of numbers as text, each number with the fewest digits that restore its value."""
+    return "".join(" ".join(map(_format_number, row)) + "\n" for row in table.tolist())
 
 
-def _shortest(value: float) -> str:
+def _format_number(value: float) -> str:
     return repr(int(value)) if value == int(value) and abs(value) < 2**53 else repr(value)

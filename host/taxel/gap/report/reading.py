@@ -123,7 +123,9 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     effects = []
     for index, name in enumerate(known):
         if name not in catalogue.all_effects() or known.index(name) != index:
-            raise GapInputError(f"report: verdict.effects[{index}]", "names of the catalogue", format_value(name), REMEDY)
+            raise GapInputError(
+                f"report: verdict.effects[{index}]", "names of the catalogue", format_value(name), REMEDY
+            )
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
         effects.append(_effect(name, entries[name], len(sensor)))
@@ -186,7 +188,9 @@ def _form(name: str, form: str, scope: str, model: Value) -> Effect:
     if found is None:
         known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)
         where, remedy = f"report: {model.path}.form", "use the release of taxel that made the report"
-        raise GapInputError(where, f"a form of {name} ({known})", f"{format_value(form)} of {format_value(scope)}", remedy)
+        raise GapInputError(
+            where, f"a form of {name} ({known})", f"{format_value(form)} of {format_value(scope)}", remedy
+        )
     return found
 
 

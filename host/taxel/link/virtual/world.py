@@ -212,7 +212,9 @@ class VirtualWorld:
     def strikes(self, first: int = 0) -> list[Strike]:
         """What has gone wrong, from the `first` one on. Raises `LinkError` if some of it has been forgotten (4,096)."""
         table, lost = (_Strike * 4096)(), ctypes.c_uint64()
-        count = self._library.taxel_bench_read_fault_log(self._open_handle, first, table, len(table), ctypes.byref(lost))
+        count = self._library.taxel_bench_read_fault_log(
+            self._open_handle, first, table, len(table), ctypes.byref(lost)
+        )
         if lost.value:
             raise LinkError("virtual rig", f"has forgotten {lost.value} of its faults; ask more often")
         return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
@@ -227,7 +229,9 @@ class VirtualWorld:
         if runs < 0:
             raise FaultError("virtual rig", f"board 0x{address:02X} is none of this world's")
         data = ctypes.string_at(self._library.taxel_bench_flash_bytes(handle, address), FLASH_SIZE)
-        wear = np.frombuffer(ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * FLASH_ROWS), "<u4")
+        wear = np.frombuffer(
+            ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * FLASH_ROWS), "<u4"
+        )
         return BoardFlash(data, wear, int(self._library.taxel_bench_torn_writes(handle, address)), RUNS[runs])
 
     def processor(self, address: int) -> Processor:
@@ -268,7 +272,9 @@ class VirtualWorld:
         row, after, wanted = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)
         made: list[PowerCut] = []
         for number in range(first, self.cut_count(address)):
-            if self._library.taxel_bench_read_power_cut(handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted):
+            if self._library.taxel_bench_read_power_cut(
+                handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted
+            ):
                 raise LinkError("virtual rig", f"has forgotten power cut {number}; ask more often")
             made.append(PowerCut(row.value, after.value / PS_PER_S, wanted.raw))
         return made

@@ -125,7 +125,9 @@ def _placed(table: CsvTable, rows: GraspRows, motion: HandMotion, options: Impor
 
 def _no_object_pose(source: Source, name: str) -> NoReturn:
     remedy = "add object_x, object_y, object_z, object_qw, object_qx, object_qy, object_qz, or give a calibration file"
-    source.fail(f"where {format_value(name)} stands", "no columns object_x ... object_qz and no calibrated pose", remedy)
+    source.fail(
+        f"where {format_value(name)} stands", "no columns object_x ... object_qz and no calibrated pose", remedy
+    )
 
 
 def frame_rows(one: PlacedGrasp, own: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:

@@ -156,7 +156,9 @@ def _header(cells: list[str], columns: Sequence[Column], source: Source) -> list
             near = near_names(name, [column.name for column in columns])
             place.fail("known columns", format_value(name), f"rename or remove that column ({near})")
         if column in order:
-            place.fail("each column once", f"{format_value(name)}, which is {column.name} again", "remove one of the two")
+            place.fail(
+                "each column once", f"{format_value(name)}, which is {column.name} again", "remove one of the two"
+            )
         order.append(column)
     for column in columns:
         if column.required and column not in order:

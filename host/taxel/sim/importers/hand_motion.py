@@ -93,7 +93,9 @@ class HandMotion:
     def of(self, grasp: str) -> GraspTrack:
         """The hand during a grasp; ImportDataError if the file lacks it."""
         if grasp not in self.tracks:
-            self.source.key("grasp").fail(f"rows of grasp {format_value(grasp)}", "none", near_names(grasp, self.tracks))
+            self.source.key("grasp").fail(
+                f"rows of grasp {format_value(grasp)}", "none", near_names(grasp, self.tracks)
+            )
         return self.tracks[grasp]
 
 

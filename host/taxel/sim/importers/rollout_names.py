@@ -123,7 +123,9 @@ class _Finder:
             kinds = [kind for kind in KINDS if value in self.names[kind] and value]
             if len(kinds) > 1:
                 place.fail(
-                    f"one of {', '.join(KINDS)}", f"{format_value(value)} as {' and '.join(kinds)}", "write { body = ... }"
+                    f"one of {', '.join(KINDS)}",
+                    f"{format_value(value)} as {' and '.join(kinds)}",
+                    "write { body = ... }",
                 )
             if not kinds:
                 self._missing(value, KINDS, place)
@@ -137,7 +139,9 @@ class _Finder:
 
     def _missing(self, name: str, kinds: Sequence[str], place: Source) -> None:
         known = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
-        place.fail(f"a {' or '.join(kinds)} of the model", f"{format_value(name)}, which it lacks", near_names(name, known))
+        place.fail(
+            f"a {' or '.join(kinds)} of the model", f"{format_value(name)}, which it lacks", near_names(name, known)
+        )
 
     def others(self, boards: Sequence[str], prefix: Any) -> dict[str, tuple[str, int]]:
         """What the boards without an entry are."""

@@ -63,7 +63,9 @@ class RolloutStates:
                 for row in rows:
                     if values[row] != values[rows[0]]:
                         place = self.source.key(f"{key}[{row}]")
-                        place.fail(f"one {key} in a grasp", format_value(str(values[row])), "correct it, or name a new grasp")
+                        place.fail(
+                            f"one {key} in a grasp", format_value(str(values[row])), "correct it, or name a new grasp"
+                        )
         return parts
 
 
@@ -143,5 +145,7 @@ def _labels(value: Any, frames: int, place: Source) -> list[str]:
 def _integers(values: list[str], place: Source) -> NDArray[np.int64]:
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
-            Source(place.file, f"{place.field}[{row}]").fail("an integer of 0 or more", format_value(value), "count from 0")
+            Source(place.file, f"{place.field}[{row}]").fail(
+                "an integer of 0 or more", format_value(value), "count from 0"
+            )
     return np.array(values, np.int64)

@@ -1,1 +1,1 @@
-"""Arithmetic on a board's counts."""
+"""Analysis of a board's raw counts: pure functions on arrays."""

@@ -1,8 +1,9 @@
-"""Lines that are broken, joined or exchanged, from the counts of an untouched board.
+"""Detection of open, shorted and swapped lines from the raw counts of an untouched board.
 
-A hardware count (largest count less raw count) is proportional to a crossing's capacitance, so what is wrong with a
-line shows in all crossings on it: a broken line leaves only a stub; two joined lines measure the same charge, however
-the parts spread; lines exchanged in the harness lose their capacitance where the other one has no taxel.
+A hardware count (full-scale count minus raw count) is proportional to the capacitance of a crossing, so a fault of a
+line appears at all its crossings. An open line leaves only the capacitance of a stub. Two shorted lines measure the
+same charge, despite the tolerances of the parts. Lines swapped in the harness lack the capacitance at each crossing
+where the other line has no taxel.
 """
 
 from __future__ import annotations
@@ -12,74 +13,76 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand import BoardKind
 from taxel.signal.noise import MAD_TO_SIGMA
+from taxel.types import BoolArray, CountArray, FloatArray
 from taxel_tools.bench.analysis.fault import (
     Axis,
     Fault,
-    joint,
+    connector_pin,
     line_name,
-    lines_name,
-    lines_of,
+    line_pair_name,
+    lines_of_taxels,
     severity_below,
     taxel_name,
 )
 
-CHANCE: Final = 3e-6
-"""How likely it may be, by the spread of parts alone, that two sound lines look joined: a few short pairs a board, and
-many boards.
+CHANCE_MAX: Final = 3e-6
+"""Probability at which the similarity of two healthy lines by chance is excluded.
+
+The value keeps false shorts improbable for several pairs of lines on a board and for a batch of boards.
 """
 SAME_SIGMAS: Final = 4.0
 SAME_SHARE: Final = 0.002
-"""Crossings that differ by no more than noise and this share are called the same: coupling between lines leaves it."""
-SPREADS: Final = 6.0
-"""How many standard deviations of the parts' spread a crossing may be off."""
-FULL_COUNTS: Final = 2.0
-"""A raw count below this is at its stop: the crossing has more capacitance than the converter takes."""
-GONE: Final = 0.2
-"""Relative capacitance below which a crossing surely carries no taxel."""
+"""Relative difference that coupling between lines causes; below this and the noise, two crossings count as equal."""
+SPREAD_SIGMAS: Final = 6.0
+"""Permitted deviation of a crossing, in standard deviations of the capacitance."""
+STOP_COUNTS: Final = 2.0
+"""A raw count below this limit is at its stop: the crossing has more capacitance than the converter measures."""
+NO_TAXEL_SHARE: Final = 0.2
+"""Relative capacitance below which a crossing certainly has no taxel."""
 SPREAD_MIN: Final = 0.01
-"""The least relative spread of capacitances that is believed of a board."""
+"""Lower limit of the relative standard deviation of the capacitances of a board."""
 BATCHES: Final = 10
-"""A mean's error is taken from means over so many parts of the record, since 1/f noise does not average out."""
+"""Number of parts of the record whose means give the standard error, because 1/f noise does not average out."""
 
 
 @dataclass(frozen=True, eq=False)
-class AtRest:
-    """A board's counts when nothing touches it.
+class RestCounts:
+    """Counts of an untouched board.
 
-    `hardware` f64[taxels]: largest count less mean raw count. `error` f64[taxels]: standard error of that mean.
-    `largest`: the largest count.
+    `hardware` f64[taxels]: full-scale count minus mean raw count. `error` f64[taxels]: standard error of this mean.
+    `full_scale`: full-scale count.
     """
 
     kind: BoardKind
-    hardware: NDArray[np.float64]
-    error: NDArray[np.float64]
-    largest: float = float("inf")
+    hardware: FloatArray
+    error: FloatArray
+    full_scale: float = float("inf")
 
     @property
-    def relative(self) -> NDArray[np.float64]:
-        """Capacitances over the board's median."""
+    def relative_capacitance(self) -> FloatArray:
+        """Capacitances relative to the median of the board, f64[taxels]."""
         return np.asarray(self.hardware / max(float(np.median(self.hardware)), 1.0))
 
     @property
     def spread(self) -> float:
         """Standard deviation of the relative capacitances, from their median absolute deviation."""
-        relative = self.relative
+        relative = self.relative_capacitance
         return max(MAD_TO_SIGMA * float(np.median(np.abs(relative - np.median(relative)))), SPREAD_MIN)
 
-    def grid(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values of taxels at their crossings, f64[tx, rx], NaN where there is none."""
+    def to_grid(self, values: FloatArray) -> FloatArray:
+        """Values of taxels at their crossings, f64[tx, rx]; NaN at crossings without a taxel."""
         grid = np.full(self.kind.crossings.shape, np.nan)
         grid[self.kind.crossings] = values
         return grid
 
 
-def mean_error(raw_counts: NDArray[np.uint16]) -> NDArray[np.float64]:
-    """Standard error of each taxel's mean, f64[taxels]: of batch means, pooled over the board, and never below the
-    white one. raw_counts: u16[t, taxels].
+def standard_error_of_mean(raw_counts: CountArray) -> FloatArray:
+    """Standard error of the mean of each taxel, f64[taxels], for `raw_counts` u16[t, taxels].
+
+    The larger of the error for white noise and the error from the means of `BATCHES` parts, pooled over the board.
     """
     frames = len(raw_counts)
     white = raw_counts.std(axis=0) / np.sqrt(frames)
@@ -90,86 +93,87 @@ def mean_error(raw_counts: NDArray[np.uint16]) -> NDArray[np.float64]:
     return np.asarray(np.maximum(white, pooled))
 
 
-def line_faults(rest: AtRest, least: float) -> tuple[list[Fault], NDArray[np.bool_]]:
-    """Faults, and which taxels they explain, bool[taxels].
+def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], BoolArray]:
+    """Faults, and the taxels that these faults explain, bool[taxels].
 
-    least: relative capacitance below which a crossing counts as missing.
+    `limit`: relative capacitance below which a crossing counts as missing.
     """
-    missing = rest.relative < least
+    missing = counts.relative_capacitance < limit
     explained = np.zeros(len(missing), dtype=bool)
     faults: list[Fault] = []
-    for find in (_joined, _swapped, _open):
-        found, places = find(rest, missing & ~explained, least)
-        faults += found
-        explained |= places
+    for find in (_find_shorts, _find_swapped_lines, _find_open_lines):
+        new_faults, new_explained = find(counts, missing & ~explained, limit)
+        faults += new_faults
+        explained |= new_explained
     for taxel in np.nonzero(missing & ~explained)[0]:
-        share = float(rest.relative[taxel])
-        crossing = f"TX {rest.kind.tx[taxel]}, RX {rest.kind.rx[taxel]}"
-        text = f"has {share:.0%} of the board's median capacitance: look at the electrodes at {crossing}"
-        faults.append(Fault("missing crossing", taxel_name(int(taxel)), text, severity_below(share, least)))
+        share = float(counts.relative_capacitance[taxel])
+        crossing = f"TX {counts.kind.tx[taxel]}, RX {counts.kind.rx[taxel]}"
+        text = f"{share:.0%} of the median capacitance of the board; check the electrodes at {crossing}"
+        faults.append(Fault("missing crossing", taxel_name(int(taxel)), text, severity_below(share, limit)))
     return faults, explained | missing
 
 
-def _open(rest: AtRest, missing: NDArray[np.bool_], least: float) -> tuple[list[Fault], NDArray[np.bool_]]:
-    """Lines without any capacitance. A taxel at the crossing of two such lines may be due to either."""
+def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
+    """Lines whose crossings are all missing; the line with more crossings explains a shared crossing."""
     explained = np.zeros(len(missing), dtype=bool)
-    whole = []
+    candidates = []
     for axis in Axis:
-        lines = lines_of(rest.kind, axis)
+        lines = lines_of_taxels(counts.kind, axis)
         for index in np.unique(lines):
             on_line = lines == index
             if missing[on_line].all():
-                whole.append((int(on_line.sum()), axis, int(index), on_line))
+                candidates.append((int(on_line.sum()), axis, int(index), on_line))
     faults = []
-    for _, axis, index, on_line in sorted(whole, key=lambda one: -one[0]):
+    for _, axis, index, on_line in sorted(candidates, key=lambda candidate: -candidate[0]):
         if not (missing & on_line & ~explained).any():
             continue
         explained |= on_line
-        share = float(np.median(rest.relative[on_line]))
-        where = joint(axis, index, rest.kind.tx_count)
-        text = f"all its crossings have {share:.0%} of the capacitance that they should: look at {where} and its trace"
-        faults.append(Fault("open line", line_name(axis, index), text, severity_below(share, least)))
+        share = float(np.median(counts.relative_capacitance[on_line]))
+        pin = connector_pin(axis, index, counts.kind.tx_count)
+        text = f"its crossings have {share:.0%} of the expected capacitance; check {pin} and its trace"
+        faults.append(Fault("open line", line_name(axis, index), text, severity_below(share, limit)))
     return faults, explained
 
 
-def _joined(rest: AtRest, missing: NDArray[np.bool_], least: float) -> tuple[list[Fault], NDArray[np.bool_]]:
-    """Neighbouring lines that measure the same."""
+def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
+    """Neighbouring lines that measure the same counts."""
     explained = np.zeros(len(missing), dtype=bool)
-    hardware, error, relative = rest.grid(rest.hardware), rest.grid(rest.error), rest.grid(rest.relative)
-    grid_of_missing = rest.grid(missing.astype(np.float64))
+    relative = counts.to_grid(counts.relative_capacitance)
+    hardware, error = counts.to_grid(counts.hardware), counts.to_grid(counts.error)
+    missing_grid = counts.to_grid(missing.astype(np.float64))
     faults = []
     for axis in Axis:
         tables = [table if axis is Axis.TX else table.T for table in (hardware, error, relative)]
         for index in range(len(tables[0]) - 1):
-            apart = ~_open_elsewhere(grid_of_missing if axis is Axis.TX else grid_of_missing.T, index)
-            chance, level = _chance_of_sameness(
-                rest, [np.where(apart, one[index : index + 2], np.nan) for one in tables]
-            )
-            if chance > CHANCE:
+            usable = ~_crossing_line_is_open(missing_grid if axis is Axis.TX else missing_grid.T, index)
+            pair = [np.where(usable, table[index : index + 2], np.nan) for table in tables]
+            chance, level = _chance_of_equality(counts, pair)
+            if chance > CHANCE_MAX:
                 continue
-            lines = lines_of(rest.kind, axis)
+            lines = lines_of_taxels(counts.kind, axis)
             explained |= (lines == index) | (lines == index + 1)
-            first, second = (joint(axis, line, rest.kind.tx_count) for line in (index, index + 1))
-            text = f"measure the same at every crossing ({level:.0%} of the median): look between {first} and {second}"
-            faults.append(Fault("short", lines_name(axis, index, index + 1), text, float("inf")))
+            first, second = (connector_pin(axis, line, counts.kind.tx_count) for line in (index, index + 1))
+            text = f"equal counts at every crossing ({level:.0%} of the median); check between {first} and {second}"
+            faults.append(Fault("short", line_pair_name(axis, index, index + 1), text, float("inf")))
     return faults, explained
 
 
-def _open_elsewhere(missing: NDArray[np.float64], index: int) -> NDArray[np.bool_]:
-    """Crossing lines that are missing everywhere but on two lines, bool[crossing lines]: on those they say nothing.
+def _crossing_line_is_open(missing: FloatArray, index: int) -> BoolArray:
+    """Crossing lines that are missing on all lines except `index` and `index + 1`, bool[crossing lines].
 
-    missing: [lines, crossing lines], NaN where there is no taxel.
+    `missing`: [lines, crossing lines], NaN without a taxel. Such a crossing line is open and gives no evidence on the
+    two lines.
     """
-    others = np.delete(missing, [index, index + 1], axis=0)
-    return np.asarray(np.isfinite(others).any(axis=0) & (np.nan_to_num(others, nan=1.0) == 1.0).all(axis=0))
+    outside_pair = np.delete(missing, [index, index + 1], axis=0)
+    is_open = (np.nan_to_num(outside_pair, nan=1.0) == 1.0).all(axis=0)
+    return np.asarray(np.isfinite(outside_pair).any(axis=0) & is_open)
 
 
-def _chance_of_sameness(rest: AtRest, pair: list[NDArray[np.float64]]) -> tuple[float, float]:
-    """How likely two sound lines would agree so well, and the level at which they do.
+def _chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[float, float]:
+    """Probability that two healthy lines agree equally well by chance, and their relative level.
 
-    Each common crossing of sound lines agrees within a tolerance by chance with the share of a normal distribution that
-    the tolerance covers. A crossing that only one of them has is halved (or so) by a short, and stays as it is on sound
-    lines.
+    At each common crossing of healthy lines, the probability is the share of a normal distribution within the
+    tolerance. A short approximately halves a crossing that only one of the lines has; healthy lines leave it unchanged.
     """
     hardware, error, relative = pair
     common = np.isfinite(hardware).all(axis=0)
@@ -180,46 +184,46 @@ def _chance_of_sameness(rest: AtRest, pair: list[NDArray[np.float64]]) -> tuple[
     if (difference > tolerance).any():
         return 1.0, 1.0
     level = float(np.mean(relative[:, common]))
-    sigma = np.sqrt(2.0) * rest.spread * float(np.median(rest.hardware))
+    sigma = np.sqrt(2.0) * counts.spread * float(np.median(counts.hardware))
     chance = float(np.prod(np.minimum(2.0 * tolerance / (np.sqrt(2.0 * np.pi) * sigma), 1.0)))
-    if abs(level - 1.0) > SPREADS * rest.spread / np.sqrt(common.sum()):
-        chance *= CHANCE
-    if (hardware[:, common] > rest.largest - FULL_COUNTS).all():
+    if abs(level - 1.0) > SPREAD_SIGMAS * counts.spread / np.sqrt(common.sum()):
+        chance *= CHANCE_MAX
+    if (hardware[:, common] > counts.full_scale - STOP_COUNTS).all():
         return chance, level
-    alone = relative[:, np.isfinite(hardware).sum(axis=0) == 1]
-    alone = alone[np.isfinite(alone)]
-    if len(alone):
-        if (np.abs(alone - level / 2.0) > SPREADS * rest.spread).any():
+    unshared = relative[:, np.isfinite(hardware).sum(axis=0) == 1]
+    unshared = unshared[np.isfinite(unshared)]
+    if len(unshared):
+        if (np.abs(unshared - level / 2.0) > SPREAD_SIGMAS * counts.spread).any():
             return 1.0, level
-        if abs(float(np.mean(alone)) - 1.0) > SPREADS * rest.spread / np.sqrt(len(alone)):
-            chance *= CHANCE
+        if abs(float(np.mean(unshared)) - 1.0) > SPREAD_SIGMAS * counts.spread / np.sqrt(len(unshared)):
+            chance *= CHANCE_MAX
     return chance, level
 
 
-def _swapped(rest: AtRest, missing: NDArray[np.bool_], least: float) -> tuple[list[Fault], NDArray[np.bool_]]:
-    """The pair of lines whose exchange leaves just these crossings without a taxel."""
+def _find_swapped_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
+    """The only pair of lines whose exchange explains exactly the missing crossings."""
     nothing = np.zeros(len(missing), dtype=bool)
-    if not missing.any() or (rest.relative[missing] > GONE).any():
+    if not missing.any() or (counts.relative_capacitance[missing] > NO_TAXEL_SHARE).any():
         return [], nothing
-    crossings = rest.kind.crossings
-    lost = np.zeros_like(crossings)
-    lost[crossings] = missing
-    fits = []
+    crossings = counts.kind.crossings
+    missing_crossings = np.zeros_like(crossings)
+    missing_crossings[crossings] = missing
+    candidates = []
     for axis in Axis:
-        has, gone = (crossings, lost) if axis is Axis.TX else (crossings.T, lost.T)
-        for first, second in combinations(range(len(has)), 2):
-            expected = np.zeros_like(gone)
-            expected[first] = has[first] & ~has[second]
-            expected[second] = has[second] & ~has[first]
-            if (expected == gone).all():
-                fits.append((axis, first, second))
-    if len(fits) != 1:
+        table, missing_table = (crossings, missing_crossings) if axis is Axis.TX else (crossings.T, missing_crossings.T)
+        for first, second in combinations(range(len(table)), 2):
+            expected = np.zeros_like(missing_table)
+            expected[first] = table[first] & ~table[second]
+            expected[second] = table[second] & ~table[first]
+            if (expected == missing_table).all():
+                candidates.append((axis, first, second))
+    if len(candidates) != 1:
         return [], nothing
-    axis, first, second = fits[0]
-    joints = " and ".join(joint(axis, line, rest.kind.tx_count) for line in (first, second))
-    text = f"each lacks the crossings that only the other has: look whether {joints} are exchanged"
-    share = float(np.median(rest.relative[missing]))
-    lines = lines_of(rest.kind, axis)
-    return [Fault("swapped lines", lines_name(axis, first, second), text, severity_below(share, least))], (
-        lines == first
-    ) | (lines == second)
+    axis, first, second = candidates[0]
+    pins = " and ".join(connector_pin(axis, line, counts.kind.tx_count) for line in (first, second))
+    text = f"each line lacks the crossings that only the other line has; check whether {pins} are exchanged"
+    share = float(np.median(counts.relative_capacitance[missing]))
+    lines = lines_of_taxels(counts.kind, axis)
+    place = line_pair_name(axis, first, second)
+    fault = Fault("swapped lines", place, text, severity_below(share, limit))
+    return [fault], (lines == first) | (lines == second)

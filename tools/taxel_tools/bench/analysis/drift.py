@@ -1,4 +1,4 @@
-"""How a board's counts change by themselves."""
+"""Drift of an untouched board: slopes of its raw counts over time."""
 
 from __future__ import annotations
 
@@ -7,51 +7,57 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from taxel.types import CountArray, FloatArray
 
 S_PER_MIN: Final = 60.0
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """Counts a minute: `board` of the median taxel, `worst` of the taxel that goes its own way most, `worst_taxel`
-    which one, `error` the standard error of `board` (slow noise of the supply included); `change` f64[k], `time_s`
-    f64[k]: of the median taxel, in steps of half a second or so.
+    """Slopes in counts/min, and the change of the board over time.
+
+    `board`: slope of the median taxel. `error`: standard error of `board`, including slow noise of the supply. `worst`:
+    slope of the taxel with the largest deviation from the median taxel, relative to the median; `worst_taxel`: its
+    index. `time_s` f64[k], `change` f64[k]: change of the median taxel in counts, in steps of about 0.5 s.
     """
 
     board: float
     error: float
     worst: float
     worst_taxel: int
-    time_s: NDArray[np.float64]
-    change: NDArray[np.float64]
+    time_s: FloatArray
+    change: FloatArray
 
 
-def drift_of(raw_counts: NDArray[np.uint16], time_s: NDArray[np.float64], step_s: float = 0.5) -> Drift:
-    """Slopes of means over steps, by least squares. raw_counts: u16[t, taxels]. Raises ValueError under four steps."""
+def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -> Drift:
+    """Fit slopes to means over steps by least squares. Raises ValueError for less than four steps.
+
+    `raw_counts`: u16[t, taxels]; `time_s`: f64[t].
+    """
     steps = int((time_s[-1] - time_s[0]) / step_s) if len(time_s) else 0
     if steps < 4:
         raise ValueError(f"expected at least {4 * step_s:g} s of frames, found {steps * step_s:g} s")
     edges = np.searchsorted(time_s, time_s[0] + step_s * np.arange(steps + 1))
-    kept = [slice(first, last) for first, last in pairwise(edges) if last > first]
-    means = np.array([raw_counts[part].mean(axis=0, dtype=np.float64) for part in kept])
-    times = np.array([time_s[part].mean() for part in kept])
+    parts = [slice(first, last) for first, last in pairwise(edges) if last > first]
+    means = np.array([raw_counts[part].mean(axis=0, dtype=np.float64) for part in parts])
+    times = np.array([time_s[part].mean() for part in parts])
     centred = times - times.mean()
     slopes = (centred @ (means - means.mean(axis=0))) / (centred @ centred) * S_PER_MIN
     board = float(np.median(slopes))
     common = np.median(means - means.mean(axis=0), axis=1)
     residual = common - centred * board / S_PER_MIN
     error = float(np.sqrt(residual @ residual / max(len(times) - 2, 1) / (centred @ centred))) * S_PER_MIN
-    error *= _inflation(residual)
+    error *= _error_factor(residual)
     worst = int(np.argmax(np.abs(slopes - board)))
     return Drift(board, error, float(slopes[worst] - board), worst, times - times[0], common - common[0])
 
 
-def _inflation(residual: NDArray[np.float64]) -> float:
-    """How much larger the error of a slope is because neighbours of the residual are alike.
+def _error_factor(residual: FloatArray) -> float:
+    """Factor by which autocorrelation of the residual increases the standard error of a slope.
 
-    Of a first-order autoregression, sqrt((1 + r) / (1 - r)) with r its correlation at lag one (Zwiers and von Storch,
-    J. Climate 8, 1995): slow noise has slopes of its own.
+    For a first-order autoregression the factor is sqrt((1 + r) / (1 - r)) with the correlation r at lag one (Zwiers and
+    von Storch, J. Climate 8, 1995).
     """
     power = residual @ residual
     if power <= 0.0:

@@ -6,29 +6,27 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.hand import BoardKind
+from taxel.types import ByteArray
 
 
 class Axis(IntEnum):
-    """The two kinds of lines of a board."""
+    """The two directions of lines of a board."""
 
     TX = 0
     RX = 1
 
 
 BOARD: Final = "board"
-"""The place of what is wrong with a whole board."""
+"""Place of a fault of the whole board."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong with a board.
+    """A fault of a board.
 
-    `name`: such as "open line"; `place`: such as "TX 3", "taxel 17", "board"; `text`: what was seen and where to look;
-    `severity`: how many times beyond the limit.
+    `name`: such as "open line"; `place`: such as "TX 3", "taxel 17", "board"; `text`: measured evidence and the part to
+    inspect; `severity`: factor beyond the limit.
     """
 
     name: str
@@ -37,33 +35,33 @@ class Fault:
     severity: float
 
 
-def lines_of(kind: BoardKind, axis: Axis) -> NDArray[np.uint8]:
+def lines_of_taxels(kind: BoardKind, axis: Axis) -> ByteArray:
     """Line of each taxel, u8[taxels]."""
     return kind.tx if axis is Axis.TX else kind.rx
 
 
-def severity_below(share: float, least: float) -> float:
-    """How many times below its lower limit a share is; infinite for nothing at all."""
-    return float("inf") if share <= 0.0 else least / share
+def severity_below(share: float, limit: float) -> float:
+    """Factor by which a share is below its lower limit; infinite for a share of 0 or less."""
+    return float("inf") if share <= 0.0 else limit / share
 
 
 def line_name(axis: Axis, index: int) -> str:
-    """TX 3."""
+    """Name of a line, such as TX 3."""
     return f"{axis.name} {index}"
 
 
-def lines_name(axis: Axis, first: int, second: int) -> str:
-    """TX 3 and TX 4, the lower one first."""
+def line_pair_name(axis: Axis, first: int, second: int) -> str:
+    """Names of two lines, such as TX 3 and TX 4, the lower one first."""
     low, high = sorted((first, second))
     return f"{line_name(axis, low)} and {line_name(axis, high)}"
 
 
-def joint(axis: Axis, index: int, tx_count: int) -> str:
-    """Where a line is soldered. TX lines come first on the board's connector, then RX lines (docs/assumptions.md)."""
+def connector_pin(axis: Axis, index: int, tx_count: int) -> str:
+    """Connector pin of a line. TX lines come first on the connector, then RX lines (docs/assumptions.md)."""
     pin = 1 + index + (tx_count if axis is Axis.RX else 0)
     return f"J1 pin {pin}"
 
 
 def taxel_name(taxel: int) -> str:
-    """Taxel 17."""
+    """Name of a taxel, such as taxel 17."""
     return f"taxel {taxel}"

@@ -1,55 +1,56 @@
-"""How the untouched board's counts change by themselves."""
+"""Phase `drift`: drift of the untouched board."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from taxel_tools.bench.analysis.drift import drift_of
+from taxel_tools.bench.analysis.drift import fit_drift
 from taxel_tools.bench.analysis.fault import BOARD, Fault
-from taxel_tools.bench.pictures import course
-from taxel_tools.bench.station import Station
+from taxel_tools.bench.board_under_test import BoardUnderTest
+from taxel_tools.bench.pictures import draw_time_course
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
-SURE: Final = 4.0
-"""A slope is believed if it is so many times its own error: strong noise has slopes too."""
+SIGNIFICANT_ERRORS: Final = 4.0
+"""A slope is significant above this number of standard errors, because strong noise causes slopes by chance."""
 
 
 class Drift:
-    """Slope of the board's mean."""
+    """Slope of the mean raw count of the board."""
 
     name = "drift"
     title = "Baseline drift"
-    automatic = True
+    is_automatic = True
     limit_names = frozenset({"board", "worst_taxel"})
 
-    def unmet(self, context: Station) -> str:
-        """Nothing is needed."""
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """No requirements."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: of the untouched board."""
-        self._seconds(options)
+        """`seconds`: duration of the record of the untouched board."""
+        self._take_seconds(options)
 
-    def _seconds(self, options: Options) -> float:
+    def _take_seconds(self, options: Options) -> float:
         return options.take_number("seconds", 12.0, 3.0, 36000.0)
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Measure."""
-        seconds = self._seconds(options)
-        options.done()
-        capture = context.untouched(seconds, log)
-        drift = drift_of(capture.raw_counts, capture.time_s)
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Measure the slopes, and report a significant drift beyond the limit."""
+        seconds = self._take_seconds(options)
+        options.refuse_unknown_keys()
+        capture = board.read_at_rest(seconds, log)
+        drift = fit_drift(capture.raw_counts, capture.time_s)
         log.measure("board", abs(drift.board), "counts/min")
         log.measure("worst_taxel", abs(drift.worst), "counts/min", f"taxel {drift.worst_taxel}")
         log.measure("error", drift.error, "counts/min")
-        limit = log.limit("board")
-        if limit is not None and not limit.holds(abs(drift.board)) and abs(drift.board) > SURE * drift.error:
-            text = f"{drift.board:+.0f} counts a minute, {limit} is allowed: let it warm up, look at its supply"
-            context.evidence.board.append(Fault("drift", BOARD, text, limit.severity(abs(drift.board))))
-        context.picture(
+        limit = log.get_limit("board")
+        is_significant = abs(drift.board) > SIGNIFICANT_ERRORS * drift.error
+        if limit is not None and not limit.contains(abs(drift.board)) and is_significant:
+            text = f"{drift.board:+.0f} counts/min, limit {limit}; let the board warm up, check its supply"
+            board.evidence.board.append(Fault("drift", BOARD, text, limit.severity(abs(drift.board))))
+        board.attach_picture(
             log,
             "drift.png",
-            lambda: course(drift.time_s, drift.change, drift.board),
-            "Change of the untouched board, the median of its taxels",
+            lambda: draw_time_course(drift.time_s, drift.change, drift.board),
+            "Change of the untouched board, median of its taxels",
         )

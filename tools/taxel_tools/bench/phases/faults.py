@@ -1,34 +1,36 @@
-"""What is wrong with the board, in one list."""
+"""Phase `faults`: list of the faults of the board."""
 
 from __future__ import annotations
 
-from taxel_tools.bench.analysis.conclusion import conclude
-from taxel_tools.bench.station import Station
+from taxel_tools.bench.analysis.merging import merge_faults
+from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
 
 class Faults:
-    """Merges what the other phases have seen, so that a fault is named once."""
+    """Merges the faults that the other phases have detected, so that each fault is reported once."""
 
     name = "faults"
     title = "Named faults"
-    automatic = True
+    is_automatic = True
     limit_names = frozenset[str]()
 
-    def unmet(self, context: Station) -> str:
-        """Something must have been measured, or a test of nothing would pass."""
-        return "" if context.was_measured else "no other phase has run"
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """Another phase must have measured the board; otherwise a test without measurements would pass."""
+        return "" if board.was_measured else "no other phase has run"
 
     def check_options(self, options: Options) -> None:
-        """None."""
+        """No options."""
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Name them."""
-        options.done()
-        evidence = context.evidence
-        named = conclude(context.kind, evidence.at_rest, evidence.pressed)
-        for fault in sorted((*named, *evidence.board), key=lambda one: -one.severity):
-            log.finding(fault.name, fault.place, fault.text, fault.severity)
-        if evidence.pressed is None:
-            log.note("no taxel was pressed: dead taxels, low gain and exchanged lines of one length cannot be seen")
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Report the merged faults as findings."""
+        options.refuse_unknown_keys()
+        evidence = board.evidence
+        merged = merge_faults(board.kind, evidence.at_rest, evidence.response)
+        for fault in sorted((*merged, *evidence.board), key=lambda fault: -fault.severity):
+            log.add_finding(fault.name, fault.place, fault.text, fault.severity)
+        if evidence.response is None:
+            log.add_note(
+                "no taxel was indented: dead taxels, low gain and swapped lines of equal length are not detectable"
+            )

@@ -1,4 +1,4 @@
-"""Who the board says it is, and whether that is a board of this hand."""
+"""Phase `identify`: identity of the board, compared with the hand description and the plan."""
 
 from __future__ import annotations
 
@@ -10,69 +10,67 @@ from taxel.hand import Hand
 from taxel_protocol.names import BoardErrorFlag, ResetCause
 from taxel_tools.application import firmware_version
 from taxel_tools.bench.analysis.fault import BOARD, Fault
-from taxel_tools.bench.station import Station
+from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.firmware_update import format_version
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
 
 class Identify:
-    """Identity and status registers against the hand description and the plan."""
+    """Identity and status registers, compared with the hand description and the plan."""
 
     name = "identify"
     title = "Identity"
-    automatic = True
+    is_automatic = True
     limit_names = frozenset({"error_flags"})
 
-    def unmet(self, context: Station) -> str:
-        """Nothing is needed."""
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """No requirements."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`firmware`: the version that must run, such as "0.1.0"; empty: any."""
+        """`firmware`: required version, such as "0.1.0"; empty: any version."""
         options.take_text("firmware", "")
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Read, compare."""
-        wanted = options.take_text("firmware", "")
-        options.done()
-        station, identity = context, context.identity
-        status = station.status()
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Read the registers and report deviations."""
+        required_version = options.take_text("firmware", "")
+        options.refuse_unknown_keys()
+        identity, status = board.identity, board.read_status()
         version = format_version(firmware_version(identity))
-        log.measure("kind", station.kind.name, "")
-        log.measure("taxels", station.kind.taxel_count, "")
+        log.measure("kind", board.kind.name, "")
+        log.measure("taxels", board.kind.taxel_count, "")
         log.measure("firmware", version, "")
         log.measure("unique_id", identity["unique_id"].hex(), "")
         log.measure("error_flags", float(status["error_flags"]), "")
         flags = [flag.name.lower().replace("_", " ") for flag in BoardErrorFlag if status["error_flags"] & flag]
-        log.note(f"last start: {_words(ResetCause, status['reset_cause'])}")
-        found = station.evidence.board
+        log.add_note(f"last start: {_format_code(ResetCause, status['reset_cause'])}")
+        faults = board.evidence.board
         if flags:
-            found.append(
-                Fault("board error", BOARD, f"it reports: {', '.join(flags)}; restart it and test again", float("inf"))
-            )
-        if identity["address"] != station.address:
-            text = f"says that its address is 0x{identity['address']:02X}: provision it"
-            found.append(Fault("wrong address", BOARD, text, float("inf")))
-        if wanted and version != wanted:
-            text = f"runs {version}, the plan asks for {wanted}: flash it"
-            found.append(Fault("wrong firmware", BOARD, text, float("inf")))
-        if station.hand is not None:
-            self._compare(station, station.hand, log)
+            text = f"reported error flags: {', '.join(flags)}; restart the board and repeat the test"
+            faults.append(Fault("board error", BOARD, text, float("inf")))
+        if identity["address"] != board.address:
+            text = f"the identity contains the address 0x{identity['address']:02X}; use taxel provision"
+            faults.append(Fault("wrong address", BOARD, text, float("inf")))
+        if required_version and version != required_version:
+            text = f"firmware {version}, the plan requires {required_version}; use taxel flash"
+            faults.append(Fault("wrong firmware", BOARD, text, float("inf")))
+        if board.hand is not None:
+            self._compare_with_hand(board, board.hand, log)
 
-    def _compare(self, station: Station, hand: Hand, log: PhaseLog) -> None:
-        kind = station.kind
-        known = {board.kind.code: board.kind for board in hand.boards}.get(kind.code)
-        if known is None:
-            log.note(f"hand '{hand.name}' has no kind {kind.code}: compared with nothing")
-        elif not np.array_equal(known.crossings, kind.crossings):
-            text = f"its crossing map is not that of '{known.name}' in hand '{hand.name}': flash the right firmware"
-            station.evidence.board.append(Fault("wrong crossing map", BOARD, text, float("inf")))
-        for board in hand.boards:
-            if board.address == station.address and board.kind.code != kind.code:
-                log.note(f"in hand '{hand.name}' the board of this address is of kind '{board.kind.name}'")
+    def _compare_with_hand(self, board: BoardUnderTest, hand: Hand, log: PhaseLog) -> None:
+        kind = board.kind
+        hand_kind = {hand_board.kind.code: hand_board.kind for hand_board in hand.boards}.get(kind.code)
+        if hand_kind is None:
+            log.add_note(f"hand '{hand.name}' has no kind {kind.code}; the board was not compared with it")
+        elif not np.array_equal(hand_kind.crossings, kind.crossings):
+            text = f"the crossing map differs from '{hand_kind.name}' in hand '{hand.name}'; write the right firmware"
+            board.evidence.board.append(Fault("wrong crossing map", BOARD, text, float("inf")))
+        for hand_board in hand.boards:
+            if hand_board.address == board.address and hand_board.kind.code != kind.code:
+                log.add_note(f"in hand '{hand.name}' the board at this address is of kind '{hand_board.kind.name}'")
 
 
-def _words(names: type[IntEnum], value: int) -> str:
-    """A code in words; the bare number if it is none of ours."""
+def _format_code(names: type[IntEnum], value: int) -> str:
+    """Name of a code; the number for an unknown code."""
     return names(value).name.lower().replace("_", " ") if value in set(names) else str(value)

@@ -1,4 +1,4 @@
-"""Loading and unloading with a wide probe, as in the thesis's Figure 2.5."""
+"""Phase `loading`: loading and unloading curve with a wide tip, as in Figure 2.5 of the thesis."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from taxel_tools.bench.analysis.curve import Curve
-from taxel_tools.bench.pictures import loading_curve
+from taxel_tools.bench.board_under_test import BoardUnderTest
+from taxel_tools.bench.pictures import draw_loading_curve
 from taxel_tools.bench.probe import NoProbe
-from taxel_tools.bench.station import Station
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
@@ -17,62 +17,61 @@ SETTLE_FRAMES: Final = 3
 
 
 class Loading:
-    """Force up in steps and down again, on several taxels."""
+    """Stepwise loading and unloading of several taxels."""
 
     name = "loading"
     title = "Loading and unloading"
-    automatic = False
+    is_automatic = False
     limit_names = frozenset({"hysteresis", "fall", "saturation", "spread"})
 
-    def unmet(self, context: Station) -> str:
-        """A probe that knows its force is needed, or a person who sets it."""
-        return "no probe: give --probe" if isinstance(context.probe, NoProbe) else ""
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """A probe is required."""
+        return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 
     def check_options(self, options: Options) -> None:
-        """`force_n`: largest; `diameter_mm`; `steps` each way; `taxels`: how many; `frames` for each mean."""
-        self._options(options)
+        """`force_n`: largest force; `diameter_mm`; `steps` in each direction; `taxels`: number; `frames` per mean."""
+        self._take_options(options)
 
-    def _options(self, options: Options) -> tuple[float, float, int, int, int]:
+    def _take_options(self, options: Options) -> tuple[float, float, int, int, int]:
         return (
             options.take_number("force_n", 50.0, 0.1, 50.0),
             options.take_number("diameter_mm", 12.0, 0.5, 50.0) * 1e-3,
-            options.take_whole("steps", 12, 3, 200),
-            options.take_whole("taxels", 10, 1, 240),
-            options.take_whole("frames", 4, 1, 1000),
+            options.take_integer("steps", 12, 3, 200),
+            options.take_integer("taxels", 10, 1, 240),
+            options.take_integer("frames", 4, 1, 1000),
         )
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Load, unload, next."""
-        largest, diameter_m, steps, count, frames = self._options(options)
-        options.done()
-        station = context
-        # Counts fall most under small forces, so the steps there are closer.
-        forces = largest * (np.arange(steps + 1) / steps) ** 2
-        chosen = station.middle_taxels(count)
-        loading, unloading = np.zeros((2, len(chosen), steps + 1))
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Load and unload one taxel after the other."""
+        force_max_n, diameter_m, steps, count, frames = self._take_options(options)
+        options.refuse_unknown_keys()
+        # The signal rises fastest at small forces, so the steps are closer there.
+        forces = force_max_n * (np.arange(steps + 1) / steps) ** 2
+        taxels = board.select_inner_taxels(count)
+        loading, unloading = np.zeros((2, len(taxels), steps + 1))
         try:
-            for place, taxel in enumerate(chosen):
-                rest = max(float(station.frames(4 * frames).mean[taxel]), 1.0)
+            for i, taxel in enumerate(taxels):
+                rest_count = max(float(board.read_frames(4 * frames).mean[taxel]), 1.0)
                 for branch, order in ((loading, range(steps + 1)), (unloading, range(steps - 1, -1, -1))):
                     for step in order:
-                        station.probe.press(taxel, float(forces[step]), diameter_m)
-                        branch[place, step] = station.frames(frames, SETTLE_FRAMES).mean[taxel] / rest
-                unloading[place, steps] = loading[place, steps]
-                station.probe.release()
-                log.progress((place + 1) / len(chosen))
+                        board.probe.press(taxel, float(forces[step]), diameter_m)
+                        branch[i, step] = board.read_frames(frames, SETTLE_FRAMES).mean[taxel] / rest_count
+                unloading[i, steps] = loading[i, steps]
+                board.probe.release()
+                log.report_progress((i + 1) / len(taxels))
         finally:
-            station.probe.release()
-        self._judge(station, Curve(forces, loading, unloading), chosen, log)
+            board.probe.release()
+        self._write_results(board, Curve(forces, loading, unloading), taxels, log)
 
-    def _judge(self, station: Station, curve: Curve, chosen: list[int], log: PhaseLog) -> None:
+    def _write_results(self, board: BoardUnderTest, curve: Curve, taxels: list[int], log: PhaseLog) -> None:
         log.measure("hysteresis", curve.hysteresis, "of the range")
         log.measure("hysteresis_area", curve.area, "of the area")
         log.measure("fall", 1.0 - float(curve.loading.mean(axis=0)[-1]), "of the count at rest")
         log.measure("saturation", curve.saturation_n, "N")
         log.measure("spread", curve.spread, "of the count at rest")
         if not curve.is_monotonic:
-            log.note("the mean count rises with force somewhere: look at the probe's alignment")
-        log.note(f"taxels {', '.join(str(taxel) for taxel in chosen)}")
-        station.picture(
-            log, "loading.png", lambda: loading_curve(curve), "Loading and unloading, mean and standard deviation"
+            log.add_note("the mean count increases with the force in one step; check the alignment of the probe")
+        log.add_note(f"taxels {', '.join(str(taxel) for taxel in taxels)}")
+        board.attach_picture(
+            log, "loading.png", lambda: draw_loading_curve(curve), "Loading and unloading, mean and standard deviation"
         )

@@ -1,64 +1,67 @@
-"""Noise of the untouched board, taken apart."""
+"""Phase `noise`: components of the noise of the untouched board."""
 
 from __future__ import annotations
 
-from taxel_tools.bench.analysis.noise import FRAMES_MIN, NoiseParts, noise_parts
-from taxel_tools.bench.analysis.noise_names import TITLES, noise_faults
-from taxel_tools.bench.pictures import board_map, spectrum
-from taxel_tools.bench.station import Station
+from taxel_tools.bench.analysis.noise import FRAMES_MIN, NoiseParts, separate_noise
+from taxel_tools.bench.analysis.noise_faults import TITLES, find_noise_faults
+from taxel_tools.bench.board_under_test import BoardUnderTest
+from taxel_tools.bench.pictures import draw_board_map, draw_spectrum
 from taxel_tools.errors import BoardError
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
 
 class Noise:
-    """White, shared along lines, shared by the board, 1/f, impulses, wandering; and the spectrum."""
+    """White noise, noise shared along lines or by the board, 1/f noise, impulses, drift; and the spectrum."""
 
     name = "noise"
     title = "Noise"
-    automatic = True
+    is_automatic = True
     limit_names = frozenset(TITLES) | {"impulses"}
 
-    def unmet(self, context: Station) -> str:
-        """Nothing is needed."""
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """No requirements."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: of the untouched board."""
-        self._seconds(options)
+        """`seconds`: duration of the record of the untouched board."""
+        self._take_seconds(options)
 
-    def _seconds(self, options: Options) -> float:
+    def _take_seconds(self, options: Options) -> float:
         return options.take_number("seconds", 12.0, 2.0, 3600.0)
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Measure."""
-        seconds = self._seconds(options)
-        options.done()
-        station = context
-        capture = station.untouched(seconds, log)
-        rate_hz = capture.rate_hz
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Measure the components and report those beyond their limits."""
+        seconds = self._take_seconds(options)
+        options.refuse_unknown_keys()
+        capture = board.read_at_rest(seconds, log)
         if len(capture) < FRAMES_MIN:
-            few = f"gave {len(capture)} frames in {capture.seconds:.1f} s, and noise needs {FRAMES_MIN}"
-            raise BoardError(station.address, f"{few}; give it more seconds in the plan")
-        parts = noise_parts(station.kind, capture.raw_counts, rate_hz, station.status()["scan_time_us"] * 1e-6)
-        for name in TITLES:
-            log.measure(name, float(getattr(parts, name)), "counts")
+            found = (
+                f"expected at least {FRAMES_MIN} frames for the noise, found {len(capture)} in {capture.seconds:.1f} s"
+            )
+            raise BoardError(board.address, f"{found}; increase 'seconds' in the plan")
+        scan_s = board.read_status()["scan_time_us"] * 1e-6
+        parts = separate_noise(board.kind, capture.raw_counts, capture.rate_hz, scan_s)
+        for name, amplitude in parts.amplitudes().items():
+            log.measure(name, amplitude, "counts")
         log.measure("impulses", parts.impulses_per_s, "1/s")
-        limits = {name: limit.maximum for name in TITLES if (limit := log.limit(name)) and limit.maximum is not None}
-        station.evidence.board += noise_faults(parts, limits)
-        station.noise = parts
-        self._pictures(station, parts, rate_hz, log)
+        limits = {
+            name: limit.maximum for name in TITLES if (limit := log.get_limit(name)) and limit.maximum is not None
+        }
+        board.evidence.board += find_noise_faults(parts, limits)
+        board.noise = parts
+        self._attach_pictures(board, parts, capture.rate_hz, log)
 
-    def _pictures(self, station: Station, parts: NoiseParts, rate_hz: float, log: PhaseLog) -> None:
-        station.picture(
+    def _attach_pictures(self, board: BoardUnderTest, parts: NoiseParts, rate_hz: float, log: PhaseLog) -> None:
+        board.attach_picture(
             log,
             "spectrum.png",
-            lambda: spectrum(parts.frequency_hz, parts.spectrum, parts.white, rate_hz),
+            lambda: draw_spectrum(parts.frequency_hz, parts.spectrum, parts.white, rate_hz),
             "Spectrum of the untouched board",
         )
-        station.picture(
+        board.attach_picture(
             log,
             "noise.png",
-            lambda: board_map(station.kind, parts.white_by_taxel, "white noise (counts)"),
+            lambda: draw_board_map(board.kind, parts.white_by_taxel, "white noise (counts)"),
             "White noise of each taxel",
         )

@@ -1,4 +1,4 @@
-"""The smallest force that can be seen, with a narrow probe."""
+"""Phase `small_forces`: smallest detectable force with a narrow tip."""
 
 from __future__ import annotations
 
@@ -6,72 +6,71 @@ from typing import Final
 
 import numpy as np
 
-from taxel_tools.bench.analysis.curve import first_visible, smallest_visible
-from taxel_tools.bench.pictures import small_forces
+from taxel_tools.bench.analysis.curve import extrapolate_detectable_force, find_first_detected_force
+from taxel_tools.bench.board_under_test import BoardUnderTest
+from taxel_tools.bench.pictures import draw_small_forces
 from taxel_tools.bench.probe import NoProbe
-from taxel_tools.bench.station import Station
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
 
 SIGMAS: Final = 3.0
 SETTLE_FRAMES: Final = 3
-LADDER_N: Final = (0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.10)
-"""Around the 0.06 N that the thesis saw with a 1.9 mm probe (section 2.5)."""
+FORCES_N: Final = (0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.10)
+"""Forces around 0.06 N, which the thesis detected with a 1.9 mm tip (section 2.5)."""
 
 
 class SmallForces:
-    """A ladder of small forces on a few taxels; the force whose signal stands out of one frame's noise."""
+    """Signals under small forces on several taxels, compared with the noise of one frame."""
 
     name = "small_forces"
-    title = "Smallest visible force"
-    automatic = False
+    title = "Smallest detectable force"
+    is_automatic = False
     limit_names = frozenset({"visible", "seen"})
 
-    def unmet(self, context: Station) -> str:
-        """A probe that knows its force is needed."""
-        if isinstance(context.probe, NoProbe):
-            return "no probe: give --probe"
-        return "" if context.probe.knows_force else "forces this small cannot be set by hand"
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """A probe with a known force is required."""
+        if isinstance(board.probe, NoProbe):
+            return "no probe; choose one with --probe"
+        return "" if board.probe.has_known_force else "an operator cannot set forces this small"
 
     def check_options(self, options: Options) -> None:
-        """`diameter_mm`; `taxels`: how many; `frames` for each mean."""
-        self._options(options)
+        """`diameter_mm`; `taxels`: number; `frames` per mean."""
+        self._take_options(options)
 
-    def _options(self, options: Options) -> tuple[float, int, int]:
+    def _take_options(self, options: Options) -> tuple[float, int, int]:
         return (
             options.take_number("diameter_mm", 1.9, 0.2, 10.0) * 1e-3,
-            options.take_whole("taxels", 3, 1, 240),
-            options.take_whole("frames", 16, 2, 1000),
+            options.take_integer("taxels", 3, 1, 240),
+            options.take_integer("frames", 16, 2, 1000),
         )
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Press ever harder, on each taxel."""
-        diameter_m, count, frames = self._options(options)
-        options.done()
-        station = context
-        forces = np.array(LADDER_N)
-        chosen = station.middle_taxels(count)
-        signals = np.zeros((len(chosen), len(forces)))
-        sigmas = np.zeros(len(chosen))
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Apply increasing forces to each taxel."""
+        diameter_m, count, frames = self._take_options(options)
+        options.refuse_unknown_keys()
+        forces = np.array(FORCES_N)
+        taxels = board.select_inner_taxels(count)
+        signals = np.zeros((len(taxels), len(forces)))
+        sigmas = np.zeros(len(taxels))
         try:
-            for place, taxel in enumerate(chosen):
-                untouched = station.frames(4 * frames).raw_counts[:, taxel].astype(np.float64)
-                sigmas[place] = untouched.std(ddof=1)
+            for i, taxel in enumerate(taxels):
+                rest_counts = board.read_frames(4 * frames).raw_counts[:, taxel].astype(np.float64)
+                sigmas[i] = rest_counts.std(ddof=1)
                 for step, force in enumerate(forces):
-                    station.probe.press(taxel, float(force), diameter_m)
-                    signals[place, step] = untouched.mean() - station.frames(frames, SETTLE_FRAMES).mean[taxel]
-                station.probe.release()
-                log.progress((place + 1) / len(chosen))
+                    board.probe.press(taxel, float(force), diameter_m)
+                    signals[i, step] = rest_counts.mean() - board.read_frames(frames, SETTLE_FRAMES).mean[taxel]
+                board.probe.release()
+                log.report_progress((i + 1) / len(taxels))
         finally:
-            station.probe.release()
+            board.probe.release()
         signal, noise = signals.mean(axis=0), float(sigmas.mean())
-        visible = smallest_visible(forces, signal, noise, SIGMAS)
-        log.measure("visible", visible, "N")
-        log.measure("seen", first_visible(forces, signal, noise, SIGMAS), "N")
+        detectable_n = extrapolate_detectable_force(forces, signal, noise, SIGMAS)
+        log.measure("visible", detectable_n, "N")
+        log.measure("seen", find_first_detected_force(forces, signal, noise, SIGMAS), "N")
         log.measure("counts_a_newton", float(forces @ signal / (forces @ forces)), "counts/N")
-        station.picture(
+        board.attach_picture(
             log,
             "small_forces.png",
-            lambda: small_forces(forces, signal, noise, visible, SIGMAS),
-            "Signals under small forces, against the noise of one frame",
+            lambda: draw_small_forces(forces, signal, noise, detectable_n, SIGMAS),
+            "Signals under small forces, and the noise of one frame",
         )

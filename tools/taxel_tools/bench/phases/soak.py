@@ -1,4 +1,4 @@
-"""A long watch over the untouched board."""
+"""Phase `soak`: long record of the untouched board."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from taxel_tools.bench.analysis.fault import BOARD, Fault
+from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.bench.capture import Capture
-from taxel_tools.bench.pictures import course
-from taxel_tools.bench.station import Station
+from taxel_tools.bench.pictures import draw_time_course
 from taxel_tools.errors import BoardError
 from taxel_tools.testing.engine import PhaseLog
 from taxel_tools.testing.options import Options
@@ -20,103 +20,106 @@ S_PER_MIN: Final = 60.0
 US_PER_S: Final = 1e6
 CLOCK_SHARE: Final = 0.05
 CLOCK_S: Final = 0.05
-"""A board's clock goes on as the host's does, within 2 % and what a transfer takes; if not, it has begun anew."""
-ROUNDING_COUNTS: Final = 0.3
-"""Standard deviation of a count's rounding: no board has less noise."""
+"""Permitted deviation between board and host clock: 2 % and the time of a transfer; a larger one shows a restart."""
+QUANTISATION_COUNTS: Final = 0.3
+"""Standard deviation of the rounding to whole counts: lower limit of the noise of a board."""
 
 
 @dataclass
-class Watch:
-    """What a watch has seen. `silences`: how often frames ceased; `restarts`: how often the board's clock began anew;
-    `time_s`, `mean`, `sigma`: of each part the time, the board's mean count and the noise of its median taxel.
+class SoakLog:
+    """Results of a soak.
+
+    `silences`: number of times the frames stopped. `restarts`: number of restarts of the board's clock. `missed_scans`:
+    scans without a frame. `time_s`, `mean`, `sigma`: for each part of the record its time, the mean raw count of the
+    board and the noise of its median taxel.
     """
 
     silences: int = 0
     restarts: int = 0
-    missed: int = 0
+    missed_scans: int = 0
     time_s: list[float] = field(default_factory=list)
     mean: list[float] = field(default_factory=list)
     sigma: list[float] = field(default_factory=list)
     _is_silent: bool = False
-    _clock: tuple[float, int] | None = None
+    _last_clock: tuple[float, int] | None = None
 
-    def fell_silent(self) -> None:
-        """No frames came, for the first time or still."""
+    def add_silence(self) -> None:
+        """Record that no frames arrived; successive silences count once."""
         self.silences += not self._is_silent
         self._is_silent = True
 
-    def take_clock(self, time_s: float, clock_us: int) -> None:
-        """The board's clock was read. clock_us: modulo 2^32."""
-        if self._clock is not None:
-            elapsed_s = time_s - self._clock[0]
-            board_s = ((clock_us - self._clock[1]) % 2**32) / US_PER_S
+    def add_clock(self, time_s: float, clock_us: int) -> None:
+        """Record a reading of the board's clock, modulo 2^32, at the host time `time_s`."""
+        if self._last_clock is not None:
+            elapsed_s = time_s - self._last_clock[0]
+            board_s = ((clock_us - self._last_clock[1]) % 2**32) / US_PER_S
             self.restarts += abs(board_s - elapsed_s) > CLOCK_SHARE * elapsed_s + CLOCK_S
-        self._clock = time_s, clock_us
+        self._last_clock = time_s, clock_us
 
-    def take(self, time_s: float, part: Capture) -> None:
-        """Frames came."""
+    def add_part(self, time_s: float, part: Capture) -> None:
+        """Record a part of the frames."""
         self._is_silent = False
-        self.missed += part.missed
+        self.missed_scans += part.missed_scans
         self.time_s.append(time_s)
         self.mean.append(float(part.mean.mean()))
         self.sigma.append(float(np.median(part.raw_counts.std(axis=0))))
 
 
 class Soak:
-    """Frames for minutes: falls silent, restarts, drifts, gets noisier."""
+    """Interruptions, restarts, drift and noise over minutes."""
 
     name = "soak"
     title = "Soak"
-    automatic = True
+    is_automatic = True
     limit_names = frozenset({"silences", "restarts", "missed_scans", "walk", "noise_growth"})
 
-    def unmet(self, context: Station) -> str:
-        """Nothing is needed."""
+    def unmet_requirement(self, board: BoardUnderTest) -> str:
+        """No requirements."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`minutes`."""
-        self._seconds(options)
+        """`minutes`: duration of the record."""
+        self._take_seconds(options)
 
-    def _seconds(self, options: Options) -> float:
+    def _take_seconds(self, options: Options) -> float:
         return options.take_number("minutes", 10.0, 0.1, 10000.0) * S_PER_MIN
 
-    def run(self, context: Station, options: Options, log: PhaseLog) -> None:
-        """Watch."""
-        seconds = self._seconds(options)
-        options.done()
-        watch = self._watch(context, seconds, log)
-        log.measure("silences", watch.silences, "")
-        log.measure("restarts", watch.restarts, "")
-        if watch.silences or watch.restarts:
+    def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
+        """Record frames and report interruptions and restarts."""
+        seconds = self._take_seconds(options)
+        options.refuse_unknown_keys()
+        soak = self._record(board, seconds, log)
+        log.measure("silences", soak.silences, "")
+        log.measure("restarts", soak.restarts, "")
+        if soak.silences or soak.restarts:
             text = (
-                f"fell silent {_times(watch.silences)} and restarted {_times(watch.restarts)} in "
-                f"{seconds / S_PER_MIN:g} minutes: look at its plug and supply"
+                f"stopped responding {_format_times(soak.silences)} and restarted {_format_times(soak.restarts)} in "
+                f"{seconds / S_PER_MIN:g} minutes; check plug and supply"
             )
-            context.evidence.board.append(Fault("unsteady", BOARD, text, float("inf")))
-        if len(watch.time_s) < 2:
-            log.note("too few frames came to say more")
+            board.evidence.board.append(Fault("unsteady", BOARD, text, float("inf")))
+        if len(soak.time_s) < 2:
+            log.add_note("too few frames for the other measurements")
             return
-        log.measure("missed_scans", watch.missed, "scans")
-        mean, times = np.array(watch.mean), np.array(watch.time_s)
+        log.measure("missed_scans", soak.missed_scans, "scans")
+        mean, times = np.array(soak.mean), np.array(soak.time_s)
         log.measure("walk", float(np.ptp(mean)), "counts")
-        log.measure("noise_growth", max(watch.sigma) / max(min(watch.sigma), ROUNDING_COUNTS), "")
+        log.measure("noise_growth", max(soak.sigma) / max(min(soak.sigma), QUANTISATION_COUNTS), "")
         slope = float(np.polyfit(times, mean, 1)[0]) * S_PER_MIN
-        context.picture(log, "soak.png", lambda: course(times, mean, slope), "Mean count over the watch")
+        board.attach_picture(log, "soak.png", lambda: draw_time_course(times, mean, slope), "Mean raw count")
 
-    def _watch(self, station: Station, seconds: float, log: PhaseLog) -> Watch:
-        watch = Watch()
-        watch.take_clock(station.wire.now_s(), station.status()["clock_us"])
-        begin = station.wire.now_s()
-        while (elapsed := station.wire.now_s() - begin) < seconds:
+    def _record(self, board: BoardUnderTest, seconds: float, log: PhaseLog) -> SoakLog:
+        soak = SoakLog()
+        soak.add_clock(board.wire.now_s(), board.read_status()["clock_us"])
+        start_s = board.wire.now_s()
+        while (elapsed := board.wire.now_s() - start_s) < seconds:
             try:
-                watch.take(elapsed, station.frames_for(min(PART_S, seconds - elapsed + 0.5)))
-                watch.take_clock(station.wire.now_s(), station.status()["clock_us"])
+                soak.add_part(elapsed, board.read_for(min(PART_S, seconds - elapsed + 0.5)))
+                soak.add_clock(board.wire.now_s(), board.read_status()["clock_us"])
             except BoardError:
-                watch.fell_silent()
-            log.progress((station.wire.now_s() - begin) / seconds)
-        return watch
+                soak.add_silence()
+            log.report_progress((board.wire.now_s() - start_s) / seconds)
+        return soak
 
 
-def _times(count: int) -> str:
+def _format_times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"

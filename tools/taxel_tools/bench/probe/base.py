@@ -1,59 +1,85 @@
-"""What a probe can do."""
+"""Interface of a probe."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from taxel.errors import TaxelError
+from taxel.hand import BoardKind
+from taxel_tools.open_wire import EmulatedBench
+from taxel_tools.testing.operator import Operator
 
 
 class ProbeError(TaxelError):
-    """A probe that cannot do what is asked of it."""
+    """A probe that cannot carry out an indentation, or cannot be opened."""
 
 
+@runtime_checkable
 class Probe(Protocol):
-    """Something that presses one place of a board.
+    """A device that indents one taxel at a time.
 
-    `name`: for reports. `is_automatic`: it needs no person. `knows_force`: the force that is asked for is the force
-    that acts.
+    `name`: name in reports. `is_automatic`: the probe needs no operator. `has_known_force`: the applied force equals
+    the requested force.
     """
 
     name: str
     is_automatic: bool
-    knows_force: bool
+    has_known_force: bool
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Press the middle of a taxel with a flat round tip; from an earlier force at this place it goes on, without
-        letting go.
+        """Indent the centre of a taxel with a flat round tip. A second force on the same taxel follows without release.
 
         Raises `ProbeError`.
         """
         ...
 
     def release(self) -> None:
-        """Let go, and stay clear of the board."""
+        """Release the board and keep clear of it."""
         ...
 
     def close(self) -> None:
-        """Let go, and give back what the probe is driven by. May be called twice; a test's record is not lost by it, so
-        what fails here is left alone.
+        """Release the board and close the device. May be called twice.
+
+        Errors are suppressed, so that they do not discard the record of a test.
         """
         ...
 
 
+@dataclass(frozen=True)
+class ProbeRequest:
+    """Arguments for opening a probe.
+
+    `url`: value of ``--probe``. `kind`: kind of the board. `pitch_m`: distance between taxels. `operator`: person at
+    the station. `address`: I2C address of the board. `emulated`: the emulated bench of an emulated board, else None.
+    """
+
+    url: str
+    kind: BoardKind
+    pitch_m: float
+    operator: Operator
+    address: int
+    emulated: EmulatedBench | None = None
+
+
 class NoProbe:
-    """There is none: phases that press do not run."""
+    """No probe: phases that indent taxels are skipped."""
 
     name = "none"
     is_automatic = False
-    knows_force = False
+    has_known_force = False
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
         """Raises `ProbeError`."""
-        raise ProbeError("no probe is there to press with: give --probe")
+        raise ProbeError("no probe to indent the board; choose one with --probe")
 
     def release(self) -> None:
-        """Nothing to let go."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing."""
+
+
+def open_no_probe(request: ProbeRequest) -> NoProbe:
+    """The probe `none`."""
+    return NoProbe()

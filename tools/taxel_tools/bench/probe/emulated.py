@@ -1,70 +1,81 @@
-"""Forces on an emulated board."""
+"""Probe that applies contact forces to an emulated board."""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand import BoardKind
 from taxel.link.virtual import VirtualWorld
+from taxel.types import FloatArray
+from taxel_tools.bench.probe.base import ProbeError, ProbeRequest
 
-SAMPLES: Final = 41
-"""Points across the tip, by which its area is shared out among the cells of the taxels under it."""
+TIP_SAMPLES: Final = 41
+"""Number of points across the tip, with which its area is divided among the taxels under the tip."""
 
 
 class EmulatedProbe:
-    """A flat tip on an emulated board that lies flat: its force spreads evenly over the tip's area.
+    """A flat tip on a flat emulated board, with a uniform pressure over the area of the tip.
 
-    first: where the board's taxels begin among the world's. pitch_m: between taxels. move_s: how long the probe takes
-    from one place to another, world seconds.
+    `first_taxel`: index of the first taxel of the board in the world. `pitch_m`: distance between taxels. `move_s`:
+    time of a move between taxels, in world seconds.
 
     .. warning::
-        Not modelled: the tip's edge, which presses harder than its middle, and tilt.
+        Not modelled: the higher pressure at the edge of the tip, and tilt.
     """
 
     name = "emulated probe"
     is_automatic = True
-    knows_force = True
+    has_known_force = True
 
-    def __init__(self, world: VirtualWorld, kind: BoardKind, first: int, pitch_m: float, move_s: float = 0.1) -> None:
+    def __init__(
+        self, world: VirtualWorld, kind: BoardKind, first_taxel: int, pitch_m: float, move_s: float = 0.1
+    ) -> None:
         self._world = world
         self._kind = kind
-        self._first = first
+        self._first_taxel = first_taxel
         self._pitch_m = pitch_m
         self._move_s = move_s
-        self._place = -1
+        self._taxel = -1
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """As `Probe`."""
-        if taxel != self._place:
+        """Apply the force."""
+        if taxel != self._taxel:
             self.release()
             self._world.run(self._move_s)
-        self._place = taxel
+        self._taxel = taxel
         forces = np.zeros(self._world.taxels)
-        last = self._first + self._kind.taxel_count
-        forces[self._first : last] = force_n * self._shares(taxel, diameter_m)
+        last = self._first_taxel + self._kind.taxel_count
+        forces[self._first_taxel : last] = force_n * self._force_shares(taxel, diameter_m)
         self._world.press(forces)
 
-    def _shares(self, taxel: int, diameter_m: float) -> NDArray[np.float64]:
-        """Share of the tip over each taxel's cell; what lies over bare board presses nothing that is measured."""
-        across = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
-        down, right = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
-        inside = np.hypot(down, right) <= diameter_m / 2.0
-        tx = np.rint(down[inside] / self._pitch_m).astype(int) + int(self._kind.tx[taxel])
-        rx = np.rint(right[inside] / self._pitch_m).astype(int) + int(self._kind.rx[taxel])
+    def _force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
+        """Share of the tip over the area of each taxel; force beside the taxels has no effect."""
+        across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
+        along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
+        is_under_tip = np.hypot(along_tx, along_rx) <= diameter_m / 2.0
+        tx = np.rint(along_tx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.tx[taxel])
+        rx = np.rint(along_rx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.rx[taxel])
         rows, columns = self._kind.crossings.shape
         on_board = (tx >= 0) & (tx < rows) & (rx >= 0) & (rx < columns)
-        cells = np.zeros((rows, columns))
-        np.add.at(cells, (tx[on_board], rx[on_board]), 1.0 / inside.sum())
-        return np.asarray(cells[self._kind.crossings])
+        shares = np.zeros((rows, columns))
+        np.add.at(shares, (tx[on_board], rx[on_board]), 1.0 / is_under_tip.sum())
+        return np.asarray(shares[self._kind.crossings])
 
     def release(self) -> None:
-        """As `Probe`."""
-        self._place = -1
+        """Remove the force."""
+        self._taxel = -1
         self._world.press(np.zeros(self._world.taxels))
 
     def close(self) -> None:
-        """As `Probe`."""
+        """Remove the force."""
         self.release()
+
+
+def open_emulated_probe(request: ProbeRequest) -> EmulatedProbe:
+    """The probe `emulated`. Raises `ProbeError` for a board that is not emulated."""
+    if request.emulated is None:
+        raise ProbeError("--probe: 'emulated' requires an emulated board, found a physical one; choose another probe")
+    first_taxel = request.emulated.hand.get_slice(request.address).start
+    return EmulatedProbe(request.emulated.world, request.kind, first_taxel, request.pitch_m)

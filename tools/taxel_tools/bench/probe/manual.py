@@ -1,45 +1,51 @@
-"""A person presses, and is told what."""
+"""Probe operated by a person on instruction."""
 
 from __future__ import annotations
 
 from taxel.hand import BoardKind
+from taxel_tools.bench.probe.base import ProbeRequest
 from taxel_tools.testing.operator import Operator
 
 
 class ManualProbe:
-    """Prompts for each press. Which taxel was pressed is seen in the counts; how hard, nobody knows.
+    """Instructs the operator for each indentation. The raw counts show the taxel; the applied force is unknown.
 
-    kind: of the board, for what the prompts say.
+    `kind`: kind of the board, for the text of the instructions.
     """
 
     name = "operator"
     is_automatic = False
-    knows_force = False
+    has_known_force = False
 
     def __init__(self, kind: BoardKind, operator: Operator) -> None:
         self._kind = kind
         self._operator = operator
-        self._is_held = False
-        self._last = (-1, 0.0)
+        self._is_pressed = False
+        self._last_request = (-1, 0.0)
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Ask for it; for no force, ask to let go."""
+        """Instruct the operator to press, or to release for a force of 0."""
         if force_n <= 0.0:
             self.release()
             return
-        again = "once more: " if (taxel, force_n) == self._last else ""
+        prefix = "once more: " if (taxel, force_n) == self._last_request else ""
         crossing = f"TX {self._kind.tx[taxel]}, RX {self._kind.rx[taxel]}"
         self._operator.prompt(
-            f"{again}press taxel {taxel} ({crossing}) with the {diameter_m * 1e3:g} mm probe at {force_n:.3g} N and "
-            "hold it"
+            f"{prefix}press taxel {taxel} ({crossing}) with the {diameter_m * 1e3:g} mm probe at {force_n:.3g} N and "
+            "hold the force"
         )
-        self._is_held, self._last = True, (taxel, force_n)
+        self._is_pressed, self._last_request = True, (taxel, force_n)
 
     def release(self) -> None:
-        """Ask for it, if something is held."""
-        if self._is_held:
-            self._is_held = False
-            self._operator.prompt("let go")
+        """Instruct the operator to release, after an indentation."""
+        if self._is_pressed:
+            self._is_pressed = False
+            self._operator.prompt("release the probe")
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing."""
+
+
+def open_manual_probe(request: ProbeRequest) -> ManualProbe:
+    """The probe `operator`."""
+    return ManualProbe(request.kind, request.operator)

@@ -1,4 +1,4 @@
-"""The page of a test record: one HTML file that reads without this program and without a network."""
+"""HTML page of a test record, readable without this program and without a network."""
 
 from taxel_tools.testing.page.document import page_text, write_page
 

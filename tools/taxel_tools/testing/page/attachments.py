@@ -1,4 +1,4 @@
-"""What a phase attached: pictures are shown, short texts folded, and everything else offered to be saved."""
+"""Attachments of a phase: pictures are shown, short texts folded, other files offered for download."""
 
 from __future__ import annotations
 
@@ -7,50 +7,56 @@ from collections.abc import Sequence
 
 from taxel.gap.page.tables import bullets, folded
 from taxel.gap.page.text import escaped
-from taxel_tools.testing.page.figures import size_words
+from taxel_tools.testing.page.figures import format_size
 from taxel_tools.testing.record import Attachment
 
-PICTURES = ("image/png", "image/svg+xml")
-"""Shown as <img> alone, where neither can run a script."""
-LONGEST_TEXT = 2**16
+PICTURE_TYPES = ("image/png", "image/svg+xml")
+"""Media types shown as <img>, which runs no scripts."""
+TEXT_BYTES_MAX = 2**16
 
 
 def attachments_html(attachments: Sequence[Attachment]) -> str:
     """All attachments of a phase, pictures first."""
-    pictures = "".join(_picture(one) for one in attachments if one.media_type in PICTURES)
-    texts = "".join(_text(one) for one in attachments if _is_text(one))
-    others = [_link(one) for one in attachments if one.media_type not in PICTURES and not _is_text(one)]
-    shown = f'<div class="pictures">{pictures}</div>' if pictures else ""
-    return shown + texts + (bullets(others, "files") if others else "")
+    pictures = "".join(
+        _format_picture(attachment) for attachment in attachments if attachment.media_type in PICTURE_TYPES
+    )
+    texts = "".join(_format_text(attachment) for attachment in attachments if _is_text(attachment))
+    links = [
+        _format_link(attachment)
+        for attachment in attachments
+        if attachment.media_type not in PICTURE_TYPES and not _is_text(attachment)
+    ]
+    picture_list = f'<div class="pictures">{pictures}</div>' if pictures else ""
+    return picture_list + texts + (bullets(links, "files") if links else "")
 
 
-def _picture(one: Attachment) -> str:
-    caption = escaped(one.caption or one.name)
-    data = base64.b64encode(one.data).decode()
+def _format_picture(attachment: Attachment) -> str:
+    caption = escaped(attachment.caption or attachment.name)
+    data = base64.b64encode(attachment.data).decode()
     return (
-        f'<figure><img alt="{caption}" src="data:{one.media_type};base64,{data}"/>'
+        f'<figure><img alt="{caption}" src="data:{attachment.media_type};base64,{data}"/>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
 
-def _is_text(one: Attachment) -> bool:
-    return one.media_type == "text/plain" and len(one.data) <= LONGEST_TEXT
+def _is_text(attachment: Attachment) -> bool:
+    return attachment.media_type == "text/plain" and len(attachment.data) <= TEXT_BYTES_MAX
 
 
-def _text(one: Attachment) -> str:
-    lines = one.data.decode("utf-8", "replace").splitlines()
-    # Line by line, because `escaped` gives one line; what indents a line is kept.
+def _format_text(attachment: Attachment) -> str:
+    lines = attachment.data.decode("utf-8", "replace").splitlines()
+    # Line by line, because `escaped` returns one line; the indentation of each line is kept.
     body = "\n".join(" " * (len(line) - len(line.lstrip(" "))) + escaped(line) for line in lines)
-    return folded(_caption(one), f"<pre>{body}</pre>")
+    return folded(_format_caption(attachment), f"<pre>{body}</pre>")
 
 
-def _link(one: Attachment) -> str:
-    # Saved, never opened: the type is not the record's, so that no browser shows it.
-    data = base64.b64encode(one.data).decode()
-    name = escaped(one.name) or "attachment"
-    return f'<a download="{name}" href="data:application/octet-stream;base64,{data}">{_caption(one)}</a>'
+def _format_link(attachment: Attachment) -> str:
+    # The media type is fixed, so that browsers save the file and never open it.
+    data = base64.b64encode(attachment.data).decode()
+    name = escaped(attachment.name) or "attachment"
+    return f'<a download="{name}" href="data:application/octet-stream;base64,{data}">{_format_caption(attachment)}</a>'
 
 
-def _caption(one: Attachment) -> str:
-    about = f": {escaped(one.caption)}" if one.caption.strip() else ""
-    return f"{escaped(one.name)}{about} ({size_words(len(one.data))})"
+def _format_caption(attachment: Attachment) -> str:
+    description = f": {escaped(attachment.caption)}" if attachment.caption.strip() else ""
+    return f"{escaped(attachment.name)}{description} ({format_size(len(attachment.data))})"

@@ -1,6 +1,7 @@
-"""Small pictures in the cells of tables: one value, or many, within what the limit allows.
+"""Small pictures in table cells: one value, or several values, and the permitted range.
 
-Positions along x are per cent of the cell. The numbers stand beside them, hence a screen reader passes them over.
+Positions along x are percentages of the cell. The numbers are in the neighbouring cells, so screen readers skip the
+pictures.
 """
 
 from __future__ import annotations
@@ -12,55 +13,57 @@ from collections.abc import Iterable
 from taxel.gap.page.bars import HEIGHT, MIDDLE, Axis, picture
 from taxel_tools.testing.record import Limit, Outcome, Value
 
-_MARGIN = 0.35  # of the allowed width, beyond a bound
-_FARTHEST = 1.0  # allowed widths by which values may stretch the axis beyond that
-_EDGE = 0.05  # of the same, so that the largest value does not stand on the end
+_MARGIN = 0.35  # Margin beyond a bound, in units of the permitted width.
+_STRETCH_MAX = 1.0  # Largest extension of the axis for values beyond the margin, in permitted widths.
+_END_MARGIN = 0.05  # Margin beyond the largest value, in permitted widths.
 _DOT = 4.5
-_BAND = (MIDDLE - 5, 10)  # top and height, pixels
+_BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 
 
-def axis_of(limit: Limit, values: Iterable[Value]) -> Axis:
-    """An axis on which the limit and the values are seen; what lies far outside is left beyond its end."""
-    known = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
-    least, largest = (min(known), max(known)) if known else (0.0, 0.0)
+def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
+    """An axis that covers the limit and the values; values far outside lie beyond the end of the axis."""
+    finite = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
+    least, largest = (min(finite), max(finite)) if finite else (0.0, 0.0)
     low, high = limit.minimum, limit.maximum
     if low is None and high is None:
-        return Axis.over(known)
+        return Axis.over(finite)
     if low is not None and high is not None:
-        width = _wide_enough((high - low) or abs(high) or 1.0, low, high)
+        width = _widen((high - low) or abs(high) or 1.0, low, high)
         start, end = low - _MARGIN * width, high + _MARGIN * width
     elif high is not None:
-        width = _wide_enough(high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0, least, high)
+        width = _widen(high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0, least, high)
         start, end = high - width, high + _MARGIN * width
     else:
         bound = 0.0 if low is None else low
-        width = _wide_enough(max(abs(largest - bound), abs(bound)) or 1.0, bound, largest)
-        start, end = (0.0 if bound > 0 and least >= 0 else bound - _MARGIN * width), bound + (1.0 + _EDGE) * width
-    return Axis(max(min(start, least), start - _FARTHEST * width), min(max(end, largest), end + _FARTHEST * width))
+        width = _widen(max(abs(largest - bound), abs(bound)) or 1.0, bound, largest)
+        start, end = (0.0 if bound > 0 and least >= 0 else bound - _MARGIN * width), bound + (1.0 + _END_MARGIN) * width
+    return Axis(
+        max(min(start, least), start - _STRETCH_MAX * width), min(max(end, largest), end + _STRETCH_MAX * width)
+    )
 
 
-def _wide_enough(width: float, *ends: float) -> float:
-    """A width that a margin of it can be told from nothing beside these ends: floats are only so dense."""
+def _widen(width: float, *ends: float) -> float:
+    """The least width for which a margin is representable in floating point near these ends."""
     return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
 
 def value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
-    """What is allowed as a band, and the value as a dot; an arrow where it lies beyond the end."""
+    """The permitted range as a band and the value as a dot; an arrow for a value beyond the axis."""
     kind = "bad" if outcome is Outcome.FAIL else "good"
-    return picture(f"{_allowed(axis, limit)}{_dot(axis, value, kind)}")
+    return picture(f"{_limit_band(axis, limit)}{_value_mark(axis, value, kind)}")
 
 
-def strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
-    """Many values as ticks on one line."""
+def value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
+    """Several values as ticks on one line."""
     ticks = "".join(
         f'<line x1="{axis.at(value)}" x2="{axis.at(value)}" y1="{MIDDLE - 7}" y2="{MIDDLE + 7}"'
-        f' class="tick {"good" if limit is None or limit.holds(value) else "bad"}"/>'
-        for value in sorted(one for one in values if isinstance(one, int | float) and math.isfinite(one))
+        f' class="tick {"good" if limit is None or limit.contains(value) else "bad"}"/>'
+        for value in sorted(value for value in values if isinstance(value, int | float) and math.isfinite(value))
     )
-    return picture(("" if limit is None else _allowed(axis, limit)) + ticks)
+    return picture(("" if limit is None else _limit_band(axis, limit)) + ticks)
 
 
-def _allowed(axis: Axis, limit: Limit) -> str:
+def _limit_band(axis: Axis, limit: Limit) -> str:
     low, high = limit.bounds
     left, width = axis.span(max(low, axis.low), min(high, axis.high))
     band = f'<rect x="{left}" width="{width}" y="{_BAND[0]}" height="{_BAND[1]}" class="band"/>'
@@ -72,7 +75,7 @@ def _allowed(axis: Axis, limit: Limit) -> str:
     return f'<rect x="0" width="100%" y="{_BAND[0]}" height="{_BAND[1]}" class="ground"/>{band}{ends}'
 
 
-def _dot(axis: Axis, value: Value, kind: str) -> str:
+def _value_mark(axis: Axis, value: Value, kind: str) -> str:
     if not isinstance(value, int | float) or math.isnan(value):
         return ""
     if value > axis.high or value < axis.low:

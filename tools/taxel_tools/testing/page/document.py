@@ -1,4 +1,4 @@
-"""The page of a test: one file that needs nothing else, reads without scripts, and prints."""
+"""HTML page of a test: one file without external references and scripts, suitable for printing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
 from taxel_tools.testing.page.earlier import earlier_section
 from taxel_tools.testing.page.phases import phase_section, phases_section
-from taxel_tools.testing.page.verdict import header, title_of
+from taxel_tools.testing.page.verdict import format_title, header
 from taxel_tools.testing.record import TestRecord
 from taxel_tools.testing.whole_file import write_whole
 
-# Nothing may be fetched or run, whatever a record's text says.
+# The browser fetches and runs nothing, regardless of the text of the record.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
@@ -27,32 +27,32 @@ def write_page(
     earlier: Sequence[Summary] = (),
     overwrite: bool = False,
 ) -> None:
-    """Write the page, whole or not at all.
+    """Write the page completely or not at all.
 
     Args:
         record: the test.
         path: the file.
-        changes: what `History.compare` says of the record.
-        earlier: what `History.earlier` says of its serial number, without the record itself.
-        overwrite: whether a file that stands there may be replaced.
+        changes: result of `History.compare` for the record.
+        earlier: result of `History.list_earlier` for its serial number, without the record itself.
+        overwrite: whether an existing file may be replaced.
 
     Raises:
-        ResultFileError: the file exists, or cannot be written.
+        ResultFileError: the file exists, or is not writable.
     """
     write_whole(path, page_text(record, changes, earlier).encode(), overwrite)
 
 
 def page_text(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
-    """The page as text: HTML that is well-formed XML too; the same record gives the same text."""
+    """The page as HTML text that is also well-formed XML; equal records give equal text."""
     sections = [phases_section(record.phases)]
     sections += [phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
-    before = earlier_section(record.phases, changes, earlier)
-    body = "".join(section.html() for section in [*sections, *([before] if before else [])])
+    history = earlier_section(record.phases, changes, earlier)
+    body = "".join(section.html() for section in [*sections, *([history] if history else [])])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
         f'<meta http-equiv="Content-Security-Policy" content="{escaped(_POLICY)}"/>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
-        f'<meta name="color-scheme" content="light dark"/>\n<title>{title_of(record)}</title>\n<style>\n{_style()}'
+        f'<meta name="color-scheme" content="light dark"/>\n<title>{format_title(record)}</title>\n<style>\n{_style()}'
         f"</style>\n</head>\n<body>\n{header(record)}<main>\n{body}</main>\n</body>\n</html>\n"
     )
 

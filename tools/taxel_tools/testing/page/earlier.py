@@ -1,4 +1,4 @@
-"""The same device before: which numbers have moved, and how its earlier tests came out."""
+"""Section on earlier tests of the same device: numbers that have moved, and earlier results."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from taxel.gap.page.tables import Column, Section, folded, paragraph, table
 from taxel.gap.page.text import ABSENT, escaped, plural, words
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
-from taxel_tools.testing.page.elements import place_words, scrolled
-from taxel_tools.testing.page.figures import figure, time_words, with_unit
+from taxel_tools.testing.page.elements import format_place, scrolled
+from taxel_tools.testing.page.figures import format_figure, format_time, format_with_unit
 from taxel_tools.testing.record import PhaseRecord
 
-MOST_RUNS = 10
-MOST_MOVED = 12
+RUNS_MAX = 10
+MOVED_MAX = 12
 
 _CHANGES = (
     Column("measurement"),
@@ -30,20 +30,20 @@ _RUNS = (Column("tested"), Column("", "verdict"), Column("plan"), Column("operat
 def earlier_section(
     phases: Sequence[PhaseRecord], changes: Sequence[Change], earlier: Sequence[Summary]
 ) -> Section | None:
-    """What the history says; None where it says nothing."""
+    """The section; None without earlier tests."""
     if not changes and not earlier:
         return None
     titles = {phase.name: phase.title for phase in phases}
-    moved = sorted((one for one in changes if one.moved), key=lambda one: -one.shift)
+    moved = sorted((change for change in changes if change.has_moved), key=lambda change: -change.shift)
     parts = []
     if moved:
-        told = f"{len(moved):,} of {plural(len(changes), 'number')} moved more than the earlier tests let expect."
-        parts += [paragraph(told), _table(moved[:MOST_MOVED], titles, "What moved, most first")]
+        text = f"{len(moved):,} of {plural(len(changes), 'number')} moved more than expected from the earlier tests."
+        parts += [paragraph(text), _table(moved[:MOVED_MAX], titles, "Moved values, in order of decreasing shift")]
     elif changes:
-        parts.append(paragraph(f"None of {plural(len(changes), 'number')} moved more than is usual."))
-    if len(changes) > min(len(moved), MOST_MOVED):
-        whole = _table(changes, titles, "All numbers, now and before")
-        parts.append(folded(f"All {plural(len(changes), 'number')}, now and before", whole))
+        parts.append(paragraph(f"None of {plural(len(changes), 'number')} moved more than expected."))
+    if len(changes) > min(len(moved), MOVED_MAX):
+        full_table = _table(changes, titles, "All numbers, now and before")
+        parts.append(folded(f"All {plural(len(changes), 'number')}, now and before", full_table))
     if earlier:
         parts.append(_runs(earlier))
     return Section("earlier", "Earlier tests", "".join(parts))
@@ -52,15 +52,15 @@ def earlier_section(
 def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
     rows = (
         (
-            f'{words(one.measurement)} <span class="says">{escaped(titles.get(one.phase, one.phase))}</span>',
-            place_words(one.place),
-            with_unit(one.value, one.unit),
-            figure(one.last),
-            figure(one.median),
-            f"{one.runs:,}",
-            '<b class="moved">moved</b>' if one.moved else "",
+            f'{words(change.measurement)} <span class="phase">{escaped(titles.get(change.phase, change.phase))}</span>',
+            format_place(change.place),
+            format_with_unit(change.value, change.unit),
+            format_figure(change.last),
+            format_figure(change.median),
+            f"{change.runs:,}",
+            '<b class="moved">moved</b>' if change.has_moved else "",
         )
-        for one in changes
+        for change in changes
     )
     return scrolled(table(_CHANGES, rows, caption, "measured"), caption)
 
@@ -68,14 +68,14 @@ def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> s
 def _runs(earlier: Sequence[Summary]) -> str:
     rows = (
         (
-            time_words(one.started_utc),
-            f'<b class="{one.outcome}">{one.outcome}</b>',
-            escaped(f"{one.plan_name}, version {one.plan_version}"),
-            escaped(one.operator),
-            escaped("; ".join(one.faults)) or ABSENT,
+            format_time(run.started_utc),
+            f'<b class="{run.outcome}">{run.outcome}</b>',
+            escaped(f"{run.plan_name}, version {run.plan_version}"),
+            escaped(run.operator),
+            escaped("; ".join(run.faults)) or ABSENT,
         )
-        for one in earlier[:MOST_RUNS]
+        for run in earlier[:RUNS_MAX]
     )
-    more = len(earlier) - MOST_RUNS
-    rest = paragraph(f"And {plural(more, 'older test')}.", "small") if more > 0 else ""
-    return scrolled(table(_RUNS, rows, "Earlier tests", "runs"), "Earlier tests") + rest
+    hidden_count = len(earlier) - RUNS_MAX
+    remark = paragraph(f"{plural(hidden_count, 'older test')} not shown.", "small") if hidden_count > 0 else ""
+    return scrolled(table(_RUNS, rows, "Earlier tests", "runs"), "Earlier tests") + remark

@@ -1,4 +1,4 @@
-"""Values and times as people read them, safe to stand in HTML."""
+"""Values, times and sizes as escaped text."""
 
 from __future__ import annotations
 
@@ -9,33 +9,37 @@ from taxel.gap.page.text import ABSENT, MINUS, SPACE, escaped, plural
 from taxel_tools.testing.record import Limit, Value
 
 _DIGITS = 3
-_MOST_DIGITS = 17  # enough to tell any two doubles apart
+_DIGITS_MAX = 17  # Distinguishes any two doubles.
 
 
-def figure(value: Value, limit: Limit | None = None) -> str:
-    """Three digits, or as many more as show on which side of its limit the value is: 8.0004 where 8 is allowed."""
+def format_figure(value: Value, limit: Limit | None = None) -> str:
+    """A value with three digits, or as many more as distinguish the value from its limit: 8.0004 for a limit of 8."""
     if value is None:
         return "no value"
     if isinstance(value, str):
         return escaped(value)
     if not math.isfinite(value):
         return "NaN" if math.isnan(value) else "infinite" if value > 0 else f"{MINUS}infinite"
-    text = _rounded(value, _DIGITS)
-    for digits in range(_DIGITS + 1, _MOST_DIGITS + 1):
-        if limit is None or limit.holds(float(text.replace(",", ""))) == limit.holds(value):
+    text = _round(value, _DIGITS)
+    for digits in range(_DIGITS + 1, _DIGITS_MAX + 1):
+        if limit is None or limit.contains(float(text.replace(",", ""))) == limit.contains(value):
             break
-        text = _rounded(value, digits)
+        text = _round(value, digits)
     return text.replace("-", MINUS)
 
 
-def with_unit(value: Value, unit: str, limit: Limit | None = None) -> str:
+def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str:
     """A value and its unit."""
-    known = isinstance(value, int | float) and math.isfinite(value)
-    return f"{figure(value, limit)}{SPACE}{escaped(unit)}" if known and unit.strip() else figure(value, limit)
+    is_finite = isinstance(value, int | float) and math.isfinite(value)
+    return (
+        f"{format_figure(value, limit)}{SPACE}{escaped(unit)}"
+        if is_finite and unit.strip()
+        else format_figure(value, limit)
+    )
 
 
-def allowed(limit: Limit | None) -> str:
-    """A limit in signs: at most, at least, from to."""
+def format_limit(limit: Limit | None) -> str:
+    """A limit with mathematical signs."""
     if limit is None:
         return ABSENT
     low, high = (f"{bound:,.10g}".replace("-", MINUS) for bound in limit.bounds)
@@ -46,30 +50,30 @@ def allowed(limit: Limit | None) -> str:
     return f"= {low}" if low == high else f"{low} to {high}"
 
 
-def time_words(started_utc: str) -> str:
-    """A time of a record: 2026-01-31 09:30:00 UTC; as it is where it is no time."""
+def format_time(started_utc: str) -> str:
+    """The time of a record, such as 2026-01-31 09:30:00 UTC; invalid times are returned unchanged."""
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S}{SPACE}UTC"
     except ValueError:
         return escaped(started_utc)
 
 
-def seconds_words(seconds: float) -> str:
-    """A duration: 4.2 s, 3 min 20 s."""
+def format_duration(seconds: float) -> str:
+    """A duration, such as 4.2 s or 3 min 20 s."""
     if not math.isfinite(seconds):
         return ABSENT
     if seconds < 100:
         return f"{seconds:.1f}{SPACE}s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes:,}{SPACE}min {rest}{SPACE}s"
+    minutes, remainder = divmod(round(seconds), 60)
+    return f"{minutes:,}{SPACE}min {remainder}{SPACE}s"
 
 
-def size_words(size: int) -> str:
-    """A number of bytes: 512 bytes, 12 kB."""
+def format_size(size: int) -> str:
+    """A number of bytes, such as 512 bytes or 12 kB."""
     return plural(size, "byte") if size < 1000 else f"{size / 1000:,.0f}{SPACE}kB"
 
 
-def _rounded(value: float, digits: int) -> str:
+def _round(value: float, digits: int) -> str:
     size = abs(value)
     if value == 0 or (size < 1e7 and value.is_integer()):
         return f"{value:,.0f}"

@@ -1,4 +1,4 @@
-"""The measurements of a phase as tables: all if they are few; else a line for each name, and the rest folded."""
+"""Tables of the measurements of a phase: all rows if there are few, else one row for each name and folded details."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from statistics import median
 from taxel.gap.page.bars import Axis
 from taxel.gap.page.tables import Column, folded, paragraph, table
 from taxel.gap.page.text import ABSENT, escaped, plural, words
-from taxel_tools.testing.page.bars import axis_of, strip, value_bar
-from taxel_tools.testing.page.elements import place_words, scrolled
-from taxel_tools.testing.page.figures import allowed, figure, with_unit
+from taxel_tools.testing.page.bars import build_axis, value_bar, value_strip
+from taxel_tools.testing.page.elements import format_place, scrolled
+from taxel_tools.testing.page.figures import format_figure, format_limit, format_with_unit
 from taxel_tools.testing.record import Limit, Measurement, Outcome
 
-MOST_ROWS = 16
-"""Above this the measurements that are within their limits are folded."""
-MOST_FAILING = 40
+ROWS_MAX = 16
+"""With more rows, the measurements within their limits are folded."""
+FAILING_MAX = 40
 
-_PLAIN = (Column("measurement"), Column("place"), Column("value", "n"))
-_PLACE = 1
-_COLUMNS = (
-    *_PLAIN,
+_COLUMNS_WITHOUT_LIMITS = (Column("measurement"), Column("place"), Column("value", "n"))
+_PLACE_COLUMN = 1
+_COLUMNS_WITH_LIMITS = (
+    *_COLUMNS_WITHOUT_LIMITS,
     Column("allowed", "n"),
     Column("", "pic"),
     Column("", "verdict"),
 )
-_SUMMARY = (
+_SUMMARY_COLUMNS = (
     Column("measurement"),
     Column("places", "n"),
     Column("beyond", "n"),
@@ -39,59 +39,72 @@ _SUMMARY = (
 
 
 def measurements_html(title: str, measurements: Sequence[Measurement]) -> str:
-    """The tables of a phase; empty if it measured nothing. title: of the phase, for people who hear the page."""
+    """The tables of a phase; empty without measurements. `title`: title of the phase, for screen readers."""
     if not measurements:
         return ""
-    axes = _axes(measurements)
+    axes = _build_axes(measurements)
     caption = f"Measurements of {escaped(title)}"
-    if len(measurements) <= MOST_ROWS:
+    if len(measurements) <= ROWS_MAX:
         return _table(measurements, axes, caption)
     failing = sorted(
-        (one for one in measurements if one.outcome is Outcome.FAIL), key=lambda one: -_severity(one.limit, one)
+        (measurement for measurement in measurements if measurement.outcome is Outcome.FAIL),
+        key=lambda measurement: -_severity(measurement.limit, measurement),
     )
     parts = [_summary(measurements, axes, f"{caption}, one line each")]
     if failing:
         parts.append(f"<h4>Beyond their limits ({len(failing):,})</h4>")
-        parts.append(_table(failing[:MOST_FAILING], axes, f"{caption} beyond their limits"))
-    if len(failing) > MOST_FAILING:
-        parts.append(paragraph(f"The worst {MOST_FAILING} are shown; the others stand below.", "small"))
-    whole = _table(measurements, axes, f"{caption}, all")
-    return "".join(parts) + folded(f"All {plural(len(measurements), 'measurement')}", whole)
+        parts.append(_table(failing[:FAILING_MAX], axes, f"{caption} beyond their limits"))
+    if len(failing) > FAILING_MAX:
+        parts.append(paragraph(f"The worst {FAILING_MAX} are shown; the full table is below.", "small"))
+    full_table = _table(measurements, axes, f"{caption}, all")
+    return "".join(parts) + folded(f"All {plural(len(measurements), 'measurement')}", full_table)
 
 
-def _severity(limit: Limit | None, one: Measurement) -> float:
-    return 0.0 if limit is None else limit.severity(one.value)
+def _severity(limit: Limit | None, measurement: Measurement) -> float:
+    return 0.0 if limit is None else limit.severity(measurement.value)
 
 
-def _axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], Axis]:
-    """One axis for all values of a name, so that rows compare."""
-    keys = dict.fromkeys((one.name, one.limit) for one in measurements if one.limit is not None)
+def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], Axis]:
+    """One axis for all values of a name, so that rows are comparable."""
+    keys = dict.fromkeys(
+        (measurement.name, measurement.limit) for measurement in measurements if measurement.limit is not None
+    )
     return {
-        (name, limit): axis_of(limit, [one.value for one in measurements if (one.name, one.limit) == (name, limit)])
+        (name, limit): build_axis(
+            limit,
+            [
+                measurement.value
+                for measurement in measurements
+                if (measurement.name, measurement.limit) == (name, limit)
+            ],
+        )
         for name, limit in keys
         if limit is not None
     }
 
 
 def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
-    columns: tuple[Column, ...] = _COLUMNS if axes else _PLAIN
-    kept = [index for index in range(len(columns)) if index != _PLACE or any(one.place for one in measurements)]
-    every = (_row(one, axes) for one in measurements)
-    rows = ([row[index] for index in kept] for row in every)
-    columns = tuple(columns[index] for index in kept)
+    columns: tuple[Column, ...] = _COLUMNS_WITH_LIMITS if axes else _COLUMNS_WITHOUT_LIMITS
+    has_places = any(measurement.place for measurement in measurements)
+    indices = [index for index in range(len(columns)) if index != _PLACE_COLUMN or has_places]
+    full_rows = (_row(measurement, axes) for measurement in measurements)
+    rows = ([row[index] for index in indices] for row in full_rows)
+    columns = tuple(columns[index] for index in indices)
     return scrolled(table(columns, rows, caption, "measured" if axes else "measured plain"), caption)
 
 
-def _row(one: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
+def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
     bar, verdict = "", ""
-    if one.limit is not None:
-        bar = value_bar(axes[one.name, one.limit], one.limit, one.value, one.outcome)
-        verdict = f'<b class="{one.outcome}">{one.outcome}</b>'
+    if measurement.limit is not None:
+        bar = value_bar(
+            axes[measurement.name, measurement.limit], measurement.limit, measurement.value, measurement.outcome
+        )
+        verdict = f'<b class="{measurement.outcome}">{measurement.outcome}</b>'
     return (
-        words(one.name),
-        place_words(one.place),
-        with_unit(one.value, one.unit, one.limit),
-        allowed(one.limit),
+        words(measurement.name),
+        format_place(measurement.place),
+        format_with_unit(measurement.value, measurement.unit, measurement.limit),
+        format_limit(measurement.limit),
         bar,
         verdict,
     )
@@ -99,26 +112,31 @@ def _row(one: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ..
 
 def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
     groups: dict[tuple[str, str, Limit | None], list[Measurement]] = {}
-    for one in measurements:
-        groups.setdefault((one.name, one.unit, one.limit), []).append(one)
+    for measurement in measurements:
+        groups.setdefault((measurement.name, measurement.unit, measurement.limit), []).append(measurement)
     rows = (_summary_row(*key, group, axes) for key, group in groups.items())
-    return scrolled(table(_SUMMARY, rows, caption, "measured"), caption)
+    return scrolled(table(_SUMMARY_COLUMNS, rows, caption, "measured"), caption)
 
 
 def _summary_row(
     name: str, unit: str, limit: Limit | None, group: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis]
 ) -> tuple[str, ...]:
-    failed = sum(one.outcome is Outcome.FAIL for one in group)
-    values = [one.value for one in group if isinstance(one.value, int | float) and not math.isnan(one.value)]
-    three = [figure(one, limit) for one in (min(values), median(values), max(values))] if values else [ABSENT] * 3
+    failed = sum(measurement.outcome is Outcome.FAIL for measurement in group)
+    values = [
+        measurement.value
+        for measurement in group
+        if isinstance(measurement.value, int | float) and not math.isnan(measurement.value)
+    ]
+    statistics = (min(values), median(values), max(values)) if values else ()
+    statistic_texts = [format_figure(value, limit) for value in statistics] or [ABSENT] * 3
     picture = ""
     if values and (limit is not None or len(values) > 1):
-        picture = strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
+        picture = value_strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
     return (
         words(f"{name}, {unit}" if unit.strip() else name),
         f"{len(group):,}",
         ABSENT if limit is None else f'<b class="fail">{failed:,}</b>' if failed else "0",
-        *three,
-        allowed(limit),
+        *statistic_texts,
+        format_limit(limit),
         picture,
     )

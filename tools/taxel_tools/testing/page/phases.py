@@ -1,4 +1,4 @@
-"""The phases of a test: one line each, then a section each."""
+"""Phases of a test: an overview table, then one section for each phase."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from taxel.gap.page.tables import Column, Section, bullets, paragraph, table
 from taxel.gap.page.text import ABSENT, escaped
 from taxel_tools.testing.page.attachments import attachments_html
-from taxel_tools.testing.page.elements import placed, scrolled
-from taxel_tools.testing.page.figures import seconds_words
+from taxel_tools.testing.page.elements import format_inline_place, scrolled
+from taxel_tools.testing.page.figures import format_duration
 from taxel_tools.testing.page.measurements import measurements_html
 from taxel_tools.testing.record import Finding, Outcome, PhaseRecord
 
 _COLUMNS = (
     Column("phase"),
     Column("", "verdict"),
-    Column("held against limits", "n"),
+    Column("limits checked", "n"),
     Column("beyond", "n"),
     Column("faults", "n"),
     Column("time", "n"),
@@ -23,25 +23,25 @@ _COLUMNS = (
 
 
 def phases_section(phases: Sequence[PhaseRecord]) -> Section:
-    """All phases in a table."""
+    """Overview table of all phases."""
     rows = [_row(number, phase) for number, phase in enumerate(phases, start=1)]
     if not rows:
         return Section("phases", "Phases", paragraph("The plan has no phase for this kind of device."))
-    caption = "The phases and how they came out"
+    caption = "Phases and their results"
     return Section("phases", "Phases", scrolled(table(_COLUMNS, rows, caption, "overview"), caption))
 
 
 def phase_section(number: int, phase: PhaseRecord) -> Section:
-    """One phase: what it found, measured, attached and noted."""
+    """One phase: findings, measurements, attachments and notes."""
     chip = f'<span class="chip status {phase.outcome}">{phase.outcome}</span>'
-    who = "" if phase.automatic else ", with an operator"
-    skipped = phase.outcome is Outcome.SKIP
-    parts = [] if skipped else [paragraph(f"{seconds_words(phase.seconds)}{who}", "small")]
+    manual = "" if phase.automatic else ", with an operator"
+    is_skipped = phase.outcome is Outcome.SKIP
+    parts = [] if is_skipped else [paragraph(f"{format_duration(phase.seconds)}{manual}", "small")]
     if phase.problem:
         parts.append(paragraph(escaped(phase.problem), "problem"))
     if phase.findings:
-        found = sorted(phase.findings, key=lambda one: -one.severity)
-        parts.append(bullets((_finding(one) for one in found), "findings"))
+        findings = sorted(phase.findings, key=lambda finding: -finding.severity)
+        parts.append(bullets((_format_finding(finding) for finding in findings), "findings"))
     parts.append(measurements_html(phase.title, phase.measurements))
     parts.append(attachments_html(phase.attachments))
     if phase.notes:
@@ -49,23 +49,23 @@ def phase_section(number: int, phase: PhaseRecord) -> Section:
     return Section(f"phase-{number}", f"{escaped(phase.title)} {chip}", "".join(parts))
 
 
-def _finding(one: Finding) -> str:
-    return f"<b>{escaped(one.fault)}</b>{placed(one.place)} {escaped(one.text)}"
+def _format_finding(finding: Finding) -> str:
+    return f"<b>{escaped(finding.fault)}</b>{format_inline_place(finding.place)} {escaped(finding.text)}"
 
 
 def _row(number: int, phase: PhaseRecord) -> tuple[str, ...]:
-    limited = [one for one in phase.measurements if one.limit is not None]
-    failed = sum(one.outcome is Outcome.FAIL for one in limited)
-    skipped = phase.outcome is Outcome.SKIP
+    limited = [measurement for measurement in phase.measurements if measurement.limit is not None]
+    failed = sum(measurement.outcome is Outcome.FAIL for measurement in limited)
+    is_skipped = phase.outcome is Outcome.SKIP
     return (
         f'<a href="#phase-{number}">{escaped(phase.title)}</a>',
         f'<b class="{phase.outcome}">{phase.outcome}</b>',
-        ABSENT if skipped else f"{len(limited):,}",
-        ABSENT if skipped else _count(failed),
-        ABSENT if skipped else _count(len(phase.findings)),
-        ABSENT if skipped else seconds_words(phase.seconds),
+        ABSENT if is_skipped else f"{len(limited):,}",
+        ABSENT if is_skipped else _format_count(failed),
+        ABSENT if is_skipped else _format_count(len(phase.findings)),
+        ABSENT if is_skipped else format_duration(phase.seconds),
     )
 
 
-def _count(count: int) -> str:
+def _format_count(count: int) -> str:
     return f'<b class="fail">{count:,}</b>' if count else "0"

@@ -1,4 +1,4 @@
-"""The head of the page: the verdict, what to do about it, and which device was tested by whom."""
+"""Header of the page: the verdict, the problems to fix, and the identity of device, operator and station."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Iterator
 
 from taxel.gap.page.tables import bullets, folded
 from taxel.gap.page.text import escaped, plural, words
-from taxel_tools.testing.page.elements import placed
-from taxel_tools.testing.page.figures import allowed, seconds_words, time_words, with_unit
+from taxel_tools.testing.page.elements import format_inline_place
+from taxel_tools.testing.page.figures import format_duration, format_limit, format_time, format_with_unit
 from taxel_tools.testing.record import Finding, Measurement, Outcome, PhaseRecord, TestRecord
 
-MOST_SHOWN = 10
-"""Things to do that are shown at once."""
+SHOWN_MAX = 10
+"""Number of problems that are not folded."""
 
 _VERDICTS = {
     Outcome.PASS: "passed",
     Outcome.FAIL: "failed",
-    Outcome.ERROR: "could not be tested to the end",
+    Outcome.ERROR: "could not be tested completely",
     Outcome.SKIP: "was not tested",
 }
 _CHIPS = {Outcome.PASS: "Pass", Outcome.FAIL: "Fail", Outcome.ERROR: "Error", Outcome.SKIP: "Not tested"}
-_COUNTED = {
+_PHASE_SUMMARIES = {
     Outcome.PASS: "passed",
     Outcome.FAIL: "failed",
     Outcome.ERROR: "ended with an error",
@@ -29,58 +29,62 @@ _COUNTED = {
 }
 
 
-def title_of(record: TestRecord) -> str:
-    """The verdict in one line, escaped."""
-    who = escaped(record.serial_number) or "A device without serial number"
-    found = record.findings()
-    told = ""
-    if found:
-        told = f": {plural(len(found), 'fault')} found"
-    if len(found) == 1:
-        told = f": {escaped(found[0].fault)}" + (f" at {escaped(found[0].place)}" if found[0].place.strip() else "")
-    return f"{who} {_VERDICTS[record.outcome]}{told}"
+def format_title(record: TestRecord) -> str:
+    """The verdict as one escaped line."""
+    device = escaped(record.serial_number) or "A device without serial number"
+    findings = record.findings()
+    fault_text = ""
+    if findings:
+        fault_text = f": {plural(len(findings), 'fault')} found"
+    if len(findings) == 1:
+        place = escaped(findings[0].place)
+        fault_text = f": {escaped(findings[0].fault)}" + (f" at {place}" if place.strip() else "")
+    return f"{device} {_VERDICTS[record.outcome]}{fault_text}"
 
 
 def header(record: TestRecord) -> str:
-    """The head as an element."""
+    """The header as an HTML element."""
     counts = Counter(phase.outcome for phase in record.phases)
-    told = [f"{plural(count, 'phase')} {_COUNTED[one]}" for one in _COUNTED if (count := counts[one])]
+    summaries = [
+        f"{plural(count, 'phase')} {text}" for outcome, text in _PHASE_SUMMARIES.items() if (count := counts[outcome])
+    ]
     chips = [f'<li class="chip status {record.outcome}">{_CHIPS[record.outcome]}</li>']
-    chips += [f'<li class="chip">{one}</li>' for one in told]
+    chips += [f'<li class="chip">{summary}</li>' for summary in summaries]
     plan = f"<b>{escaped(record.plan_name)}</b>, version {escaped(record.plan_version)}"
     return (
-        f'<header>\n<p class="eyebrow">Hardware test: {plan}</p>\n<h1>{title_of(record)}</h1>\n'
+        f'<header>\n<p class="eyebrow">Hardware test: {plan}</p>\n<h1>{format_title(record)}</h1>\n'
         f'<ul class="chips" aria-label="Verdict">{"".join(chips)}</ul>\n'
-        f"{_to_do(record)}{_skipped(record)}{_identity(record)}</header>\n"
+        f"{_to_do_list(record)}{_skipped_list(record)}{_identity_list(record)}</header>\n"
     )
 
 
-def _to_do(record: TestRecord) -> str:
-    things = list(_things(record))
-    if not things:
+def _to_do_list(record: TestRecord) -> str:
+    problems = list(_list_problems(record))
+    if not problems:
         return ""
-    more = ""
-    if len(things) > MOST_SHOWN:
-        rest = "".join(f"<li>{one}</li>" for one in things[MOST_SHOWN:])
-        more = folded(f"{len(things) - MOST_SHOWN:,} more", f'<ol class="todo" start="{MOST_SHOWN + 1}">{rest}</ol>')
-    return f"<h2>What to do</h2>{bullets(things[:MOST_SHOWN], 'todo', 'ol')}{more}\n"
+    details = ""
+    if len(problems) > SHOWN_MAX:
+        items = "".join(f"<li>{problem}</li>" for problem in problems[SHOWN_MAX:])
+        hidden_list = f'<ol class="todo" start="{SHOWN_MAX + 1}">{items}</ol>'
+        details = folded(f"{len(problems) - SHOWN_MAX:,} more", hidden_list)
+    return f"<h2>What to do</h2>{bullets(problems[:SHOWN_MAX], 'todo', 'ol')}{details}\n"
 
 
-def _things(record: TestRecord) -> Iterator[str]:
-    """Findings first, then limits of phases without findings, then what ended with an error."""
+def _list_problems(record: TestRecord) -> Iterator[str]:
+    """Findings first, then violated limits of phases without findings, then errors of phases."""
     numbered = list(enumerate(record.phases, start=1))
-    found = [(finding, number) for number, phase in numbered for finding in phase.findings]
-    for finding, number in sorted(found, key=lambda pair: -pair[0].severity):
-        yield _finding(finding, number)
+    findings = [(finding, number) for number, phase in numbered for finding in phase.findings]
+    for finding, number in sorted(findings, key=lambda pair: -pair[0].severity):
+        yield _format_finding(finding, number)
     for number, phase in numbered:
         if not phase.findings:
-            yield from _beyond(phase, number)
+            yield from _violated_limits(phase, number)
     for number, phase in numbered:
         if phase.problem:
             yield f"{_link(phase.title, number)} ended with an error: {escaped(phase.problem)}"
 
 
-def _skipped(record: TestRecord) -> str:
+def _skipped_list(record: TestRecord) -> str:
     skipped = [
         f"{_link(phase.title, number)}: {escaped('; '.join(phase.notes)) or 'no reason given'}"
         for number, phase in enumerate(record.phases, start=1)
@@ -89,35 +93,39 @@ def _skipped(record: TestRecord) -> str:
     return f"<h2>Skipped</h2>{bullets(skipped, 'muted')}\n" if skipped else ""
 
 
-def _finding(finding: Finding, number: int) -> str:
+def _format_finding(finding: Finding, number: int) -> str:
     fault = f'<a href="#phase-{number}"><b>{escaped(finding.fault)}</b></a>'
-    return f"{fault}{placed(finding.place)} {escaped(finding.text)}"
+    return f"{fault}{format_inline_place(finding.place)} {escaped(finding.text)}"
 
 
-def _beyond(phase: PhaseRecord, number: int) -> Iterator[str]:
+def _violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
     groups: dict[str, list[Measurement]] = {}
-    for one in phase.measurements:
-        if one.outcome is Outcome.FAIL:
-            groups.setdefault(one.name, []).append(one)
+    for measurement in phase.measurements:
+        if measurement.outcome is Outcome.FAIL:
+            groups.setdefault(measurement.name, []).append(measurement)
     for name, group in groups.items():
-        worst = max(group, key=lambda one: one.limit.severity(one.value) if one.limit else 0.0)
+        worst = max(group, key=_severity)
         place = f" at {escaped(worst.place)}" if worst.place else ""
-        value = with_unit(worst.value, worst.unit, worst.limit)
+        value = format_with_unit(worst.value, worst.unit, worst.limit)
         count = f"{plural(len(group), 'place')} beyond the limit, the worst" if len(group) > 1 else "beyond the limit:"
         link = f"{_link(phase.title, number)}, <b>{words(name)}</b>"
-        yield f"{link}: {count} {value}{place} (allowed {allowed(worst.limit)})"
+        yield f"{link}: {count} {value}{place} (allowed {format_limit(worst.limit)})"
+
+
+def _severity(measurement: Measurement) -> float:
+    return measurement.limit.severity(measurement.value) if measurement.limit else 0.0
 
 
 def _link(title: str, number: int) -> str:
     return f'<a href="#phase-{number}">{escaped(title)}</a>'
 
 
-def _identity(record: TestRecord) -> str:
+def _identity_list(record: TestRecord) -> str:
     entries = {
         "serial number": escaped(record.serial_number) or "none",
         **{words(key): escaped(value) for key, value in record.device.items()},
-        "tested": time_words(record.started_utc),
-        "duration": seconds_words(record.seconds),
+        "tested": format_time(record.started_utc),
+        "duration": format_duration(record.seconds),
         "operator": escaped(record.operator),
         "station": escaped(record.station),
         "software": escaped(record.software_version),

@@ -1,4 +1,4 @@
-"""What is left of a test: a folder with its reports, and a row of the history."""
+"""Storage of a test: a folder with reports, and a row of the history."""
 
 from __future__ import annotations
 
@@ -14,49 +14,49 @@ from taxel_tools.testing.page import write_page
 from taxel_tools.testing.record import TestRecord
 from taxel_tools.testing.result_file import write_json
 
-MOST_OF_A_SECOND: Final = 1000
+TESTS_PER_SECOND_MAX: Final = 1000
 
 
-def check_place(out: Path, history_file: Path) -> None:
-    """Make sure, before ten minutes of testing, that a report can be kept. Raises `TaxelError`."""
+def check_output(out: Path, history_file: Path) -> None:
+    """Check before the test that reports and history can be written. Raises `TaxelError`."""
     for folder in (out, history_file.parent):
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise TaxelError(f"{folder}: {error.strerror}; choose another folder with --out or --history") from None
         if not os.access(folder, os.W_OK | os.X_OK):
-            raise TaxelError(f"{folder}: cannot be written to; choose another folder with --out or --history")
+            raise TaxelError(f"{folder}: the folder is not writable; choose another one with --out or --history")
     History(history_file).close()
 
 
-def keep(record: TestRecord, out: Path, history_file: Path) -> Path:
-    """Write report.html, result.json, junit.xml into a new folder under `out`, and add the test to the history.
+def save_record(record: TestRecord, out: Path, history_file: Path) -> Path:
+    """Write report.html, result.json and junit.xml to a new folder in `out`, and add the test to the history.
 
-    Returns the folder. Raises `TaxelError`; if only the history could not take the test, the folder is there and whole.
+    Returns the folder. Raises `TaxelError`; after an error of the history alone, the folder is complete.
     """
     stamp = record.started_utc.replace(":", "").replace("-", "").split(".")[0]
     name = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in record.serial_number) or "board"
-    folder = _new_folder(out, f"{name}-{stamp}")
+    folder = _create_folder(out, f"{name}-{stamp}")
     write_json(record, folder / "result.json")
     write_junit(record, folder / "junit.xml")
     changes: list[Change] = []
     earlier: list[Summary] = []
-    refused = None
+    history_error = None
     try:
         with History(history_file) as history:
-            changes, earlier = history.compare(record), history.earlier(record.serial_number)
+            changes, earlier = history.compare(record), history.list_earlier(record.serial_number)
             history.add(record)
     except HistoryError as error:
-        refused = error
+        history_error = error
     write_page(record, folder / "report.html", changes, earlier)
-    if refused:
-        raise TaxelError(f"{refused}; the report itself is kept in {folder}")
+    if history_error:
+        raise TaxelError(f"{history_error}; the reports are saved in {folder}")
     return folder
 
 
-def _new_folder(out: Path, name: str) -> Path:
-    """A folder that nobody else has: tests of one second get numbers."""
-    for number in range(MOST_OF_A_SECOND):
+def _create_folder(out: Path, name: str) -> Path:
+    """A new folder; tests within one second are numbered."""
+    for number in range(TESTS_PER_SECOND_MAX):
         folder = out / (name if not number else f"{name}-{number}")
         try:
             folder.mkdir(parents=True)
@@ -65,4 +65,4 @@ def _new_folder(out: Path, name: str) -> Path:
         except OSError as error:
             raise TaxelError(f"{folder}: {error.strerror}; choose another folder with --out") from None
         return folder
-    raise TaxelError(f"{out / name}: {MOST_OF_A_SECOND} tests of one second; choose another folder with --out")
+    raise TaxelError(f"{out / name}: {TESTS_PER_SECOND_MAX} tests in one second; choose another folder with --out")

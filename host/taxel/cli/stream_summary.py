@@ -1,4 +1,4 @@
-"""What a stream has brought, counted up for people and scripts."""
+"""Counts of a stream's frames, losses and bytes, as a table or as JSON."""
 
 from collections import Counter
 from typing import Any
@@ -10,7 +10,7 @@ from taxel.skin import Skin
 
 
 class StreamSummary:
-    """Counts frames as they pass by."""
+    """Counts the frames of an open skin."""
 
     def __init__(self, skin: Skin) -> None:
         self._skin = skin
@@ -19,18 +19,18 @@ class StreamSummary:
         self.frames: Counter[int] = Counter()
 
     def add(self, address: int, time_s: float) -> None:
-        """One frame."""
+        """Count one frame of the board at `address`, measured at `time_s`."""
         self.frames[address] += 1
         self._first = time_s if self._first is None else min(self._first, time_s)
         self._last = max(self._last, time_s)
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last."""
+        """Time from the first frame to the last, seconds."""
         return 0.0 if self._first is None else self._last - self._first
 
     def as_dict(self) -> dict[str, Any]:
-        """For scripts."""
+        """The counts as JSON values."""
         losses = self._skin.losses
         boards = []
         for board in self._skin.hand.boards:
@@ -56,7 +56,7 @@ class StreamSummary:
         }
 
     def print(self, console: Console) -> None:
-        """For people."""
+        """Print the counts as a table."""
         data = self.as_dict()
         table = Table(title=f"hand {data['hand']}, {data['seconds']:.2f} s")
         for heading in ("board", "address", "frames", "Hz", "missing", "damaged"):
@@ -69,5 +69,5 @@ class StreamSummary:
         console.print(table)
         console.print(
             f"frames: {data['frames_received']} received, {data['frames_lost_on_wire']} lost on the wire; "
-            f"bytes: {data['bytes_received']} received, {data['bytes_discarded']} part of no frame"
+            f"bytes: {data['bytes_received']} received, {data['bytes_discarded']} discarded"
         )

@@ -1,4 +1,4 @@
-"""Open what a physical campaign drives: arm, hand and skin by their URLs."""
+"""Open the devices of a physical campaign: arm, hand and skin, by their URLs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,13 @@ from taxel.skin import open_skin
 
 
 @contextmanager
-def physical_station(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
-    """Open and, at the end, close them. Raises `TaxelError` of one line for what is missing."""
+def open_workstation(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
+    """The arm, the Allegro hand and the skin of a physical campaign, closed at the end of the block.
+
+    arm: `rtde:HOST` or `simulated`. can: CAN channel of the hand. skin: URL of the skin. Raises `TaxelError` of one
+    line
+    for a device that cannot be opened.
+    """
     kind, _, host = arm.partition(":")
     if arm != "simulated" and not (kind == "rtde" and host):
         raise TaxelError(f"--arm: expected rtde:HOST or simulated, found '{arm}'")

@@ -1,0 +1,47 @@
+"""Options that several commands share: one name and one meaning for each concept."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from taxel.errors import TaxelError
+from taxel.hand.errors import format_value
+from taxel.types import FloatArray
+
+Url = Annotated[str, typer.Argument(help="The skin: serial:///dev/ttyUSB0, emulator: or file:RECORDING.")]
+HandOption = Annotated[
+    str | None,
+    typer.Option("--hand", help="Packaged hand or description file. Default: the recording's own, else allegro."),
+]
+JointAngles = Annotated[
+    str | None,
+    typer.Option("--joint-angles", help="Joint angles of the hand's robot in radians: 0.1,0.2,... Default: all 0."),
+]
+Seconds = Annotated[float | None, typer.Option("--seconds", min=1e-3, help="Stop after this time. Default: Ctrl-C.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
+Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Number of processes. Default: one for each core.")]
+ThresholdCounts = Annotated[
+    float, typer.Option("--threshold-counts", min=0.0, help="Signal above which a taxel is active, counts.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output files.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+def joint_angles(text: str | None) -> FloatArray | None:
+    """The angles f64[j] in radians of the option `--joint-angles`; None if the option is missing.
+
+    Raises `TaxelError` for a text that is not a list of finite numbers.
+    """
+    import numpy as np
+
+    if text is None:
+        return None
+    try:
+        angles = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        angles = np.array([np.nan])
+    if not np.isfinite(angles).all():
+        raise TaxelError(f"--joint-angles: expected numbers in radians separated by commas, found {format_value(text)}")
+    return angles

@@ -1,0 +1,136 @@
+"""Alignment of a cloud to a surface with second derivatives of the squared distances.
+
+Besl and McKay (1992) keep the nearest point of each point fixed and solve for the motion. This is a step of Newton's
+method
+in which the second derivative of half the squared distance is the identity, its largest possible value (that of a
+corner).
+For a triangle mesh the exact second derivative is known: n n^T if the nearest point lies inside a face of normal n,
+I - e e^T if it lies on an edge of direction e, I if it is a corner. A step here uses
+damping * (fixed points) + (1 - damping) * (exact). With a damping of 1 every step decreases the sum of squares. The
+damping
+falls after each step that decreases the sum and rises after each step that does not. The result is usually the minimum
+that fixed points reach, after some 6 steps instead of 100 to 300.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from taxel.cloud.mesh import ClosestPoints, TriangleMesh
+from taxel.hand.transforms import apply, cross, from_rotation_vector
+from taxel.types import FloatArray
+
+MIN_DAMPING: Final = 1e-4
+DAMPING_DECREASE, DAMPING_INCREASE = 0.25, 5.0
+"""Factors on the damping after a step that decreases the sum of squares, and after a step that does not."""
+
+SLOW_PROGRESS: Final = 1.4
+"""Ratio of the achieved decrease to the predicted one above which the next step is twice as long: such a step is too
+short
+for the slope."""
+
+SMALL_DECREASE: Final = 1e-3
+"""Relative decrease of the sum of squares below which a step counts as small."""
+
+
+@dataclass
+class SurfaceAlignment:
+    """State of the alignment of a cloud to a surface.
+
+    transform: f64[4, 4], from the original to the current pose. points: f64[N, 3] in the current pose. closest: nearest
+    points of the surface. cost: sum of squared distances, m^2. tolerance: relative decrease of the cost below which the
+    alignment ends. step_factor: factor on the length of the next step. last_decrease: of the cost.
+    """
+
+    mesh: TriangleMesh
+    transform: FloatArray
+    points: FloatArray
+    closest: ClosestPoints
+    cost: float
+    tolerance: float
+    is_finished: bool = False
+    damping: float = 1.0
+    step_factor: float = 1.0
+    last_decrease: float = 0.0
+
+    @classmethod
+    def start(cls, points: FloatArray, mesh: TriangleMesh, start: FloatArray, tolerance: float) -> SurfaceAlignment:
+        """The state at the first guess, the transform `start`."""
+        moved = apply(start, points)
+        closest = mesh.find_closest(moved)
+        alignment = cls(mesh, start, moved, closest, _cost(closest), tolerance)
+        alignment._update_derivatives()
+        return alignment
+
+    def step(self) -> None:
+        """Compute one step, and take it if it decreases the cost."""
+        hessian = self.damping * self._fixed_hessian + (1.0 - self.damping) * self._exact_hessian
+        # A small multiple of the identity (scaled to the size of the cloud) keeps the pose in directions in which the
+        # surface does not determine it.
+        regularised = hessian + 1e-12 * self._fixed_hessian
+        motion: FloatArray = np.asarray(-np.linalg.solve(regularised, self._gradient), dtype=np.float64)
+        predicted = -float(self._gradient @ motion)
+        candidate = self._motion_transform(self.step_factor * motion)
+        points = apply(candidate, self.points)
+        closest = self.mesh.find_closest(points)
+        decrease = self.cost - _cost(closest)
+        if decrease > 0.0:
+            self._accept(candidate @ self.transform, points, closest, decrease, predicted)
+        elif self.step_factor > 1.0:
+            self.step_factor = 1.0
+        elif self.damping >= 1.0:
+            self.is_finished = True
+        else:
+            self.damping = min(self.damping * DAMPING_INCREASE, 1.0)
+
+    def _accept(
+        self, transform: FloatArray, points: FloatArray, closest: ClosestPoints, decrease: float, predicted: float
+    ) -> None:
+        is_small = decrease < SMALL_DECREASE * self.cost
+        self.is_finished = decrease < self.tolerance * self.cost and self.step_factor <= 1.0 and self.damping < 0.5
+        if self.step_factor > 1.0:
+            self.step_factor = 2.0 * self.step_factor if decrease > self.last_decrease else 1.0
+        elif is_small and self.damping < 0.1 and decrease > SLOW_PROGRESS * predicted:
+            self.step_factor = 2.0
+        self.transform, self.points, self.closest, self.last_decrease = transform, points, closest, decrease
+        self.cost -= decrease
+        self.damping = max(self.damping * DAMPING_DECREASE, MIN_DAMPING)
+        if not self.is_finished:
+            self._update_derivatives()
+
+    def _update_derivatives(self) -> None:
+        """First and second derivatives of half the cost by a rotation about the centre of the cloud and a shift."""
+        self._centre = self.points.mean(axis=0)
+        arms = self.points - self._centre
+        normal = self.closest.normal
+        rows = [_jacobian(arms, normal)]
+        edge, edge_direction, corner = self.mesh.find_edges_and_corners(self.closest)
+        rows.append(_jacobian(arms[edge], cross(edge_direction, normal[edge])))
+        for axis in np.eye(3):
+            tangent = axis - (normal[corner] @ axis)[:, None] * normal[corner]
+            rows.append(_jacobian(arms[corner], tangent))
+        inertia = arms.T @ arms
+        self._gradient = rows[0].T @ self.closest.distance
+        jacobian = np.concatenate(rows)
+        self._exact_hessian = jacobian.T @ jacobian
+        self._fixed_hessian = np.zeros((6, 6))
+        self._fixed_hessian[:3, :3] = np.trace(inertia) * np.eye(3) - inertia
+        self._fixed_hessian[3:, 3:] = len(arms) * np.eye(3)
+
+    def _motion_transform(self, motion: FloatArray) -> FloatArray:
+        """Transform f64[4, 4] of a motion f64[6]: rotation vector about the centre of the cloud, then shift."""
+        transform = from_rotation_vector(motion[:3])
+        transform[:3, 3] = self._centre + motion[3:] - transform[:3, :3] @ self._centre
+        return transform
+
+
+def _jacobian(arms: FloatArray, directions: FloatArray) -> FloatArray:
+    """Derivatives of the displacement of points along directions f64[N, 3] by rotations and shifts, f64[N, 6]."""
+    return np.concatenate([cross(arms, directions), directions], axis=1)
+
+
+def _cost(closest: ClosestPoints) -> float:
+    return float(closest.distance @ closest.distance)

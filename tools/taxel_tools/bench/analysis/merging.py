@@ -1,0 +1,80 @@
+"""Merging of the faults that several measurements detect, so that each fault is reported once.
+
+Indentations identify the taxel at each crossing, so they explain missing crossings by exchanged lines. Raw counts at
+rest distinguish an open line from a dead layer. Both measurements detect a short.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from taxel.hand import BoardKind
+from taxel.types import BoolArray
+from taxel_tools.bench.analysis.fault import Axis, Fault, line_name, lines_of_taxels
+
+_STRUCTURAL: Final = ("swapped lines", "short", "open line")
+_GAIN: Final = ("low gain", "high gain")
+"""Gain faults, which also change the raw counts at rest."""
+
+
+def find_taxels(kind: BoardKind, place: str) -> BoolArray:
+    """Taxels at a place, bool[taxels]: of "TX 3", "RX 1 and RX 2" or "taxel 17"; all taxels for any other place."""
+    mask = np.zeros(kind.taxel_count, dtype=bool)
+    for axis in Axis:
+        lines = lines_of_taxels(kind, axis)
+        for index in np.unique(lines).tolist():
+            if line_name(axis, index) in place.split(" and "):
+                mask |= lines == index
+    if place.startswith("taxel "):
+        mask[int(place.removeprefix("taxel "))] = True
+    return mask if mask.any() else ~mask
+
+
+def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> bool:
+    """Whether all taxels of a short detected at rest respond normally to indentations.
+
+    Two healthy lines may measure the same by chance; joined lines never respond independently.
+    """
+    taxels = find_taxels(kind, short.place)
+    return not any((taxels & find_taxels(kind, fault.place)).any() for fault in response_faults)
+
+
+def merge_faults(kind: BoardKind, rest_faults: list[Fault], response_faults: list[Fault] | None) -> list[Fault]:
+    """Merge the faults at rest and under indentation (None: no taxel was indented), in order of decreasing severity.
+
+    A fault is omitted if all its taxels are explained by faults of earlier groups; places within one group may overlap.
+    """
+    if response_faults is None:
+        response_faults = []
+    else:
+        rest_faults = [
+            fault for fault in rest_faults if fault.name != "short" or not _is_refuted(kind, fault, response_faults)
+        ]
+    merged: list[Fault] = []
+    explained = np.zeros(kind.taxel_count, dtype=bool)
+    groups = (
+        [fault for fault in response_faults if fault.name in ("swapped lines", "short")],
+        [fault for fault in rest_faults if fault.name in _STRUCTURAL],
+        [fault for fault in response_faults if fault.name == "open line"],
+        [fault for fault in rest_faults if fault.name == "dead taxel"],
+        [fault for fault in rest_faults if fault.name not in _STRUCTURAL],
+        [fault for fault in response_faults if fault.name not in _STRUCTURAL],
+    )
+    for group in groups:
+        explained_by_group = explained.copy()
+        for fault in group:
+            taxels = find_taxels(kind, fault.place)
+            is_board_fault = bool(taxels.all())
+            if not is_board_fault and not (taxels & ~explained).any():
+                continue
+            if any(fault.name == other.name and fault.place == other.place for other in merged):
+                continue
+            merged.append(fault)
+            if not is_board_fault:
+                explained_by_group |= taxels
+        explained = explained_by_group
+    if any(fault.name in _GAIN for fault in merged):
+        merged = [fault for fault in merged if fault.name != "rest level"]
+    return sorted(merged, key=lambda fault: -fault.severity)
