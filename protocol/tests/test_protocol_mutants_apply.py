@@ -37,7 +37,7 @@ def test_there_are_bugs_in_every_part():
     bugs = plant.load_bugs()
     assert len(bugs) >= BUGS_MIN
     parts = ("firmware/codec/", "firmware/sensor/", "firmware/hub/", "protocol/taxel_protocol/", "host/taxel/stream/")
-    for part in (*parts, "host/taxel/signal/", "host/taxel/link/", "host/taxel/skin.py"):
+    for part in (*parts, "host/taxel/signal/", "host/taxel/link/", "host/taxel/skin/skin.py"):
         assert any(bug.file.startswith(part) for bug in bugs), part
 
 
@@ -70,7 +70,7 @@ def test_the_stages_are_those_that_can_detect_the_bug():
     assert names_of("firmware/codec/a.c") == ["C firmware", "C all", "protocol tests", "host tests", "hil tests"]
     assert names_of("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
     assert names_of("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
-    assert names_of("host/taxel/skin.py") == ["host tests", "hil tests"]
+    assert names_of("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
 
 
 @pytest.mark.parametrize(

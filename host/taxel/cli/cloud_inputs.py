@@ -65,4 +65,7 @@ def check_scale(cloud: ContactCloud, mesh: TriangleMesh) -> None:
     extent = float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
     if extent > 0.0 and not 1.0 / LARGEST_SIZE_RATIO < mesh.size / extent < LARGEST_SIZE_RATIO:
         sizes = f"mesh {mesh.size:.3g} m, cloud {extent:.3g} m"
-        raise TaxelError(f"{mesh.name}: expected a mesh of about the size of the cloud, found {sizes}; give its --unit")
+        raise TaxelError(
+            f"{mesh.name}: expected a mesh of about the size of the cloud, found {sizes}; "
+            "give the unit of the mesh with --unit"
+        )

@@ -120,7 +120,12 @@ def _fail_usage(error: Any) -> NoReturn:
     path = error.ctx.command_path if error.ctx is not None else "taxel"
     message = " ".join(error.format_message().split()).rstrip(".")
     subject = path.removeprefix("taxel").strip()
-    print(f"taxel: {subject}: {message}" if subject else f"taxel: {message}", f"see {path} --help", sep="; ", file=sys.stderr)
+    print(
+        f"taxel: {subject}: {message}" if subject else f"taxel: {message}",
+        f"see {path} --help",
+        sep="; ",
+        file=sys.stderr,
+    )
     sys.exit(2)
 
 

@@ -257,13 +257,13 @@ def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(che
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (("--worlds", 0), "--worlds: expected 1 or more"),
-    (("--worlds", 1, "--full-hand", -1), "and --full-hand 0 or more"),
-    (("--worlds", 1, "--seed", -1), "--seed: expected 0 or more, found -1"),
-    (("--worlds", 1, "--jobs", 0), "--jobs: expected 1 or more, found 0"),
+    (("--worlds", 0), "'--worlds': 0 is not in the range"),
+    (("--worlds", 1, "--full-hand", -1), "'--full-hand': -1 is not in the range"),
+    (("--worlds", 1, "--seed", -1), "'--seed': -1 is not in the range"),
+    (("--worlds", 1, "--jobs", 0), "'--jobs': 0 is not in the range"),
 ])  # fmt: skip
 def test_wrong_numbers_are_refused_in_one_line(arguments, message, capsys, tmp_path):
-    assert exit_status("gap", "blind", *arguments, "--out", tmp_path / "check") == 1
+    assert exit_status("gap", "blind", *arguments, "--out", tmp_path / "check") == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "check").exists()
 
@@ -273,5 +273,5 @@ def test_a_check_without_time_scores_no_world(tmp_path, capsys):
     assert exit_status("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
     assert read(out / "score.json")["worlds"] == 0
     assert "0 worlds gave a report" in capsys.readouterr().out
-    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 1
-    assert "--minutes: expected 0 or more, found -1" in capsys.readouterr().err
+    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 2
+    assert "'--minutes': -1" in capsys.readouterr().err

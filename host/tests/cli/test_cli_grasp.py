@@ -24,14 +24,14 @@ SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recov
         (["--source", "robot"], "taxel: --source: expected emulated, sim, physical, both, found 'robot'"),
         (["--source", "sim", "--sessions", "0"], "taxel: --sessions: expected 1 to 6, found 0"),
         (["--source", "sim", "--sessions", "7"], "taxel: --sessions: expected 1 to 6, found 7"),
-        (["--source", "sim", "--grasps", "-1"], "taxel: --grasps: expected 0 (all) or more, found -1"),
-        (["--source", "sim", "--seed", "-1"], "taxel: --seed: expected 0 or more, found -1"),
-        (["--source", "sim", "--jobs", "-1"], "taxel: --jobs: expected 0 (one a core) or more, found -1"),
+        (["--source", "sim", "--grasps", "-1"], "taxel: grasp: Invalid value for '--grasps': -1"),
+        (["--source", "sim", "--seed", "-1"], "taxel: grasp: Invalid value for '--seed': -1"),
+        (["--source", "sim", "--jobs", "-1"], "taxel: grasp: Invalid value for '--jobs': -1"),
         (["--source", "sim", "--sensing", "best"], "taxel: --sensing: expected layer, "),
         (["--source", "both", "--sensing", "best"], "taxel: --sensing: expected layer, "),
-        (["--source", "sim", "--objects", "cylinder,ball"], "taxel: --objects: expected some of cylinder, "),
-        (["--source", "emulated", "--effects", "best"], "taxel: effects: expected thesis, none, or lines "),
-        (["--source", "both", "--effects", "best"], "taxel: effects: expected thesis, none, or lines "),
+        (["--source", "sim", "--object", "ball"], "taxel: --object: expected one of cylinder, "),
+        (["--source", "emulated", "--effect", "best"], "taxel: effects: expected thesis, none, or lines "),
+        (["--source", "both", "--effect", "best"], "taxel: effects: expected thesis, none, or lines "),
         (["--source", "physical", "--arm", "ur5e"], "taxel: --arm: expected rtde:HOST or simulated, found 'ur5e'"),
         (["--source", "physical", "--arm", "simulated", "--can", "usb"], "taxel: usb: is no CAN channel; "),
         (["--source", "sim", "--calibration", "missing.toml"], "taxel: missing.toml: "),
@@ -44,7 +44,7 @@ def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys
 
 def test_effects_that_the_emulator_refuses_are_named(capsys, tmp_path):
     out = tmp_path / "real.h5"
-    assert exit_status("grasp", "--source", "emulated", "--out", out, "--effects", "noise x") == 1
+    assert exit_status("grasp", "--source", "emulated", "--out", out, "--effect", "noise x") == 1
     assert "(found 'effect noise x')" in capsys.readouterr().err
     assert not out.exists()
 
@@ -54,7 +54,7 @@ def test_a_file_that_exists_is_refused_and_kept(source, capsys, tmp_path):
     out = tmp_path / "some.h5"
     out.write_text("kept")
     line = refusal(capsys, "grasp", "--source", source, "--out", str(out))
-    assert line == f"taxel: {out}: exists already; choose another --out, --resume it or --overwrite it"
+    assert line == f"taxel: {out}: exists already; choose another --out, or give --resume or --overwrite"
     assert out.read_text() == "kept"
 
 
@@ -77,7 +77,7 @@ def shorter():
 def both(shorter, tmp_path_factory) -> tuple[Path, str]:
     """(the folder of two grasps, standard output)."""
     out = tmp_path_factory.mktemp("campaign") / "new" / "folder"
-    options = ["--source", "both", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--json"]
+    options = ["--source", "both", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--json"]
     with redirect_stdout(io.StringIO()) as told:
         assert exit_status("grasp", *options, "--out", out) == 0
     return out, told.getvalue()
@@ -108,6 +108,6 @@ def test_json_on_standard_output_says_what_was_made(both):
 
 def test_a_whole_campaign_is_resumed_at_once_and_reported_as_a_table(both, capsys):
     path = both[0] / "sim.h5"
-    options = ["--source", "sim", "--grasps", "2", "--objects", "cylinder", "--jobs", "1", "--resume"]
+    options = ["--source", "sim", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--resume"]
     assert exit_status("grasp", *options, "--out", path) == 0
     assert "cylinder" in capsys.readouterr().out

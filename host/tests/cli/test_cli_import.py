@@ -109,7 +109,7 @@ def test_json_says_what_was_imported(guide, capsys):
 def test_a_narrow_threshold_leaves_contacts_unfelt_and_says_so(guide, capsys):
     status, out, _ = call(capsys, *example("gazebo"), "--distance-mm", "0.5")
     assert status == 0
-    assert "3 of 3 contacts (3.3 N in all) are felt by no taxel" in out
+    assert "3 of 3 contacts (3.3 N in all) reach no taxel" in out
 
 
 WRONG = {

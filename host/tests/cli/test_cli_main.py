@@ -8,7 +8,9 @@ import sys
 
 import typer
 
-from host.tests.command_line import exit_status
+import taxel
+from host.tests.command_line import exit_status, refusal
+from taxel.cli.commands import COMMANDS
 from taxel.cli.main import build_app
 
 
@@ -16,17 +18,53 @@ def names(app: typer.Typer) -> set[str]:
     return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
-def test_one_command_alone_is_still_a_command():
-    assert names(build_app("gap")) == {"gap"}
-    assert names(build_app("record")) == {"record"}
-    assert names(build_app("bench")) == {"bench"}
+def is_loaded(app: typer.Typer, name: str) -> bool:
+    """True if a command has its own options, not those of the summary on the help page."""
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    return bool(getattr(command, "commands", None) or command.params)
 
 
-def test_without_a_known_name_all_are_there():
-    every = names(build_app(loads_all=True))
-    assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= every
-    assert names(build_app("no_such_command")) == every
-    assert names(build_app("--help")) == every
+def test_only_the_requested_command_is_loaded():
+    app = build_app("record")
+    assert is_loaded(app, "record")
+    assert not is_loaded(app, "monitor")
+    assert names(app) == names(build_app(loads_all=True))
+
+
+def test_the_help_page_lists_all_commands_without_loading_one():
+    for word in ("", "--help", "no_such_command"):
+        app = build_app(word)
+        assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= names(app)
+        assert not any(is_loaded(app, name) for name in names(app))
+
+
+def test_the_summary_of_a_command_is_the_first_line_of_its_help():
+    commands = typer.main.get_command(build_app(loads_all=True)).commands  # type: ignore[attr-defined]
+    for name in ("monitor", "record", "replay", "convert", "grasp", "show", "thesis", "demo", "feel", "gap"):
+        assert " ".join(commands[name].help.split("\n\n")[0].split()) == COMMANDS[name].summary, name
+
+
+def test_a_former_option_name_is_refused_with_the_new_name(capsys):
+    line = refusal(capsys, "grasp", "--source", "sim", "--objects", "cylinder", "--out", "x.h5")
+    assert line == "taxel: grasp: the option --objects is now named --object"
+    line = refusal(capsys, "import", "gazebo", "contacts.csv", "--threshold-mm=2", "--out", "x.h5")
+    assert line == "taxel: import gazebo: the option --threshold-mm is now named --distance-mm"
+
+
+def test_a_wrong_command_line_is_one_line(capsys):
+    assert refusal(capsys, "no_such_command").startswith("taxel: No such command 'no_such_command'")
+    assert "'--port': 70000" in refusal(capsys, "monitor", "emulator:", "--port", 70000)
+
+
+def test_the_version_is_printed(capsys):
+    assert exit_status("--version") == 0
+    assert capsys.readouterr().out == f"taxel {taxel.__version__}\n"
+
+
+def test_importing_taxel_imports_no_numerical_library():
+    program = "import sys, taxel; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
+    assert not {"numpy", "scipy", "h5py", "matplotlib", "typer"} & set(modules)
 
 
 def test_a_diagnosis_does_not_load_what_others_draw_with():

@@ -45,8 +45,9 @@ def build_taxel_table() -> TaxelTable:
 
 @dataclass(frozen=True)
 class PlannedGrasp:
-    """A grasp of a dataset. signals: taxels with their signals in counts. missing_boards: boards without valid
-    frames.
+    """A grasp of a dataset.
+
+    signals: taxels with their signals in counts. missing_boards: boards without valid frames.
     """
 
     object_name: str = "cylinder"

@@ -12,9 +12,7 @@ POINTS = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.002], [0.1, 0.0, 0.0], [0.0, 0.
 
 
 def build_cloud() -> ContactCloud:
-    """Taxel 7 in two repeats of "side" and in "top", taxel 8 in one repeat of "side"; no contact in the third
-    repeat.
-    """
+    """Taxel 7 in two repeats of "side" and in "top", taxel 8 in one repeat of "side", none in its third repeat."""
     return ContactCloud(
         "mine",
         POINTS,

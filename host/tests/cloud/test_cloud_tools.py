@@ -1,9 +1,10 @@
-"""The comparisons in tools/cloud: they say what is missing, and read what CloudCompare writes."""
+"""The comparison programs in tools/cloud."""
 
 from __future__ import annotations
 
 import importlib
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,11 +14,20 @@ import pytest
 from taxel.cloud.models import get_builtin_models
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "cloud"
-NAMES = ("cloudcompare", "compare_cloudcompare", "candidates", "compare_libraries", "measure_fusion")
+NAMES = (
+    "candidates",
+    "cloudcompare",
+    "compare_cloudcompare",
+    "compare_file_libraries",
+    "compare_libraries",
+    "file_libraries",
+    "file_measurements",
+    "measure_fusion",
+)
 
 
 @pytest.fixture(scope="module")
-def tool():
+def tools():
     sys.path.insert(0, str(FOLDER))
     yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
     for name in NAMES:
@@ -26,15 +36,15 @@ def tool():
         sys.path.remove(str(FOLDER))
 
 
-def test_without_cloudcompare_it_says_how_to_get_it(tool, monkeypatch, capsys, tmp_path):
+def test_missing_cloudcompare_is_reported_with_its_package(tools, monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["compare_cloudcompare.py", "real.h5", "sim.h5"])
-    assert tool.compare_cloudcompare.main() == 2
+    assert tools.compare_cloudcompare.main() == 2
     expected = "compare_cloudcompare: CloudCompare is missing: apt-get install cloudcompare\n"
     assert capsys.readouterr().err == expected
 
 
-STAND_IN = """#!{python}
+FAKE_CLOUDCOMPARE = """#!{python}
 import sys
 arguments = sys.argv[1:]
 names = arguments[arguments.index("-SAVE_CLOUDS") + 2].split()
@@ -44,42 +54,52 @@ for name in names:
 """
 
 
-def test_what_cloudcompare_writes_is_read(tool, tmp_path):
+def test_files_of_cloudcompare_are_read(tools, tmp_path):
     program = tmp_path / "CloudCompare"
-    program.write_text(STAND_IN.format(python=sys.executable))
+    program.write_text(FAKE_CLOUDCOMPARE.format(python=sys.executable))
     program.chmod(0o755)
-    its = tool.cloudcompare.CloudCompare(str(program), tmp_path)
-    cloud = its.save("cloud", np.zeros((2, 3)))
-    assert its.to_mesh(cloud, "mesh.ply").tolist() == [0.004, 0.002]
-    points, rms = its.aligned(cloud, "target.xyz")
+    runner = tools.cloudcompare.CloudCompare(str(program), tmp_path)
+    cloud = runner.save("cloud", np.zeros((2, 3)))
+    assert runner.measure_to_mesh(cloud, "mesh.ply").tolist() == [0.004, 0.002]
+    points, rms = runner.align(cloud, "target.xyz")
     assert (points.shape, rms) == ((2, 3), 0.00125)
     program.write_text("#!/bin/sh\nexit 3\n")
     with pytest.raises(RuntimeError, match=r"-C2C_DIST .* CloudCompare failed: 3"):
-        its.to_cloud(cloud, cloud)
+        runner.measure_to_cloud(cloud, cloud)
 
 
-def test_a_broken_bound_is_told(tool):
-    row = tool.compare_cloudcompare.Row("mine", 10, 0.1, -1.5, 0.0, 0.0, 98.0, 2.0, -5.0)
-    speed = tool.compare_cloudcompare.Speed("mine", 22, 1.0, 9.0, 0.0, 0.0)
-    told = tool.compare_cloudcompare.broken([row], speed)
-    assert [line.split(":")[0] for line in told] == ["mine", "mine", "mine", "sweep"]
-    assert "mesh_rms differs by -1.500 %" in told[0]
+def test_every_exceeded_bound_is_listed(tools):
+    row = tools.compare_cloudcompare.Row("mine", 10, 0.1, -1.5, 0.0, 0.0, 98.0, 2.0, -5.0)
+    speed = tools.compare_cloudcompare.Speed("mine", 22, 1.0, 9.0, 0.0, 0.0)
+    violations = tools.compare_cloudcompare.list_violations([row], speed)
+    assert [line.split(":")[0] for line in violations] == ["mine", "mine", "mine", "sweep"]
+    assert "mesh_rms differs by -1.500 %" in violations[0]
 
 
-@pytest.mark.parametrize("name", ["taxel.cloud", "own: SciPy and NumPy", "small_gicp", "libigl"])
-def test_candidates_answer_the_same_questions_alike(tool, name):
-    answers = next(one for one in tool.candidates.CANDIDATES if one.name == name).load()
+@pytest.mark.parametrize("name", ["taxel.cloud", "reference: SciPy and NumPy", "small_gicp", "libigl"])
+def test_candidates_compute_equal_results(tools, name):
+    operations = next(item for item in tools.candidates.CANDIDATES if item.name == name).load()
     mesh = get_builtin_models()["triangular_prism"]
     points = mesh.sample(300, seed=3) + 0.001
-    if answers.align is not None:
-        transform = answers.align(points, mesh.sample(300, seed=3))
+    if operations.align is not None:
+        transform = operations.align(points, mesh.sample(300, seed=3))
         assert transform[:3, 3] == pytest.approx([-0.001] * 3, abs=1e-6)
-    if answers.measure is not None:
+    if operations.measure is not None:
         exact = mesh.find_closest(points).distance
-        assert answers.measure(points, mesh.vertices, mesh.faces) == pytest.approx(exact, abs=1e-9)
+        assert operations.measure(points, mesh.vertices, mesh.faces) == pytest.approx(exact, abs=1e-9)
 
 
-def test_sizes_are_of_what_is_installed(tool):
-    own, brought = tool.compare_libraries.size_mb("small_gicp")
-    assert 0.1 < own <= brought < 20.0
-    assert "cp311" in tool.compare_libraries.wheel("small_gicp") or sys.version_info[:2] != (3, 11)
+def test_size_and_wheel_of_an_installed_package(tools):
+    alone, with_dependencies = tools.compare_libraries.measure_size_mb("small_gicp")
+    assert 0.1 < alone <= with_dependencies < 20.0
+    assert "cp311" in tools.compare_libraries.describe_wheel("small_gicp") or sys.version_info[:2] != (3, 11)
+
+
+def test_taxel_reads_all_valid_and_refuses_all_malformed_sample_files(tools, tmp_path):
+    measurements = tools.file_measurements
+    library = tools.file_libraries.load_taxel()
+    samples = tomllib.loads(tools.compare_file_libraries.SAMPLES.read_text(encoding="ascii"))
+    valid = measurements.check_valid_files(library, samples["valid"], tmp_path)
+    malformed = measurements.check_malformed_files(library, samples["malformed"], tmp_path)
+    assert [result for result in valid if result["outcome"] != measurements.CORRECT] == []
+    assert [result for result in malformed if result["outcome"] != measurements.REFUSED] == []

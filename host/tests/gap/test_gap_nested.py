@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.cli.gap_summary import inside_words
+from taxel.cli.gap_summary import nested_agreement
 from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain
 from taxel.gap.diagnosis import diagnose
@@ -52,4 +52,4 @@ def test_what_the_verdict_does_not_believe_is_not_judged_inside_either():
 
 
 def test_words():
-    assert inside_words([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith("in 1 of 2")
+    assert nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith("in 1 of 2")

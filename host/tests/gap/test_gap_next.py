@@ -202,7 +202,7 @@ def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnos
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
     assert exit_status("gap", "next", report, "--candidates", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "no approach that is not known already" in out
+    assert "all of its approaches are recorded already" in out
     assert told["next_presses"][0]["press"].split()[-1] in out
 
 
@@ -223,7 +223,7 @@ def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
 def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
     paths, report = diagnosed
     assert "SIM.h5" in refusal(capsys, "gap", "next", paths[0])
-    assert "--top: expected 1 or more" in refusal(capsys, "gap", "next", report, "--top", 0)
+    assert "Invalid value for '--top'" in refusal(capsys, "gap", "next", report, "--top", 0)
     assert "no-such" in refusal(capsys, "gap", "next", tmp_path / "no-such.json")
     assert "/source" in refusal(capsys, "gap", "next", report, "--candidates", paths[0])
     assert "sim.h5" in refusal(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")

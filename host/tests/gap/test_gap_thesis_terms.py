@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.cloud.treatment import OTHER_SOR, Sor, sor_of
+from taxel.cloud.treatment import DEFAULT_OUTLIER_FILTER, OutlierFilter, get_outlier_filter
 from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain
 from taxel.gap.cloud_gap import cloud_gap
@@ -176,7 +176,7 @@ def grid(rows: int, columns: int) -> np.ndarray:
 
 def test_sor_takes_the_point_that_stands_alone():
     places = np.concatenate([grid(5, 5), [[0.06, 0.06, 0.0]]])
-    assert np.flatnonzero(outliers(places, np.ones(26), OTHER_SOR)).tolist() == [25]
+    assert np.flatnonzero(outliers(places, np.ones(26), DEFAULT_OUTLIER_FILTER)).tolist() == [25]
 
 
 def test_sor_agrees_with_a_cloud_that_is_counted_point_by_point():
@@ -187,26 +187,26 @@ def test_sor_agrees_with_a_cloud_that_is_counted_point_by_point():
     for wanted in (20, 700):
         mean = apart[:, : wanted - 1].mean(axis=1)
         expected = (mean > mean.mean() + mean.std())[:: int(GRASPS)]
-        found = outliers(places, np.ones(80), Sor(wanted, 1.0))
+        found = outliers(places, np.ones(80), OutlierFilter(wanted, 1.0))
         assert expected.any(), f"seed {seed}"
         assert (found == expected).all(), f"seed {seed}"
 
 
 def test_points_with_too_few_neighbours_stay():
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    assert not outliers(places, np.ones(2), Sor(20.0, 0.5)).any()
-    assert not outliers(places, np.array([1.0, 0.0]), OTHER_SOR).any()
-    assert not outliers(places[:0], np.zeros(0), OTHER_SOR).any()
+    assert not outliers(places, np.ones(2), OutlierFilter(20.0, 0.5)).any()
+    assert not outliers(places, np.array([1.0, 0.0]), DEFAULT_OUTLIER_FILTER).any()
+    assert not outliers(places[:0], np.zeros(0), DEFAULT_OUTLIER_FILTER).any()
 
 
 def test_equal_distances_hold_no_outlier():
     ring = 2.0 * np.pi * np.arange(40) / 40
     places = np.stack([np.cos(ring), np.sin(ring), 0.0 * ring], axis=1)
-    assert not outliers(places, np.ones(40), Sor(20.0, 0.0)).any()
+    assert not outliers(places, np.ones(40), OutlierFilter(20.0, 0.0)).any()
 
 
 def test_shapes_have_the_filters_of_the_thesis():
-    assert sor_of("rectangular_prism") == Sor(20.0, 1.0)
-    assert sor_of("cylinder") == Sor(20.0, 2.0)
-    assert sor_of("Triangular prism") == Sor(None, 2.0)
-    assert sor_of("mug") == OTHER_SOR
+    assert get_outlier_filter("rectangular_prism") == OutlierFilter(20.0, 1.0)
+    assert get_outlier_filter("cylinder") == OutlierFilter(20.0, 2.0)
+    assert get_outlier_filter("Triangular prism") == OutlierFilter(None, 2.0)
+    assert get_outlier_filter("mug") == DEFAULT_OUTLIER_FILTER

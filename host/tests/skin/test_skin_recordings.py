@@ -152,7 +152,7 @@ def test_a_port_that_vanishes_mid_stream_leaves_the_frames_before_it(fake_hub, r
         data += link.read().data
     link.close()
     hub = fake_hub(on_start=data)
-    monkeypatch.setattr("taxel.skin.DISCOVERY_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("taxel.skin.skin.DISCOVERY_TIMEOUT_S", 0.1)
     skin = taxel.open(hub.url)
     with taxel.open(f"file:{recorded[0]}") as replay:
         expected = list(itertools.islice(replay, 10))

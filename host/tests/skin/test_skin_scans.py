@@ -118,6 +118,6 @@ def test_a_baseline_has_no_number_for_a_board_that_does_not_answer(allegro):
 
 
 def test_a_stream_that_ends_too_early_gives_no_baseline(flat8):
-    with open_with(flat8, None, 0.5) as skin, pytest.raises(TaxelError, match="before a baseline of 1000") as caught:
+    with open_with(flat8, None, 0.5) as skin, pytest.raises(TaxelError, match="a baseline needs 1000") as caught:
         skin.take_baseline(samples=1000)
     assert "\n" not in str(caught.value)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.cloud.models import models
+from taxel.cloud.models import get_builtin_models
 from taxel.recording import (
     DatasetHeader,
     GraspDatasetWriter,
@@ -51,7 +51,7 @@ def on_surface(mesh, rng) -> np.ndarray:
 def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
     """width: of the pressed patch, taxels. noise_m: by which the object is not where it is believed to be."""
     sensors = SensorTable(np.array([0x20], np.uint8), ("palm",), ("palm",), np.full(1, 6.0))
-    shapes = models()
+    shapes = get_builtin_models()
     meshes = {name: ObjectMesh(shapes[name].vertices, shapes[name].faces.astype(np.int32)) for name in OBJECTS}
     with GraspDatasetWriter.create(
         path,
