@@ -283,7 +283,8 @@ def print_tables(rows: list[Row], definitions: dict[str, int], speed: Speed, vio
     agreements = ", ".join(f"{name}: {count}" for name, count in definitions.items())
     print(f"Definitions of the outlier filter, agreements on {SMALL_CLOUDS} small clouds: {agreements}.")
     print(
-        f"Sweep of {speed.rows} rows, {speed.object}: {speed.taxel_s:.2f} s, CloudCompare {speed.cloudcompare_s:.1f} s, "
+        f"Sweep of {speed.rows} rows, {speed.object}: "
+        f"{speed.taxel_s:.2f} s, CloudCompare {speed.cloudcompare_s:.1f} s; "
         f"{speed.ratio:.1f} times as fast. Mean distances differ by {speed.median_difference:.3f} % (median), "
         f"{speed.largest_difference:.2f} % at most."
     )

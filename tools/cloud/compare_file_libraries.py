@@ -88,9 +88,7 @@ def print_tables(results: dict[str, Result]) -> None:
     """Print three tables as Markdown, then every deviation from the expected result."""
     _print_files(results)
     _print_speed(results)
-    print(
-        "\n| library | version | licence | import, s | installed, MB | with dependencies, MB |\n|---|---|---|---|---|---|"
-    )
+    print("\n| library | version | licence | import, s | size, MB | with dependencies, MB |\n|---|---|---|---|---|---|")
     for name, result in results.items():
         if "version" in result:
             sizes = f"{result['size_mb']:.1f} | {result['size_with_dependencies_mb']:.1f}"
@@ -131,9 +129,10 @@ def _print_speed(results: dict[str, Result]) -> None:
 def _read_licence(package: str) -> str:
     fields = metadata.metadata(package)
     licences = [
-        line.rpartition(" :: ")[2] for line in fields.get_all("Classifier", []) if line.startswith("License ::")
+        line.rpartition(" :: ")[2] for line in (fields.get_all("Classifier") or []) if line.startswith("License ::")
     ]
-    return (licences or [str(fields.get("License-Expression", fields.get("License", "unknown")))])[0]
+    names = licences or fields.get_all("License-Expression") or fields.get_all("License") or ["unknown"]
+    return str(names[0])
 
 
 if __name__ == "__main__":

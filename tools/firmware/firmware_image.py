@@ -118,7 +118,9 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
     return "\n".join(lines) + "\n"
 
 
-def write_images(bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, version_file: Path = VERSION_FILE) -> None:
+def write_images(
+    bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, version_file: Path = VERSION_FILE
+) -> None:
     """Write all files of one device. Raises FirmwareFileError, OSError; no usable manifest remains after an error."""
     version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)

@@ -42,7 +42,7 @@ def provision_command(
     entries = _build_entries(unique_id, address, kind, serial, idac, plan)
     if not entries and not search:
         raise TaxelError(
-            "provision: expected values to write (--new-address, --kind, --serial, --idac, --plan) or --search, found none"
+            "provision: expected values to write or --search; give --new-address, --kind, --serial, --idac or --plan"
         )
     console = Console(stderr=True, soft_wrap=True)
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import tomllib
 
 import pytest
 
-from host.tests.firmware_images.conftest import DEVICES, ROOT
+from host.tests.firmware_images.conftest import DEVICES
+from taxel.version import VERSION
 from taxel_protocol.bootloader import BOOT_CONFIGURATION_ROW, BOOT_ROW_SIZE, LAYOUTS
 from taxel_tools.files import load_firmware
 
@@ -23,8 +23,7 @@ DIVISION = ("__aeabi_i", "__aeabi_u", "__aeabi_l", "__divsi3", "__udivsi3", "__u
 
 
 def version() -> tuple[int, ...]:
-    text = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    return tuple(int(part) for part in text.split("."))
+    return tuple(map(int, VERSION.split(".")))
 
 
 @pytest.mark.parametrize("device", DEVICES)

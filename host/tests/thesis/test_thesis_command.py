@@ -82,5 +82,5 @@ def test_an_object_that_was_never_grasped_is_refused(capsys, campaign, tmp_path)
 
 
 def test_negative_numbers_are_refused(capsys, tmp_path):
-    assert exit_status("thesis", "--seed", "-1", "--out", tmp_path / "out") == 1
-    assert "--seed and --jobs: expected 0 or more" in capsys.readouterr().err
+    assert exit_status("thesis", "--seed", "-1", "--out", tmp_path / "out") == 2
+    assert "'--seed': -1 is not in the range" in capsys.readouterr().err
