@@ -218,8 +218,8 @@ def main() -> int:
         print("\n".join([*format_table(sizes), *compared]))
         if options.json:
             options.json.write_text(format_json(sizes, compiler))
-        if options.format_page:
-            options.format_page.write_text(format_page(sizes, compiler))
+        if options.page:
+            options.page.write_text(format_page(sizes, compiler))
     except (TaxelError, OSError, subprocess.CalledProcessError) as error:
         print(f"firmware_size: {error}", file=sys.stderr)
         return 1
