@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import can
 import numpy as np
 import pytest
-from taxel.cli.station import physical_station
+from taxel.cli.workstation import open_workstation
 
 from taxel.campaign import physical
 from taxel.campaign.physical import ArmTimeoutError, PhysicalSettings, Workstation, run_physical
@@ -197,7 +197,7 @@ def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tm
 @pytest.mark.parametrize("arm", ["", "ur5e", "rtde", "rtde:", "simulated:", "simulated:x", "Simulated"])
 def test_an_unknown_arm_is_rejected_before_a_device_is_opened(arm, setup):
     expected = f"^--arm: expected rtde:HOST or simulated, found '{arm}'$"
-    with pytest.raises(TaxelError, match=expected), physical_station(arm, "can:nothing", "nothing", setup.hand):
+    with pytest.raises(TaxelError, match=expected), open_workstation(arm, "can:nothing", "nothing", setup.hand):
         raise AssertionError("a device was opened")
 
 
@@ -209,7 +209,7 @@ def test_a_missing_skin_leaves_the_hand_switched_off(setup, tmp_path, monkeypatc
         thread = threading.Thread(target=virtual.run, args=(stop,))
         thread.start()
         try:
-            station = physical_station("simulated", f"can:virtual:{channel}", "serial:///dev/nothing", setup.hand)
+            station = open_workstation("simulated", f"can:virtual:{channel}", "serial:///dev/nothing", setup.hand)
             with pytest.raises(TaxelError, match="nothing") as caught, station:
                 raise AssertionError("a device was opened")
             assert "\n" not in str(caught.value)
