@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import can
 import numpy as np
 import pytest
-from taxel.cli.workstation import open_workstation
 
 from taxel.campaign import physical
 from taxel.campaign.physical import ArmTimeoutError, PhysicalSettings, Workstation, run_physical
+from taxel.cli.workstation import open_workstation
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
@@ -136,7 +136,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
 
         def silence_hand(done: int, total: int) -> None:
             if done == 1:
-                rig.virtual.faults.is_silent = True
+                rig.virtual.faults.silent = True
 
         settings = PhysicalSettings(LASTING)
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
@@ -144,7 +144,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
         assert "\n" not in str(caught.value)
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
-        rig.virtual.faults.is_silent = False
+        rig.virtual.faults.silent = False
     with GraspDataset(tmp_path / "real.h5") as data:
         data.check()
         assert data.ids == (plan[0].id,)

@@ -27,7 +27,7 @@ LISTENER = os.path.join(os.path.dirname(__file__), "ros1_listener.py")
 PYTHON = "/usr/bin/python3"
 PUBLISH = """
 import sys
-from taxel.cli.joints import joint_angles
+from taxel.cli.options import joint_angles
 from taxel.cli.ros import publish_skin
 from taxel.ros.node import open_node
 from taxel.ros.pace import Pace
